@@ -1,0 +1,170 @@
+//! How the neck grows in equilibrium: one file per law.
+//!
+//! A law is the rate `dx/dt` of the overlap `x = delta/R = (a/R)^2` of a pair in force balance. Every
+//! run starts at the adhesive contact, `x0 = max(fa/(K1 R), (a0/R)^2)` (eq. 3), so that each law
+//! carries the time offset of that start; and each stops at the final overlap `phi^2`.
+//!
+//! The solvers are monomorphised over [`Kinetic`]; the enum [`Kinetics`] only dispatches once per run.
+
+mod frenkel;
+mod pokluda;
+mod regime_map;
+mod three_stage;
+mod three_stage_pokluda;
+mod zipping;
+
+pub use frenkel::Frenkel;
+pub use pokluda::Pokluda;
+pub use regime_map::RegimeMap;
+pub use three_stage::{ThreeStage, knee_contact_ratio};
+pub use three_stage_pokluda::ThreeStagePokluda;
+pub use zipping::Zipping;
+
+use std::fmt;
+use std::str::FromStr;
+
+use crate::{PairScene, Sintering, SolveError};
+
+/// A growth law of the pair in force balance. Overlaps in radii, times in seconds.
+pub trait Kinetic: Copy + Send + Sync {
+    /// The law for a scene and its parameters.
+    ///
+    /// # Errors
+    ///
+    /// A [`SolveError`] for a parameter (that this law uses) which is not positive and finite, or
+    /// for a rate that does not fit into a number.
+    fn new(scene: &PairScene, sintering: &Sintering) -> Result<Self, SolveError>;
+
+    /// Overlap at which the first branch of the rate gives way to the second; 0 where there is only
+    /// the second.
+    fn switch_overlap(&self) -> f64;
+
+    /// `dx/dt` \[1/s\] of the first branch, smooth beyond the switch.
+    fn rate_before_switch(&self, overlap: f64) -> f64;
+
+    /// `dx/dt` \[1/s\] of the second branch.
+    fn rate_after_switch(&self, overlap: f64) -> f64;
+
+    /// `dx/dt` \[1/s\].
+    #[inline]
+    fn rate(&self, overlap: f64) -> f64 {
+        if overlap < self.switch_overlap() {
+            self.rate_before_switch(overlap)
+        } else {
+            self.rate_after_switch(overlap)
+        }
+    }
+
+    /// How long the overlap rests at `x0` before the rate applies \[s\]; 0 for all but [`RegimeMap`].
+    #[inline]
+    fn rest_s(&self) -> f64 {
+        0.0
+    }
+
+    /// Exact contact ratios `a/R = sqrt(x)` at sorted times \[s\]. Allocates nothing.
+    ///
+    /// `contact_ratio` must be as long as `times_s`.
+    fn contact_ratios(&self, times_s: &[f64], contact_ratio: &mut [f64]);
+
+    /// Time \[s\] at which the overlap is reached: 0 at or below the start, infinite where it never is.
+    fn time_to_overlap(&self, overlap: f64) -> f64;
+}
+
+/// The kinetics by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Kinetics {
+    /// The paper's: adhesive contact, zipping up to the knee, then stretching ([`ThreeStage`]).
+    #[default]
+    ThreeStage,
+    /// Stretching alone ([`Frenkel`]).
+    Frenkel,
+    /// Frenkel's law at constant volume ([`Pokluda`]).
+    Pokluda,
+    /// The paper's with stage 3 at constant volume ([`ThreeStagePokluda`]).
+    ThreeStagePokluda,
+    /// `max(a0, a1, a2)` of Fig. 2 and Lin et al. ([`RegimeMap`]).
+    RegimeMap,
+}
+
+impl Kinetics {
+    /// All of them, the default first.
+    pub const ALL: [Self; 5] =
+        [Self::ThreeStage, Self::Frenkel, Self::Pokluda, Self::ThreeStagePokluda, Self::RegimeMap];
+
+    /// The name a user types.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::ThreeStage => "three-stage",
+            Self::Frenkel => "frenkel",
+            Self::Pokluda => "pokluda",
+            Self::ThreeStagePokluda => "three-stage-pokluda",
+            Self::RegimeMap => "regime-map",
+        }
+    }
+
+    /// Whether C1 and delta_c play any part; `frenkel` and `pokluda` have tau_s alone.
+    #[must_use]
+    pub fn uses_c1_delta_c(self) -> bool {
+        !matches!(self, Self::Frenkel | Self::Pokluda)
+    }
+
+    /// Whether C1 and delta_c show in the curve one by one. In `regime-map` they enter only as the
+    /// product `C1 delta_c^2`, so that a calibration can know the product but neither factor.
+    #[must_use]
+    pub fn separates_c1_from_delta_c(self) -> bool {
+        matches!(self, Self::ThreeStage | Self::ThreeStagePokluda)
+    }
+}
+
+impl fmt::Display for Kinetics {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// A name that is not one of a closed list.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("unknown {what} '{value}': use one of {choices}")]
+pub struct UnknownName {
+    /// What was being named.
+    pub what: &'static str,
+    /// What was said.
+    pub value: String,
+    /// What can be said.
+    pub choices: String,
+}
+
+impl FromStr for Kinetics {
+    type Err = UnknownName;
+
+    fn from_str(value: &str) -> Result<Self, UnknownName> {
+        Self::ALL.into_iter().find(|kinetics| kinetics.name() == value).ok_or_else(|| UnknownName {
+            what: "kinetics",
+            value: value.to_owned(),
+            choices: Self::ALL.map(Self::name).join(", "),
+        })
+    }
+}
+
+/// Work to be done with the type that a [`Kinetics`] names.
+pub(crate) trait WithKinetic {
+    type Output;
+    fn run<K: Kinetic>(self, law: K) -> Self::Output;
+}
+
+/// The one place where the name becomes a type.
+pub(crate) fn with_kinetic<W: WithKinetic>(
+    kinetics: Kinetics,
+    scene: &PairScene,
+    sintering: &Sintering,
+    work: W,
+) -> Result<W::Output, SolveError> {
+    Ok(match kinetics {
+        Kinetics::ThreeStage => work.run(ThreeStage::new(scene, sintering)?),
+        Kinetics::Frenkel => work.run(Frenkel::new(scene, sintering)?),
+        Kinetics::Pokluda => work.run(Pokluda::new(scene, sintering)?),
+        Kinetics::ThreeStagePokluda => work.run(ThreeStagePokluda::new(scene, sintering)?),
+        Kinetics::RegimeMap => work.run(RegimeMap::new(scene, sintering)?),
+    })
+}

@@ -1,0 +1,64 @@
+//! Where the kinetics bend, and when a contact ratio is reached.
+
+use crate::kinetics::{WithKinetic, Zipping, knee_contact_ratio, with_kinetic};
+use crate::{Kinetic, Kinetics, PairScene, Sintering};
+
+/// The knee between stages 2 and 3 of the `three-stage` kinetics.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Knee {
+    /// Contact ratio `a_ve/R` of the knee, wherever it lies.
+    pub contact_ratio: f64,
+    /// When the contact reaches it \[s\]: 0 where stage 2 is absent, infinite where stage 3 is.
+    pub time_s: f64,
+    /// Whether zipping happens at all: the knee is above the starting contact.
+    pub has_zipping: bool,
+    /// Whether stretching happens at all: the knee is below the final contact ratio.
+    pub has_stretching: bool,
+}
+
+/// The knee of `three-stage` and `three-stage-pokluda`.
+///
+/// Parameters that no run would accept give a knee of NaN without either stage.
+#[must_use]
+pub fn knee(scene: &PairScene, sintering: &Sintering) -> Knee {
+    let contact_ratio = knee_contact_ratio(sintering.delta_c, scene.radius_m());
+    let Ok(zipping) = Zipping::new(scene, sintering) else {
+        let nan = f64::NAN;
+        return Knee { contact_ratio: nan, time_s: nan, has_zipping: false, has_stretching: false };
+    };
+    let has_zipping = contact_ratio > scene.start_contact_ratio();
+    let has_stretching = contact_ratio < scene.final_contact_ratio();
+    let time_s = if has_stretching {
+        zipping.time_to_overlap(contact_ratio * contact_ratio)
+    } else {
+        f64::INFINITY
+    };
+    Knee { contact_ratio, time_s, has_zipping, has_stretching }
+}
+
+/// Time \[s\] at which the quasi-static pair reaches a contact ratio; the inverse of the closed form.
+///
+/// `None` where it never does (beyond phi, or at `2^(1/3)` with Pokluda's law, which takes for ever),
+/// and for parameters that no run would accept. 0 at or below the starting contact.
+#[must_use]
+pub fn time_to_contact_ratio(
+    scene: &PairScene,
+    kinetics: Kinetics,
+    sintering: &Sintering,
+    target: f64,
+) -> Option<f64> {
+    struct Inverse {
+        overlap: f64,
+    }
+    impl WithKinetic for Inverse {
+        type Output = f64;
+        fn run<K: Kinetic>(self, law: K) -> f64 {
+            law.time_to_overlap(self.overlap)
+        }
+    }
+    // phi itself is reached, whatever the rounding of its square.
+    let overlap =
+        if target == scene.final_contact_ratio() { scene.final_overlap() } else { target * target };
+    let time = with_kinetic(kinetics, scene, sintering, Inverse { overlap }).ok()?;
+    (target >= 0.0 && time.is_finite()).then_some(time)
+}

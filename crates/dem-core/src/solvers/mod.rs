@@ -1,0 +1,299 @@
+//! The three solvers of the pair scene, behind one trait.
+
+mod choice;
+mod closed_form;
+
+pub use choice::{SolverChoice, choose_solver};
+pub use closed_form::ClosedForm;
+
+use std::fmt;
+use std::str::FromStr;
+
+use crate::kinetics::{UnknownName, WithKinetic, with_kinetic};
+use crate::{Kinetic, Kinetics, PairScene, Sintering, SolveError};
+
+/// A way to solve the pair scene, for any growth law.
+///
+/// The times are sorted, finite and not negative, and every slice is as long as they are:
+/// [`simulate`] and [`contact_ratios`] have checked it.
+pub trait PairSolver {
+    /// Contact ratios at the times; the hot path.
+    ///
+    /// # Errors
+    ///
+    /// A [`SolveError`] for a setting out of range or for a run that takes more work than allowed.
+    fn contact_ratios<K: Kinetic>(
+        &self,
+        scene: &PairScene,
+        law: &K,
+        times_s: &[f64],
+        contact_ratio: &mut [f64],
+    ) -> Result<SolveReport, SolveError>;
+
+    /// Overlaps and plastic overlaps at the times, in radii.
+    ///
+    /// # Errors
+    ///
+    /// As [`contact_ratios`](Self::contact_ratios).
+    fn overlaps<K: Kinetic>(
+        &self,
+        scene: &PairScene,
+        law: &K,
+        times_s: &[f64],
+        overlap: &mut [f64],
+        plastic_overlap: &mut [f64],
+    ) -> Result<SolveReport, SolveError>;
+}
+
+/// The solvers by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum SolverKind {
+    /// The full discrete-element run: Newton's law by velocity Verlet.
+    Verlet,
+    /// Force balance at every instant, integrated with error control.
+    QuasiStatic,
+    /// The quasi-static limit, exact.
+    #[default]
+    ClosedForm,
+}
+
+impl SolverKind {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Verlet, Self::QuasiStatic, Self::ClosedForm];
+
+    /// The name a user types.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Verlet => "verlet",
+            Self::QuasiStatic => "quasi-static",
+            Self::ClosedForm => "closed-form",
+        }
+    }
+}
+
+impl fmt::Display for SolverKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for SolverKind {
+    type Err = UnknownName;
+
+    fn from_str(value: &str) -> Result<Self, UnknownName> {
+        Self::ALL.into_iter().find(|kind| kind.name() == value).ok_or_else(|| UnknownName {
+            what: "solver",
+            value: value.to_owned(),
+            choices: Self::ALL.map(Self::name).join(", "),
+        })
+    }
+}
+
+/// Which solver, and how.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SolverSettings {
+    /// The solver.
+    pub kind: SolverKind,
+    /// Largest error of a/R wanted of the quasi-static solver, 1e-12 to 0.1; 1e-6 because measured
+    /// contact ratios have three digits.
+    pub tolerance: f64,
+    /// Step of the Verlet solver over the [collision time](PairScene::collision_time_s); 0.02 as is
+    /// usual with this contact law.
+    pub step_over_collision_time: f64,
+    /// Whether the Verlet solver starts at first contact, delta = 0, as the paper's run did, instead
+    /// of at rest in the adhesive contact.
+    pub from_contact: bool,
+    /// Largest number of steps of one run.
+    pub max_work: u64,
+}
+
+impl Default for SolverSettings {
+    fn default() -> Self {
+        Self {
+            kind: SolverKind::default(),
+            tolerance: 1e-6,
+            step_over_collision_time: 0.02,
+            from_contact: false,
+            max_work: 1_000_000_000,
+        }
+    }
+}
+
+impl SolverSettings {
+    /// The defaults for a solver.
+    #[must_use]
+    pub fn of(kind: SolverKind) -> Self {
+        Self { kind, ..Self::default() }
+    }
+}
+
+/// Why a run ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum StopReason {
+    /// The last observation was reached.
+    LastObservation,
+    /// The pair had fully coalesced and come to rest before the last observation.
+    Coalesced,
+}
+
+/// Where the quasi-static limit holds, by order of magnitude.
+///
+/// Inertia lets the pair lag by about `sqrt(2 m_eff x R/fa)`, the time that the adhesive force needs
+/// to pull it through its overlap. The limit holds where that is short against the time scale
+/// `x/(dx/dt)` of the growth. The ratio of the two falls as the neck grows, so that the limit holds
+/// from some contact ratio on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct QuasiStaticLag {
+    /// Lag at the last observation \[s\].
+    pub lag_s: f64,
+    /// Time scale `x/(dx/dt)` of the growth there \[s\]; infinite where it has ended.
+    pub time_scale_s: f64,
+    /// Contact ratio from which the lag is below a hundredth of the time scale; `None` where that
+    /// does not come before coalescence.
+    pub holds_from_contact_ratio: Option<f64>,
+    /// When that is \[s\].
+    pub holds_from_s: Option<f64>,
+}
+
+/// What a run did.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SolveReport {
+    /// The solver that ran.
+    pub kind: SolverKind,
+    /// Steps taken (with those that were rejected).
+    pub steps: u64,
+    /// Evaluations of the contact law, or of the growth law where there is no force.
+    pub force_evaluations: u64,
+    /// Estimated largest error of a/R at the observations, where the solver has one.
+    pub error_estimate: Option<f64>,
+    /// Why it ended.
+    pub stop: StopReason,
+    /// Where the quasi-static limit holds, from the quasi-static solver.
+    pub quasi_static_lag: Option<QuasiStaticLag>,
+}
+
+/// A neck growth curve.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Curve {
+    /// The observation times \[s\].
+    pub time_s: Vec<f64>,
+    /// Overlap delta \[m\].
+    pub overlap_m: Vec<f64>,
+    /// Plastic overlap delta0 \[m\].
+    pub plastic_overlap_m: Vec<f64>,
+    /// Contact ratio a/R.
+    pub contact_ratio: Vec<f64>,
+    /// What the run did.
+    pub report: SolveReport,
+}
+
+fn check_times(times_s: &[f64]) -> Result<(), SolveError> {
+    if times_s.is_empty() {
+        return Err(SolveError::NoTimes);
+    }
+    let mut previous = 0.0;
+    for (index, &value) in times_s.iter().enumerate() {
+        if !(value >= previous && value < f64::INFINITY) {
+            return Err(if !(value.is_finite() && value >= 0.0) {
+                SolveError::Time { index, value }
+            } else {
+                SolveError::UnsortedTimes { index, value, previous }
+            });
+        }
+        previous = value;
+    }
+    Ok(())
+}
+
+/// Contact ratios a/R at sorted times \[s\], written to `out`.
+///
+/// The hot path of a calibration: with the closed form nothing is allocated.
+///
+/// # Errors
+///
+/// A [`SolveError`] that names the parameter, setting or time.
+pub fn contact_ratios(
+    scene: &PairScene,
+    kinetics: Kinetics,
+    sintering: &Sintering,
+    settings: &SolverSettings,
+    times_s: &[f64],
+    out: &mut [f64],
+) -> Result<SolveReport, SolveError> {
+    struct Ratios<'a> {
+        scene: &'a PairScene,
+        settings: &'a SolverSettings,
+        times_s: &'a [f64],
+        out: &'a mut [f64],
+    }
+    impl WithKinetic for Ratios<'_> {
+        type Output = Result<SolveReport, SolveError>;
+        fn run<K: Kinetic>(self, law: K) -> Self::Output {
+            let Self { scene, settings, times_s, out } = self;
+            match settings.kind {
+                _ => ClosedForm.contact_ratios(scene, &law, times_s, out),
+            }
+        }
+    }
+    check_times(times_s)?;
+    if out.len() != times_s.len() {
+        return Err(SolveError::OutputLength { out: out.len(), times: times_s.len() });
+    }
+    with_kinetic(kinetics, scene, sintering, Ratios { scene, settings, times_s, out })?
+}
+
+/// The curve at sorted times \[s\].
+///
+/// # Errors
+///
+/// A [`SolveError`] that names the parameter, setting or time.
+pub fn simulate(
+    scene: &PairScene,
+    kinetics: Kinetics,
+    sintering: &Sintering,
+    settings: &SolverSettings,
+    times_s: &[f64],
+) -> Result<Curve, SolveError> {
+    struct Overlaps<'a> {
+        scene: &'a PairScene,
+        settings: &'a SolverSettings,
+        times_s: &'a [f64],
+        overlap: &'a mut [f64],
+        plastic_overlap: &'a mut [f64],
+    }
+    impl WithKinetic for Overlaps<'_> {
+        type Output = Result<SolveReport, SolveError>;
+        fn run<K: Kinetic>(self, law: K) -> Self::Output {
+            let Self { scene, settings, times_s, overlap, plastic_overlap } = self;
+            match settings.kind {
+                _ => ClosedForm.overlaps(scene, &law, times_s, overlap, plastic_overlap),
+            }
+        }
+    }
+    check_times(times_s)?;
+    let mut overlap = vec![0.0; times_s.len()];
+    let mut plastic_overlap = vec![0.0; times_s.len()];
+    let work = Overlaps {
+        scene,
+        settings,
+        times_s,
+        overlap: &mut overlap,
+        plastic_overlap: &mut plastic_overlap,
+    };
+    let report = with_kinetic(kinetics, scene, sintering, work)??;
+    let contact_ratio = overlap
+        .iter()
+        .map(|&x| if x == scene.final_overlap() { scene.final_contact_ratio() } else { x.sqrt() })
+        .collect();
+    let radius_m = scene.radius_m();
+    let metres = |overlaps: Vec<f64>| overlaps.into_iter().map(|x| x * radius_m).collect();
+    Ok(Curve {
+        time_s: times_s.to_vec(),
+        overlap_m: metres(overlap),
+        plastic_overlap_m: metres(plastic_overlap),
+        contact_ratio,
+        report,
+    })
+}
