@@ -1,1 +1,3 @@
 //! The library behind the command `calibrate`.
+
+pub mod plot;

@@ -1,0 +1,107 @@
+//! The figures of a calibration, drawn into memory as PNG and SVG.
+//!
+//! A figure is a plain struct of numbers: it knows neither the simulator nor the sampler. [`Figure::render`] turns it
+//! into a [`Picture`] at the width of a paper column or of a page.
+//!
+//! Every length is in points (1/72 inch) of the *printed* picture, so a 7.5 pt label is 7.5 pt in print. Text is drawn as
+//! outlines of the DejaVu Sans face linked into the program: a picture looks the same on every machine and the same
+//! figure gives the same bytes.
+//!
+//! In names and symbols `_{..}` lowers and `^{..}` raises: `C_{1}`, `τ_{s}`, `10^{-3}`. Everything else is drawn as it
+//! stands.
+//!
+//! Values which are not finite are skipped: a gap in a curve, a missing marker, an interval that is not drawn.
+
+mod compare;
+mod convergence;
+mod corner;
+mod fit;
+mod palette;
+mod recursion;
+mod regime_map;
+mod residuals;
+mod work_precision;
+
+pub use compare::{CompareFigure, NamedCurve};
+pub use convergence::{ConvergenceFigure, ConvergenceStage};
+pub use corner::{CornerFigure, CornerParameter};
+pub use fit::{FitFigure, Knee};
+pub use palette::Role;
+pub use recursion::{RecursionFigure, RecursionParameter};
+pub use regime_map::RegimeMapFigure;
+pub use residuals::ResidualsFigure;
+pub use work_precision::{WorkPrecisionFigure, WorkPrecisionSeries};
+
+/// One figure as bytes of both formats, drawn from the same list of strokes and fills.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Picture {
+    /// A PNG file: 8-bit RGB, 300 dots per inch at the chosen width.
+    pub png: Vec<u8>,
+    /// An SVG document with all text as outlines.
+    pub svg: String,
+}
+
+/// Width of the printed picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Width {
+    /// One column of a two-column page, 85 mm.
+    Column,
+    /// The full width of a page, 170 mm.
+    Full,
+}
+
+/// Why a figure cannot be drawn.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlotError {
+    /// Two columns that belong together differ in length.
+    #[error(
+        "figure {figure}: `{field}` has {found} values where {expected} are needed; give one per {per}"
+    )]
+    Length {
+        /// Name of the figure.
+        figure: &'static str,
+        /// Field of the figure's struct.
+        field: String,
+        /// What each value belongs to.
+        per: &'static str,
+        /// Length of the field.
+        found: usize,
+        /// Length it should have.
+        expected: usize,
+    },
+    /// More panels than fit on a page.
+    #[error("figure {figure}: {found} {what}, but only {most} fit; leave some out")]
+    TooMany {
+        /// Name of the figure.
+        figure: &'static str,
+        /// What there is too much of.
+        what: &'static str,
+        /// How many there are.
+        found: usize,
+        /// How many can be drawn.
+        most: usize,
+    },
+    /// The picture could not be encoded.
+    #[error("the picture could not be encoded as PNG: {0}")]
+    Encode(String),
+}
+
+/// A lower and an upper bound per point of a grid.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Band {
+    /// Lower bounds.
+    pub lower: Vec<f64>,
+    /// Upper bounds, as many as lower ones.
+    pub upper: Vec<f64>,
+}
+
+/// Anything that can be drawn.
+pub trait Figure {
+    /// Draws the figure at a width, as PNG and SVG.
+    ///
+    /// # Errors
+    ///
+    /// [`PlotError::Length`] if columns do not match, [`PlotError::TooMany`] if the figure has more panels than fit.
+    fn render(&self, width: Width) -> Result<Picture, PlotError>;
+}
