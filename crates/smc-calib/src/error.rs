@@ -1,0 +1,77 @@
+//! Why a calibration could not be done.
+
+use crate::{NoiseError, StageRecord};
+use thiserror::Error;
+
+/// Why a calibration could not be done.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum CalibrateError {
+    /// No parameters, or numbers of parameters that differ.
+    #[error(
+        "the simulator takes {simulator} parameters but {problem} priors were given; give one prior per parameter, at least one"
+    )]
+    Parameters {
+        /// Of the simulator.
+        simulator: usize,
+        /// Of the problem.
+        problem: usize,
+    },
+    /// Numbers of observables that differ.
+    #[error(
+        "the simulator gives {simulator} observables but there are {observations} observations; they must be as many"
+    )]
+    Observables {
+        /// Of the simulator.
+        simulator: usize,
+        /// Of the problem.
+        observations: usize,
+    },
+    /// The noise model does not fit.
+    #[error(transparent)]
+    Noise(#[from] NoiseError),
+    /// A setting outside its range.
+    #[error("setting {setting} is {value}; it must be {range}")]
+    Setting {
+        /// Name.
+        setting: &'static str,
+        /// Value.
+        value: f64,
+        /// What is allowed.
+        range: &'static str,
+    },
+    /// The simulator said that it cannot run at all.
+    #[error("the simulator cannot run, stopped after {simulations} simulations: {cause}")]
+    Fatal {
+        /// What it said.
+        cause: String,
+        /// Simulations done.
+        simulations: usize,
+    },
+    /// Too many failures.
+    #[error(
+        "{failed} of {simulations} simulations failed (most often: {commonest}); narrow the priors to where the simulator works, or raise max_failed_share"
+    )]
+    TooManyFailures {
+        /// Failed.
+        failed: usize,
+        /// Done.
+        simulations: usize,
+        /// The commonest cause.
+        commonest: String,
+    },
+    /// No sample has a likelihood above zero.
+    #[error(
+        "none of the {simulations} simulated samples has a likelihood above zero: the evidence is zero; widen the noise or move the priors"
+    )]
+    ZeroEvidence {
+        /// Done.
+        simulations: usize,
+    },
+    /// The observer asked to stop before anything could be said.
+    #[error("stopped on request after {} simulations, before the posterior was sampled", .stages.last().map_or(0, |s| s.total))]
+    Interrupted {
+        /// What was done until then.
+        stages: Vec<StageRecord>,
+    },
+}

@@ -1,0 +1,245 @@
+//! Noise models, and recursive Bayes over the observations.
+
+use crate::Observations;
+use crate::normal::LN_SQRT_2PI;
+use serde::{Deserialize, Serialize};
+use statrs::function::gamma::ln_gamma;
+use thiserror::Error;
+
+/// How measured values scatter around the simulated ones.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Noise {
+    /// Normal with unknown standard deviation, sigma^2 ~ Inverse-Gamma(nu0/2, nu0 s0^2/2), integrated out.
+    Inferred {
+        /// Prior degrees of freedom.
+        nu0: f64,
+        /// Prior scale of sigma, in the unit of the observations.
+        s0: f64,
+    },
+    /// Normal with known standard deviation.
+    Fixed {
+        /// The standard deviation.
+        sigma: FixedSigma,
+    },
+    /// GrainLearning's tuning: sigma is chosen so that a wished-for effective sample size appears, and the
+    /// proposals are not corrected for. The result is *not a posterior*; kept for comparison.
+    EssTarget {
+        /// Wished-for effective sample size as a share of an iteration's samples.
+        share: f64,
+    },
+}
+
+impl Default for Noise {
+    fn default() -> Self {
+        Self::Inferred { nu0: 4.0, s0: 0.05 }
+    }
+}
+
+/// A known noise standard deviation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FixedSigma {
+    /// The same for all observations, in their unit.
+    Absolute(f64),
+    /// A share of each measured value.
+    Relative(f64),
+    /// One per observation: [`Observations::with_sigma`].
+    PerPoint,
+}
+
+/// Why a noise model was refused.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum NoiseError {
+    /// A number that must be positive.
+    #[error("noise {field} is {value}; it must be positive and finite")]
+    NotPositive {
+        /// Field of the noise model.
+        field: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// A share outside (0, 1).
+    #[error("noise share is {value}; it must lie between 0 and 1, both excluded")]
+    Share {
+        /// Its value.
+        value: f64,
+    },
+    /// Relative noise of a zero measurement.
+    #[error(
+        "observation {index} is zero, so noise relative to it is zero too; give absolute noise or one sigma per point"
+    )]
+    RelativeToZero {
+        /// Observation, from 0.
+        index: usize,
+    },
+    /// Per-point noise without a noise column.
+    #[error("noise per point needs a standard deviation for each observation; none were given")]
+    NoColumn,
+}
+
+/// The likelihood of a simulated curve under a checked noise model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Likelihood {
+    values: Vec<f64>,
+    kind: Kind,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Kind {
+    /// nu0, nu0 s0^2, and the constant of the joint density.
+    Inferred { nu0: f64, sum0: f64, constant: f64 },
+    /// 1/sigma per observation and the constant.
+    Fixed { inverse_sigma: Vec<f64>, constant: f64 },
+    /// Sum of squares only.
+    Tuned,
+}
+
+impl Likelihood {
+    /// Checks a noise model against the observations.
+    ///
+    /// # Errors
+    /// Numbers that are not positive, or per-point noise that was not given.
+    pub fn new(noise: &Noise, observations: &Observations) -> Result<Self, NoiseError> {
+        let positive = |field, value: f64| {
+            if value.is_finite() && value > 0.0 {
+                Ok(())
+            } else {
+                Err(NoiseError::NotPositive { field, value })
+            }
+        };
+        let values = observations.values().to_vec();
+        let m = values.len() as f64;
+        let kind = match noise {
+            Noise::Inferred { nu0, s0 } => {
+                positive("nu0", *nu0)?;
+                positive("s0", *s0)?;
+                let sum0 = nu0 * s0 * s0;
+                positive("s0", sum0)?;
+                // Multivariate Student t: nu0 degrees of freedom, scale s0 in every direction.
+                let constant = ln_gamma(0.5 * (nu0 + m))
+                    - ln_gamma(0.5 * nu0)
+                    - 0.5 * m * (std::f64::consts::PI * sum0).ln();
+                Kind::Inferred { nu0: *nu0, sum0, constant }
+            }
+            Noise::Fixed { sigma } => {
+                let sigma = match sigma {
+                    FixedSigma::Absolute(s) => {
+                        positive("sigma", *s)?;
+                        vec![*s; values.len()]
+                    }
+                    FixedSigma::Relative(share) => {
+                        positive("relative sigma", *share)?;
+                        if let Some(index) = values.iter().position(|v| *v == 0.0) {
+                            return Err(NoiseError::RelativeToZero { index });
+                        }
+                        values.iter().map(|v| share * v.abs()).collect()
+                    }
+                    FixedSigma::PerPoint => {
+                        observations.sigma().ok_or(NoiseError::NoColumn)?.to_vec()
+                    }
+                };
+                let constant = -sigma.iter().map(|s| s.ln() + LN_SQRT_2PI).sum::<f64>();
+                Kind::Fixed { inverse_sigma: sigma.iter().map(|s| 1.0 / s).collect(), constant }
+            }
+            Noise::EssTarget { share } => {
+                if !(*share > 0.0 && *share < 1.0) {
+                    return Err(NoiseError::Share { value: *share });
+                }
+                Kind::Tuned
+            }
+        };
+        Ok(Self { values, kind })
+    }
+
+    /// Log likelihood of the whole curve.
+    ///
+    /// # Formula
+    /// inferred: `ln Gamma((nu0+m)/2) - ln Gamma(nu0/2) - (m/2) ln(pi nu0 s0^2) - (nu0+m)/2 ln(1 + S/(nu0 s0^2))`,
+    /// S the sum of squared residuals; fixed: `-sum (r/sigma)^2/2 - sum ln(sigma sqrt(2 pi))`;
+    /// ess-target: `-S/2`, to be divided by the tuned sigma^2.
+    pub fn ln_joint(&self, outputs: &[f64]) -> f64 {
+        match &self.kind {
+            Kind::Inferred { nu0, sum0, constant } => {
+                let s = self.sum_of_squares(outputs);
+                constant - 0.5 * (nu0 + self.values.len() as f64) * (s / sum0).ln_1p()
+            }
+            Kind::Fixed { inverse_sigma, constant } => {
+                let s: f64 = outputs
+                    .iter()
+                    .zip(&self.values)
+                    .zip(inverse_sigma)
+                    .map(|((o, y), w)| ((y - o) * w).powi(2))
+                    .sum();
+                constant - 0.5 * s
+            }
+            Kind::Tuned => -0.5 * self.sum_of_squares(outputs),
+        }
+    }
+
+    /// Recursive Bayes: calls `visit(k, ln p(y_k | y_1..y_{k-1}, theta))` for every observation in order.
+    ///
+    /// With `inferred` noise each factor is the Student-t predictive density of the conjugate update
+    /// `nu <- nu + 1`, `nu s^2 <- nu s^2 + r^2`.
+    pub fn recursion(&self, outputs: &[f64], mut visit: impl FnMut(usize, f64)) {
+        match &self.kind {
+            Kind::Inferred { nu0, sum0, .. } => {
+                let (mut nu, mut sum) = (*nu0, *sum0);
+                // ln Gamma((nu+1)/2) - ln Gamma(nu/2), advanced two steps at a time.
+                let mut ratio = [gamma_ratio(nu), gamma_ratio(nu + 1.0)];
+                for (k, (o, y)) in outputs.iter().zip(&self.values).enumerate() {
+                    let r2 = (y - o) * (y - o);
+                    let ln = ratio[k % 2]
+                        - 0.5 * (std::f64::consts::PI * sum).ln()
+                        - 0.5 * (nu + 1.0) * (r2 / sum).ln_1p();
+                    visit(k, ln);
+                    ratio[k % 2] += ((nu + 1.0) / nu).ln();
+                    nu += 1.0;
+                    sum += r2;
+                }
+            }
+            Kind::Fixed { inverse_sigma, .. } => {
+                for (k, ((o, y), w)) in
+                    outputs.iter().zip(&self.values).zip(inverse_sigma).enumerate()
+                {
+                    visit(k, w.ln() - LN_SQRT_2PI - 0.5 * ((y - o) * w).powi(2));
+                }
+            }
+            Kind::Tuned => {
+                for (k, (o, y)) in outputs.iter().zip(&self.values).enumerate() {
+                    visit(k, -0.5 * (y - o) * (y - o));
+                }
+            }
+        }
+    }
+
+    /// Sum of squared residuals.
+    pub fn sum_of_squares(&self, outputs: &[f64]) -> f64 {
+        outputs.iter().zip(&self.values).map(|(o, y)| (y - o) * (y - o)).sum()
+    }
+
+    /// Observed values.
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// Degrees of freedom and sum of squares `(nu0, nu0 s0^2)` of inferred noise.
+    pub fn inferred(&self) -> Option<(f64, f64)> {
+        match self.kind {
+            Kind::Inferred { nu0, sum0, .. } => Some((nu0, sum0)),
+            _ => None,
+        }
+    }
+
+    /// Known standard deviation of observation `index`.
+    pub fn fixed_sigma(&self, index: usize) -> Option<f64> {
+        match &self.kind {
+            Kind::Fixed { inverse_sigma, .. } => Some(1.0 / inverse_sigma[index]),
+            _ => None,
+        }
+    }
+}
+
+fn gamma_ratio(nu: f64) -> f64 {
+    ln_gamma(0.5 * (nu + 1.0)) - ln_gamma(0.5 * nu)
+}

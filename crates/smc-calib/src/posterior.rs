@@ -1,0 +1,360 @@
+//! The result of a calibration, as plain data.
+
+use crate::{Coordinate, Noise, Parameter, Settings, Warning};
+use serde::{Deserialize, Serialize};
+
+/// Everything a calibration reports.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Posterior {
+    /// False for tuned weights (`ess-target`), which are no posterior.
+    pub is_posterior: bool,
+    /// Noise model.
+    pub noise: Noise,
+    /// Settings of the run.
+    pub settings: Settings,
+    /// Every simulated sample, in the order drawn.
+    pub samples: Vec<Sample>,
+    /// Equally weighted draws: systematic resampling of `samples`.
+    pub draws: Vec<Draw>,
+    /// One summary per parameter.
+    pub parameters: Vec<ParameterSummary>,
+    /// Correlation matrix in the priors' coordinates, row by row.
+    pub correlation: Vec<Vec<f64>>,
+    /// Correlation matrix in SI.
+    pub correlation_si: Vec<Vec<f64>>,
+    /// Log evidence.
+    pub log_evidence: Evidence,
+    /// Effective sample size.
+    pub ess: EffectiveSampleSize,
+    /// Pareto shape of the importance weights: the largest over the weights and all parameters.
+    pub khat: f64,
+    /// The maximum a posteriori point.
+    pub map: MapPoint,
+    /// Posterior of the noise standard deviation; none where it is fixed per point or tuned.
+    pub sigma: Option<SigmaSummary>,
+    /// Residuals of the MAP curve.
+    pub residuals: Residuals,
+    /// Posterior predictive bands at the observation points.
+    pub predictive: Vec<BandPoint>,
+    /// Recursive Bayes: what was known after each observation.
+    pub path: Vec<PathPoint>,
+    /// What each stage did.
+    pub stages: Vec<StageRecord>,
+    /// Failed simulations by cause, commonest first.
+    pub failures: Vec<Failure>,
+    /// Why the run ended.
+    pub stop: StopReason,
+    /// Reasons to be careful.
+    pub warnings: Vec<Warning>,
+    /// Work done.
+    pub counters: Counters,
+}
+
+/// One simulated sample.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Sample {
+    /// Normal scores.
+    pub z: Vec<f64>,
+    /// Parameters in SI.
+    pub theta: Vec<f64>,
+    /// Log likelihood; none where the simulation failed.
+    pub log_likelihood: Option<f64>,
+    /// Log of the importance weight, prior times likelihood over the mixture of all proposals; none where it is zero.
+    pub log_weight: Option<f64>,
+    /// Normalised weight.
+    pub weight: f64,
+    /// Stage that drew it.
+    pub stage: usize,
+    /// Sub-net that it belongs to.
+    pub replicate: usize,
+}
+
+/// One equally weighted posterior draw.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Draw {
+    /// Index into `samples`.
+    pub sample: usize,
+    /// Noise standard deviation; none where the noise is fixed per point or tuned.
+    pub sigma: Option<f64>,
+}
+
+/// An interval and the standard errors of its ends.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Interval {
+    /// Lower end.
+    pub lower: f64,
+    /// Upper end.
+    pub upper: f64,
+    /// Monte Carlo standard error of the lower end.
+    pub lower_se: f64,
+    /// Monte Carlo standard error of the upper end.
+    pub upper_se: f64,
+}
+
+/// Moments and intervals of a marginal.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Moments {
+    /// Mean.
+    pub mean: f64,
+    /// Monte Carlo standard error of the mean.
+    pub mean_se: f64,
+    /// Standard deviation.
+    pub sd: f64,
+    /// Monte Carlo standard error of the standard deviation.
+    pub sd_se: f64,
+    /// Median.
+    pub median: f64,
+    /// Monte Carlo standard error of the median.
+    pub median_se: f64,
+    /// Equal-tailed 50 % interval.
+    pub eti50: Interval,
+    /// Equal-tailed 90 % interval.
+    pub eti90: Interval,
+    /// Equal-tailed 95 % interval.
+    pub eti95: Interval,
+    /// Highest-density 50 % interval, of the density in the prior's coordinate.
+    pub hdi50: Interval,
+    /// Highest-density 90 % interval, of the density in the prior's coordinate.
+    pub hdi90: Interval,
+    /// Highest-density 95 % interval, of the density in the prior's coordinate.
+    pub hdi95: Interval,
+}
+
+/// What is known about one parameter.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ParameterSummary {
+    /// Name, unit and prior.
+    pub parameter: Parameter,
+    /// The prior's coordinate.
+    pub coordinate: Coordinate,
+    /// Summary in that coordinate.
+    pub in_coordinate: Moments,
+    /// Summary in SI.
+    pub in_si: Moments,
+    /// Maximum a posteriori value [SI].
+    pub map: f64,
+    /// Pareto shape for this parameter's moments.
+    pub khat: f64,
+    /// Information gained: divergence of the marginal posterior from the prior [bits].
+    pub information_gain_bits: f64,
+    /// Prior mean in the coordinate.
+    pub prior_mean: f64,
+    /// Prior standard deviation in the coordinate.
+    pub prior_sd: f64,
+}
+
+/// Log evidence: natural log of the probability of the data under the model.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Evidence {
+    /// From all samples.
+    pub value: f64,
+    /// Its standard error.
+    pub se: f64,
+    /// From the final, frozen proposal alone, whose mean (of the evidence, not its log) is exact.
+    pub frozen_value: f64,
+    /// Its standard error.
+    pub frozen_se: f64,
+    /// Whether the two agree within three standard errors.
+    pub agree: bool,
+}
+
+/// Effective sample size.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct EffectiveSampleSize {
+    /// Of the importance weights: (sum w)^2 / sum w^2.
+    pub importance: f64,
+    /// The same per simulation.
+    pub per_simulation: f64,
+}
+
+/// The maximum a posteriori point, of the density in the priors' coordinates.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MapPoint {
+    /// Parameters in SI.
+    pub theta: Vec<f64>,
+    /// Log likelihood.
+    pub log_likelihood: f64,
+    /// Log density, likelihood times prior in the coordinates.
+    pub log_density: f64,
+    /// The simulated curve.
+    pub outputs: Vec<f64>,
+    /// Simulations of the local search.
+    pub simulations: usize,
+}
+
+/// Posterior of the noise standard deviation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SigmaSummary {
+    /// Mean (exact mixture of conditional inverse gammas).
+    pub mean: f64,
+    /// Standard deviation (likewise).
+    pub sd: f64,
+    /// Median of the draws.
+    pub median: f64,
+    /// Equal-tailed 50 % interval of the draws.
+    pub eti50: [f64; 2],
+    /// Equal-tailed 90 % interval of the draws.
+    pub eti90: [f64; 2],
+    /// Equal-tailed 95 % interval of the draws.
+    pub eti95: [f64; 2],
+    /// Whether it was given, not inferred.
+    pub fixed: bool,
+}
+
+/// Residuals, observed minus simulated, of the MAP curve and their independence.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Residuals {
+    /// Observed minus simulated.
+    pub values: Vec<f64>,
+    /// Lag-1 autocorrelation.
+    pub lag1: f64,
+    /// z-score of the number of runs of equal sign; negative for too few.
+    pub runs_z: f64,
+    /// Neither test objects at the 5 % level.
+    pub independent: bool,
+}
+
+/// Posterior predictive distribution at one point of a curve.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct BandPoint {
+    /// Index of the point.
+    pub index: usize,
+    /// Control value (time).
+    pub control: f64,
+    /// Posterior mean of the curve.
+    pub mean: f64,
+    /// 50 % band of the curve.
+    pub curve50: [f64; 2],
+    /// 90 % band of the curve.
+    pub curve90: [f64; 2],
+    /// 95 % band of the curve.
+    pub curve95: [f64; 2],
+    /// 50 % band of a new observation, noise included.
+    pub noisy50: [f64; 2],
+    /// 90 % band of a new observation, noise included.
+    pub noisy90: [f64; 2],
+    /// 95 % band of a new observation, noise included.
+    pub noisy95: [f64; 2],
+}
+
+/// What was known after one observation.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PathPoint {
+    /// Observation, from 0.
+    pub index: usize,
+    /// Control value (time).
+    pub control: f64,
+    /// Effective sample size of the weights after it.
+    pub ess: f64,
+    /// Log evidence of the observations so far.
+    pub log_evidence: f64,
+    /// One entry per parameter, in its prior's coordinate.
+    pub parameters: Vec<PathParameter>,
+}
+
+/// What was known about one parameter after one observation, in its prior's coordinate.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PathParameter {
+    /// Mean.
+    pub mean: f64,
+    /// Standard deviation.
+    pub sd: f64,
+    /// Median.
+    pub median: f64,
+    /// Equal-tailed 50 % interval.
+    pub eti50: [f64; 2],
+    /// Equal-tailed 90 % interval.
+    pub eti90: [f64; 2],
+}
+
+/// What one stage did.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StageRecord {
+    /// Stage, from 0 (the prior).
+    pub stage: usize,
+    /// Whether this is the final, frozen proposal.
+    pub last: bool,
+    /// Simulations of this stage.
+    pub simulations: usize,
+    /// Simulations so far.
+    pub total: usize,
+    /// Failed simulations of this stage.
+    pub failed: usize,
+    /// Power of the likelihood that the next proposal was fitted to.
+    pub beta: f64,
+    /// Effective sample size of all samples so far, at full likelihood.
+    pub ess: f64,
+    /// Log evidence so far.
+    pub log_evidence: f64,
+    /// Its standard error.
+    pub log_evidence_se: f64,
+    /// Pareto shape of the weights so far.
+    pub khat: f64,
+    /// Means of the parameters so far, in the priors' coordinates.
+    pub means: Vec<f64>,
+    /// Standard deviations of the parameters so far, in the priors' coordinates.
+    pub sds: Vec<f64>,
+    /// The proposal that this stage drew from, in normal scores.
+    pub proposal: MixtureRecord,
+}
+
+/// A mixture of Student-t components in normal scores, beside a share of the prior.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MixtureRecord {
+    /// Share of the prior (1 in the first stage).
+    pub prior_share: f64,
+    /// Components.
+    pub components: Vec<ComponentRecord>,
+}
+
+/// One component of a proposal.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ComponentRecord {
+    /// Share of the draws.
+    pub weight: f64,
+    /// Centre, in normal scores.
+    pub mean: Vec<f64>,
+    /// Scale matrix, in normal scores, row by row.
+    pub scale: Vec<Vec<f64>>,
+    /// Degrees of freedom.
+    pub degrees_of_freedom: f64,
+}
+
+/// Failed simulations of one cause.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Failure {
+    /// The cause, as the simulator put it.
+    pub cause: String,
+    /// How many.
+    pub count: usize,
+}
+
+/// Why a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum StopReason {
+    /// The budget was spent.
+    BudgetSpent,
+    /// The wished-for effective sample size was reached.
+    EssReached,
+    /// The wished-for accuracy of the means was reached.
+    AccuracyReached,
+    /// The observer asked to stop.
+    Interrupted,
+}
+
+/// Work done.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Counters {
+    /// Simulations of the sampler.
+    pub simulations: usize,
+    /// Simulations of the local search for the MAP.
+    pub map_simulations: usize,
+    /// EM iterations over all mixture fits.
+    pub em_iterations: usize,
+    /// Mixtures fitted.
+    pub mixtures_fitted: usize,
+    /// Evaluations of one component's density at one sample.
+    pub component_densities: usize,
+}

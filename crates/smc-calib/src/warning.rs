@@ -1,0 +1,161 @@
+//! What a user should know before trusting a result.
+
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// A reason to be careful with a result; its `Display` says it in plain words.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum Warning {
+    /// Weights were tuned, not derived: not a posterior.
+    NotAPosterior,
+    /// Too few effective samples.
+    FewEffectiveSamples {
+        /// Effective sample size.
+        ess: f64,
+    },
+    /// Heavy-tailed importance weights.
+    HighKhat {
+        /// Parameter, or none for the weights themselves.
+        parameter: Option<String>,
+        /// Pareto shape.
+        khat: f64,
+    },
+    /// Evidence from all samples and from the final proposal alone differ by more than three standard errors.
+    EvidenceDisagrees {
+        /// From all samples.
+        pooled: f64,
+        /// From the final proposal alone.
+        frozen: f64,
+        /// Standard error of the difference.
+        se: f64,
+    },
+    /// The data hardly moved this parameter.
+    NotInformed {
+        /// Parameter.
+        parameter: String,
+        /// Information gained [bits].
+        bits: f64,
+    },
+    /// Fewer observations than parameters.
+    FewObservations {
+        /// Observations.
+        observations: usize,
+        /// Parameters.
+        parameters: usize,
+    },
+    /// Neighbouring residuals are alike.
+    ResidualsNotIndependent {
+        /// Lag-1 autocorrelation.
+        lag1: f64,
+        /// z-score of the number of runs.
+        runs_z: f64,
+    },
+    /// Posterior mass at the edge of the prior.
+    AtPriorBound {
+        /// Parameter.
+        parameter: String,
+        /// The bound [SI].
+        bound: f64,
+        /// Posterior probability of the outermost hundredth of the prior on that side.
+        share: f64,
+    },
+    /// Many simulations failed.
+    ManyFailures {
+        /// Failed.
+        failed: usize,
+        /// Done.
+        simulations: usize,
+        /// The commonest cause.
+        commonest: String,
+    },
+    /// The best curve misses the data by much more than the noise that was expected.
+    PoorFit {
+        /// Root mean square residual of the MAP curve, in expected noise standard deviations.
+        ratio: f64,
+    },
+    /// Two parameters cannot be told apart.
+    NotSeparable {
+        /// First parameter.
+        first: String,
+        /// Second parameter.
+        second: String,
+        /// Correlation.
+        correlation: f64,
+    },
+    /// Budget too small for the result wished for.
+    BudgetTooSmall {
+        /// Simulations done.
+        simulations: usize,
+        /// Why.
+        reason: String,
+    },
+    /// The path keeps only some of the observations.
+    PathThinned {
+        /// Kept.
+        kept: usize,
+        /// All.
+        observations: usize,
+    },
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotAPosterior => write!(
+                f,
+                "the noise was tuned to a wished-for effective sample size and proposals were not corrected for: this is not a posterior, and its intervals mean nothing"
+            ),
+            Self::FewEffectiveSamples { ess } => write!(
+                f,
+                "only {ess:.0} effective samples: means and intervals are rough; run more simulations"
+            ),
+            Self::HighKhat { parameter, khat } => write!(
+                f,
+                "the importance weights{} have a heavy tail (k-hat {khat:.2}, trustworthy below 0.7): the posterior may be incomplete; run more simulations",
+                parameter.as_ref().map_or(String::new(), |p| format!(" for {p}"))
+            ),
+            Self::EvidenceDisagrees { pooled, frozen, se } => write!(
+                f,
+                "two estimates of the log evidence differ ({pooled:.3} from all samples, {frozen:.3} from the final ones, standard error {se:.3}): part of the posterior may be unseen; run more simulations"
+            ),
+            Self::NotInformed { parameter, bits } => write!(
+                f,
+                "the data say almost nothing about {parameter} ({bits:.2} bits): its posterior is its prior"
+            ),
+            Self::FewObservations { observations, parameters } => write!(
+                f,
+                "{observations} observations for {parameters} parameters: the priors decide what the data cannot"
+            ),
+            Self::ResidualsNotIndependent { lag1, runs_z } => write!(
+                f,
+                "neighbouring residuals are alike (lag-1 correlation {lag1:.2}, runs test z {runs_z:.1}): the noise is not independent or the model misses the shape, and the intervals are too narrow"
+            ),
+            Self::AtPriorBound { parameter, bound, share } => write!(
+                f,
+                "{:.0} % of the posterior of {parameter} lies against its prior bound {bound:.3e}: widen the prior if it is not a hard limit",
+                100.0 * share
+            ),
+            Self::ManyFailures { failed, simulations, commonest } => write!(
+                f,
+                "{failed} of {simulations} simulations failed (most often: {commonest}): the posterior is that of the parameters that can be simulated"
+            ),
+            Self::PoorFit { ratio } => write!(
+                f,
+                "the best curve misses the data by {ratio:.1} times the expected noise: the model or the data are in doubt, not only the parameters"
+            ),
+            Self::NotSeparable { first, second, correlation } => write!(
+                f,
+                "{first} and {second} cannot be told apart (correlation {correlation:.4}): only a combination of them is known"
+            ),
+            Self::BudgetTooSmall { simulations, reason } => {
+                write!(f, "{simulations} simulations were too few: {reason}")
+            }
+            Self::PathThinned { kept, observations } => write!(
+                f,
+                "the path keeps {kept} of {observations} observations; the posterior uses all"
+            ),
+        }
+    }
+}
