@@ -1,6 +1,11 @@
 //! Several models over one series of measurements, with their residuals.
 
-use super::Role;
+use super::axis::{Axis, Scale};
+use super::drawing::{Drawing, Ink, Pen};
+use super::header::{Swatch, header};
+use super::palette::Marker;
+use super::panel::{Spec, layout};
+use super::{Columns, PlotError, Role, Width};
 
 /// One model of a [`CompareFigure`].
 #[derive(Debug, Clone, PartialEq)]
@@ -30,4 +35,109 @@ pub struct CompareFigure {
     pub curves: Vec<NamedCurve>,
     /// Logarithmic time axis (times <= 0 are left out).
     pub log_time: bool,
+}
+
+impl CompareFigure {
+    pub(super) fn draw(&self, width: Width) -> Result<Drawing, PlotError> {
+        let columns = Columns("compare");
+        columns.need("contact_ratio", &self.contact_ratio, self.time_s.len(), "time")?;
+        for curve in &self.curves {
+            columns.need(
+                &format!("curve of {}", curve.name),
+                &curve.curve,
+                self.grid_s.len(),
+                "grid time",
+            )?;
+            columns.need(
+                &format!("at_data of {}", curve.name),
+                &curve.at_data,
+                self.time_s.len(),
+                "time",
+            )?;
+        }
+        let mut drawing = Drawing::new(width);
+        let outline = Some(Pen::solid(Role::Data.ink(), 0.65));
+        let mut entries = vec![(
+            "measured".to_owned(),
+            Swatch::Point { marker: Marker::Circle, fill: Ink::WHITE, outline },
+        )];
+        let few = self.time_s.len() <= 120;
+        entries.extend(self.curves.iter().map(|c| {
+            let swatch = if few {
+                Swatch::LineAndPoint { pen: c.role.pen(), marker: c.role.marker() }
+            } else {
+                Swatch::Line(c.role.pen())
+            };
+            (c.name.clone(), swatch)
+        }));
+        let top = header(&mut drawing, &self.title, &entries);
+
+        let scale = if self.log_time { Scale::Log } else { Scale::Linear };
+        let x = Axis::holding(
+            "time t",
+            "s",
+            scale,
+            self.time_s.iter().chain(&self.grid_s).copied(),
+            0.02,
+        );
+        let x = if self.log_time { x } else { x.from_value(0.0) };
+        let all = self
+            .curves
+            .iter()
+            .flat_map(|c| &c.curve)
+            .chain(&self.contact_ratio)
+            .copied()
+            .chain([0.0]);
+        let y = Axis::holding("contact ratio a/R", "", Scale::Linear, all, 0.04).from_value(0.0);
+        let residuals: Vec<Vec<f64>> = self
+            .curves
+            .iter()
+            .map(|c| {
+                self.contact_ratio
+                    .iter()
+                    .zip(&c.at_data)
+                    .map(|(measured, model)| measured - model)
+                    .collect()
+            })
+            .collect();
+        let left_over = Axis::holding(
+            "residual of a/R",
+            "",
+            Scale::Linear,
+            residuals.iter().flatten().copied().chain([0.0]),
+            0.06,
+        );
+        let heights = match width {
+            Width::Column => (125.0, 75.0),
+            Width::Full => (200.0, 110.0),
+        };
+        let rows = [
+            (heights.0, vec![Some(Spec::new(x.clone(), y).x_labels(false))]),
+            (heights.1, vec![Some(Spec::new(x, left_over))]),
+        ];
+        let panels: Vec<_> =
+            layout(&mut drawing, top, 10.0, &rows).into_iter().flatten().flatten().collect();
+        let [curves, residual] = panels.as_slice() else { return Ok(drawing) };
+        curves.data(&mut drawing, &self.time_s, &self.contact_ratio);
+        for curve in &self.curves {
+            curves.line(&mut drawing, &self.grid_s, &curve.curve, curve.role.pen());
+        }
+        residual.across(&mut drawing, 0.0, Pen::solid(Ink::GREY, 0.5));
+        for (curve, values) in self.curves.iter().zip(&residuals) {
+            let thin = Pen { width: 0.6, ..curve.role.pen() };
+            residual.line(&mut drawing, &self.time_s, values, thin);
+            if few {
+                residual.markers(
+                    &mut drawing,
+                    &self.time_s,
+                    values,
+                    curve.role.marker(),
+                    1.3,
+                    curve.role.ink(),
+                    None,
+                );
+            }
+        }
+        Ok(drawing)
+    }
 }

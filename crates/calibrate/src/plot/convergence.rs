@@ -1,5 +1,12 @@
 //! Convergence of the sampler, stage by stage.
 
+use super::axis::{Axis, Scale};
+use super::drawing::{Drawing, Ink, Pen};
+use super::header::{Swatch, header};
+use super::palette::Marker;
+use super::panel::{Panel, Spec, layout};
+use super::{PlotError, Role, Width};
+
 /// One stage of the sampler.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ConvergenceStage {
@@ -30,4 +37,87 @@ pub struct ConvergenceFigure {
     pub k_hat_limit: f64,
     /// Effective sample size asked for, drawn as a line.
     pub ess_target: Option<f64>,
+}
+
+impl ConvergenceFigure {
+    pub(super) fn draw(&self, width: Width) -> Result<Drawing, PlotError> {
+        let column =
+            |f: fn(&ConvergenceStage) -> f64| -> Vec<f64> { self.stages.iter().map(f).collect() };
+        let spent = column(|s| s.simulations);
+        let (evidence, error) = (column(|s| s.log_evidence), column(|s| s.log_evidence_error));
+        let lower: Vec<f64> = evidence.iter().zip(&error).map(|(z, e)| z - e).collect();
+        let upper: Vec<f64> = evidence.iter().zip(&error).map(|(z, e)| z + e).collect();
+        let (beta, ess, k_hat, components) =
+            (column(|s| s.beta), column(|s| s.ess), column(|s| s.k_hat), column(|s| s.components));
+
+        let pen = Pen::solid(Role::Posterior.ink(), 1.1);
+        let limit = Pen::dashed(Ink::BLACK, 0.7, &[2.0, 1.6]);
+        let mut drawing = Drawing::new(width);
+        let entries = [
+            ("after each stage".to_owned(), Swatch::LineAndPoint { pen, marker: Marker::Circle }),
+            ("limit or target".to_owned(), Swatch::Line(limit)),
+        ];
+        let top = header(&mut drawing, &self.title, &entries);
+
+        let x = Axis::holding("simulations", "", Scale::Linear, spent.iter().copied(), 0.03)
+            .from_value(0.0);
+        let y = |name: &str, unit: &str, scale, values: Vec<f64>| {
+            Axis::holding(name, unit, scale, values, 0.08)
+        };
+        let with = |values: &[f64], more: &[f64]| -> Vec<f64> {
+            values.iter().chain(more).copied().collect()
+        };
+        let axes = [
+            y("tempering β", "", Scale::Linear, with(&beta, &[0.0, 1.0])),
+            y("ESS", "", Scale::Log, with(&ess, self.ess_target.as_slice())),
+            y("log Z", "", Scale::Linear, [evidence.as_slice(), &lower, &upper].concat()),
+            y("k\u{302}", "", Scale::Linear, with(&k_hat, &[0.0, self.k_hat_limit])),
+            y("components", "", Scale::Count, with(&components, &[0.0])),
+        ];
+        let (columns, height) = match width {
+            Width::Column => (1, 52.0),
+            Width::Full => (3, 95.0),
+        };
+        let count = axes.len();
+        let mut cells: Vec<Option<Spec>> = axes
+            .into_iter()
+            .enumerate()
+            .map(|(i, y)| Some(Spec::new(x.clone(), y).x_labels(i + columns >= count)))
+            .collect();
+        cells.resize(count.div_ceil(columns) * columns, None);
+        let rows: Vec<_> = cells.chunks(columns).map(|row| (height, row.to_vec())).collect();
+        let panels: Vec<Panel> =
+            layout(&mut drawing, top, 10.0, &rows).into_iter().flatten().flatten().collect();
+        let [beta_panel, ess_panel, evidence_panel, k_panel, components_panel] = panels.as_slice()
+        else {
+            return Ok(drawing);
+        };
+
+        beta_panel.across(&mut drawing, 1.0, limit);
+        k_panel.across(&mut drawing, self.k_hat_limit, limit);
+        if let Some(target) = self.ess_target {
+            ess_panel.across(&mut drawing, target, limit);
+        }
+        evidence_panel.bars(&mut drawing, &spent, &lower, &upper, Pen::solid(pen.ink, 0.9));
+        let curves = [
+            (beta_panel, &beta),
+            (ess_panel, &ess),
+            (evidence_panel, &evidence),
+            (k_panel, &k_hat),
+            (components_panel, &components),
+        ];
+        for (panel, values) in curves {
+            panel.line(&mut drawing, &spent, values, pen);
+            panel.markers(
+                &mut drawing,
+                &spent,
+                values,
+                Marker::Circle,
+                if spent.len() <= 60 { 1.6 } else { 0.6 },
+                pen.ink,
+                None,
+            );
+        }
+        Ok(drawing)
+    }
 }

@@ -1,5 +1,15 @@
 //! The corner plot: marginal densities on the diagonal, densities of the pairs below it.
 
+use tiny_skia::PathBuilder;
+
+use super::axis::{Axis, Scale};
+use super::density::{self, Bins};
+use super::drawing::{Drawing, Ink, Pen};
+use super::header::{Swatch, header};
+use super::palette::Marker;
+use super::panel::{Panel, Spec, layout};
+use super::{Columns, PlotError, Role, Width};
+
 /// One parameter of a [`CornerFigure`].
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct CornerParameter {
@@ -28,4 +38,257 @@ pub struct CornerFigure {
     pub parameters: Vec<CornerParameter>,
     /// One weight per draw (any scale); empty for equal weights.
     pub weights: Vec<f64>,
+}
+
+/// More parameters than this do not fit on a page.
+const MOST_PARAMETERS: usize = 5;
+/// Bins of a marginal.
+const BINS: usize = 160;
+/// Bins per coordinate of a pair.
+const PAIR_BINS: usize = 72;
+
+/// What the panels of one parameter share.
+struct Prepared {
+    axis: Axis,
+    bins: Bins,
+    pair_bins: Bins,
+    density: Vec<f64>,
+    bandwidth: f64,
+    /// 2.5, 25, 50, 75 and 97.5 %.
+    quantiles: [f64; 5],
+}
+
+impl CornerFigure {
+    pub(super) fn draw(&self, width: Width) -> Result<Drawing, PlotError> {
+        let columns = Columns("corner");
+        columns.at_most("parameters", self.parameters.len(), MOST_PARAMETERS)?;
+        let n = self.parameters.first().map_or(0, |p| p.draws.len());
+        for p in &self.parameters {
+            columns.need(&format!("draws of {}", p.symbol), &p.draws, n, "draw")?;
+        }
+        columns.allow("weights", &self.weights, n, "draw")?;
+        let weight = |i: usize| {
+            self.weights.get(i).map_or(1.0, |w| if w.is_finite() { w.max(0.0) } else { 0.0 })
+        };
+
+        let ink = Role::Posterior.ink();
+        let mut drawing = Drawing::new(width);
+        let mut entries =
+            vec![("posterior density; 50 %".to_owned(), Swatch::Band(ink.with_opacity(0.55)))];
+        if self.parameters.len() > 1 {
+            entries.push(("95 % (pairs: 90 %)".to_owned(), Swatch::Band(ink.with_opacity(0.22))));
+        } else {
+            entries.push(("95 %".to_owned(), Swatch::Band(ink.with_opacity(0.22))));
+        }
+        if self.parameters.iter().any(|p| !p.prior.is_empty()) {
+            entries.push(("prior".to_owned(), Swatch::Line(Role::Prior.pen())));
+        }
+        if self.parameters.iter().any(|p| p.map.is_some()) {
+            let outline = Some(Pen::solid(Ink::WHITE, 0.4));
+            entries.push((
+                "MAP".to_owned(),
+                Swatch::Point { marker: Marker::Diamond, fill: Role::Map.ink(), outline },
+            ));
+        }
+        if self.parameters.iter().any(|p| p.paper.is_some()) {
+            entries.push(("paper".to_owned(), Swatch::Line(Role::Paper.pen())));
+        }
+        let top = header(&mut drawing, &self.title, &entries);
+
+        let prepared: Vec<Prepared> = self.parameters.iter().map(|p| prepare(p, weight)).collect();
+        let count = prepared.len();
+        let gap = 7.0;
+        let panel = ((drawing.width - 50.0 - gap * count.saturating_sub(1) as f32)
+            / count.max(1) as f32)
+            .min(match width {
+                Width::Column => 130.0,
+                Width::Full => 180.0,
+            });
+        let rows: Vec<(f32, Vec<Option<Spec>>)> = (0..count)
+            .map(|row| {
+                let cells = (0..count)
+                    .map(|column| {
+                        let x = prepared[column].axis.clone();
+                        let bottom = row + 1 == count;
+                        match column.cmp(&row) {
+                            std::cmp::Ordering::Less => {
+                                let y = prepared[row].axis.clone();
+                                Some(Spec::new(x, y).x_labels(bottom).y_labels(column == 0))
+                            }
+                            std::cmp::Ordering::Equal => {
+                                let p = &self.parameters[column];
+                                let prior =
+                                    p.prior.iter().map(|(_, d)| *d).filter(|d| d.is_finite());
+                                let highest =
+                                    prepared[column].density.iter().copied().fold(0.0, f64::max);
+                                // A prior far above the posterior's height cannot be: both integrate to one.
+                                let tallest = prior.fold(highest, f64::max);
+                                let y = Axis::holding(
+                                    "",
+                                    "",
+                                    Scale::Linear,
+                                    [0.0, tallest * 1.06],
+                                    0.0,
+                                );
+                                Some(Spec::new(x, y).x_labels(bottom).bare())
+                            }
+                            std::cmp::Ordering::Greater => None,
+                        }
+                    })
+                    .collect();
+                (panel, cells)
+            })
+            .collect();
+        let panels = layout(&mut drawing, top, gap, &rows);
+        for (row, cells) in panels.iter().enumerate() {
+            for (column, panel) in cells.iter().enumerate() {
+                let Some(panel) = panel else { continue };
+                if row == column {
+                    marginal(&mut drawing, panel, &prepared[row], &self.parameters[row]);
+                } else {
+                    let parameters = (&self.parameters[column], &self.parameters[row]);
+                    pair(
+                        &mut drawing,
+                        panel,
+                        (&prepared[column], &prepared[row]),
+                        parameters,
+                        weight,
+                    );
+                }
+            }
+        }
+        Ok(drawing)
+    }
+}
+
+fn prepare(p: &CornerParameter, weight: impl Fn(usize) -> f64 + Copy) -> Prepared {
+    let scale = if p.log10 { Scale::Exponent } else { Scale::Linear };
+    let mut sorted: Vec<(f64, f64)> = p
+        .draws
+        .iter()
+        .enumerate()
+        .map(|(i, &x)| (x, weight(i)))
+        .filter(|(x, w)| x.abs() <= 1e300 && *w > 0.0)
+        .collect();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let quantiles = [0.025, 0.25, 0.5, 0.75, 0.975].map(|q| density::quantile_sorted(&sorted, q));
+    let (low, high) =
+        (density::quantile_sorted(&sorted, 0.001), density::quantile_sorted(&sorted, 0.999));
+    let mut values = vec![low, high];
+    // A mark far away would squeeze the posterior into nothing; then it is left out of the range and not drawn.
+    let reach = 1.5 * (high - low);
+    let marks = [p.paper, p.map];
+    values.extend(marks.into_iter().flatten().filter(|m| (low - reach..=high + reach).contains(m)));
+    let axis = Axis::holding(&p.symbol, &p.unit, scale, values, 0.06);
+    let support = match (p.prior.first(), p.prior.last()) {
+        (Some(first), Some(last)) if first.0 <= low && high <= last.0 && first.0 < last.0 => {
+            (first.0, last.0)
+        }
+        _ => (f64::NEG_INFINITY, f64::INFINITY),
+    };
+    let bins = |count| Bins { low: axis.low, high: axis.high, count, support };
+    let bandwidth = density::bandwidth(&p.draws, weight, 1.0);
+    let density = density::marginal(&bins(BINS), &p.draws, weight, bandwidth);
+    Prepared { bins: bins(BINS), pair_bins: bins(PAIR_BINS), density, bandwidth, quantiles, axis }
+}
+
+fn marginal(drawing: &mut Drawing, panel: &Panel, prepared: &Prepared, p: &CornerParameter) {
+    let ink = Role::Posterior.ink();
+    let xs: Vec<f64> = (0..prepared.bins.count).map(|i| prepared.bins.centre(i)).collect();
+    let [q025, q25, q50, q75, q975] = prepared.quantiles;
+    for (low, high, opacity) in [(q025, q975, 0.22), (q25, q75, 0.42)] {
+        if let Some((xs, ys)) = between(&xs, &prepared.density, low, high) {
+            panel.band(drawing, &xs, &vec![0.0; xs.len()], &ys, ink.with_opacity(opacity));
+        }
+    }
+    let (prior_x, prior_y): (Vec<f64>, Vec<f64>) = p.prior.iter().copied().unzip();
+    panel.line(drawing, &prior_x, &prior_y, Role::Prior.pen());
+    panel.line(drawing, &xs, &prepared.density, Pen::solid(ink, 1.0));
+    if let Some((_, height)) = between(&xs, &prepared.density, q50, q50) {
+        panel.line(drawing, &[q50, q50], &[0.0, height[0]], Pen::solid(ink, 1.0));
+    }
+    if let Some(paper) = p.paper {
+        panel.upright(drawing, paper, Role::Paper.pen());
+    }
+    if let Some(map) = p.map {
+        panel.markers(
+            drawing,
+            &[map],
+            &[0.0],
+            Marker::Diamond,
+            2.4,
+            Role::Map.ink(),
+            Some(Pen::solid(Ink::WHITE, 0.4)),
+        );
+    }
+}
+
+/// The part of a curve between two abscissae, ends interpolated.
+fn between(xs: &[f64], ys: &[f64], low: f64, high: f64) -> Option<(Vec<f64>, Vec<f64>)> {
+    let (first, last) = (*xs.first()?, *xs.last()?);
+    if !(low <= high) || high < first || low > last {
+        return None;
+    }
+    let (low, high) = (low.max(first), high.min(last));
+    let height = |x: f64| {
+        let i = xs.partition_point(|v| *v < x).clamp(1, xs.len() - 1);
+        let s = (x - xs[i - 1]) / (xs[i] - xs[i - 1]);
+        ys[i - 1] + s * (ys[i] - ys[i - 1])
+    };
+    let mut part = vec![(low, height(low))];
+    part.extend(xs.iter().copied().zip(ys.iter().copied()).filter(|(x, _)| low < *x && *x < high));
+    part.push((high, height(high)));
+    Some(part.into_iter().unzip())
+}
+
+fn pair(
+    drawing: &mut Drawing,
+    panel: &Panel,
+    (x, y): (&Prepared, &Prepared),
+    (px, py): (&CornerParameter, &CornerParameter),
+    weight: impl Fn(usize) -> f64 + Copy,
+) {
+    let ink = Role::Posterior.ink();
+    // Two coordinates need a wider kernel than one, and correlated ones a narrower: the rule of one is kept.
+    let mass = density::pair(
+        (&x.pair_bins, &y.pair_bins),
+        (&px.draws, &py.draws),
+        weight,
+        (x.bandwidth * 1.2, y.bandwidth * 1.2),
+    );
+    for (share, opacity) in [(0.9, 0.22), (0.5, 0.42)] {
+        let level = density::level_holding(&mass, share);
+        let mut path = PathBuilder::new();
+        for outline in density::contours(&mass, PAIR_BINS, level) {
+            for (i, (column, row)) in outline.iter().enumerate() {
+                let at = |bins: &Bins, cell: f64| {
+                    (bins.centre(0) + cell * bins.width()).clamp(bins.low, bins.high)
+                };
+                if let Some((x, y)) = panel.at(at(&x.pair_bins, *column), at(&y.pair_bins, *row)) {
+                    if i == 0 { path.move_to(x, y) } else { path.line_to(x, y) }
+                }
+            }
+            path.close();
+        }
+        let path = path.finish();
+        drawing.fill(path.clone(), ink.with_opacity(opacity));
+        drawing.stroke(path, Pen::solid(ink, 0.7));
+    }
+    if let Some(paper) = px.paper {
+        panel.upright(drawing, paper, Role::Paper.pen());
+    }
+    if let Some(paper) = py.paper {
+        panel.across(drawing, paper, Role::Paper.pen());
+    }
+    if let (Some(map_x), Some(map_y)) = (px.map, py.map) {
+        panel.markers(
+            drawing,
+            &[map_x],
+            &[map_y],
+            Marker::Diamond,
+            2.4,
+            Role::Map.ink(),
+            Some(Pen::solid(Ink::WHITE, 0.4)),
+        );
+    }
 }

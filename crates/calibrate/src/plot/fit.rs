@@ -1,6 +1,11 @@
 //! The fit: measurements, what the posterior predicts, and the curves it is compared with.
 
-use super::Band;
+use super::axis::{Axis, Scale};
+use super::drawing::{Drawing, Ink, Pen};
+use super::header::{Swatch, header};
+use super::palette::Marker;
+use super::panel::{Spec, layout};
+use super::{Band, Columns, PlotError, Role, Width};
 
 /// Where zipping hands over to stretching: the contact ratio a_ve/R, with a central interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,4 +49,152 @@ pub struct FitFigure {
     pub paper_knee: Option<f64>,
     /// Logarithmic time axis (times <= 0 are left out).
     pub log_time: bool,
+}
+
+impl FitFigure {
+    pub(super) fn draw(&self, width: Width) -> Result<Drawing, PlotError> {
+        let columns = Columns("fit");
+        columns.need("contact_ratio", &self.contact_ratio, self.time_s.len(), "time")?;
+        for (field, values) in [
+            ("mean", &self.mean),
+            ("map", &self.map),
+            ("paper", &self.paper),
+            ("frenkel", &self.frenkel),
+        ] {
+            columns.allow(field, values, self.grid_s.len(), "grid time")?;
+        }
+        for (field, band) in [
+            ("band50", &self.band50),
+            ("band90", &self.band90),
+            ("predictive90", &self.predictive90),
+        ] {
+            columns.allow_band(field, band, self.grid_s.len(), "grid time")?;
+        }
+
+        let posterior = Role::Posterior.ink();
+        let bands = [
+            (&self.predictive90, posterior.with_opacity(0.13), "90 % with noise"),
+            (&self.band90, posterior.with_opacity(0.25), "90 %"),
+            (&self.band50, posterior.with_opacity(0.35), "50 %"),
+        ];
+        let curves = [
+            (&self.mean, Role::Posterior, "posterior mean"),
+            (&self.frenkel, Role::Frenkel, "Frenkel"),
+            (&self.paper, Role::Paper, "paper"),
+            (&self.map, Role::Map, "MAP"),
+        ];
+
+        let mut drawing = Drawing::new(width);
+        let mut entries = Vec::new();
+        if !self.time_s.is_empty() {
+            let outline = Some(Pen::solid(Role::Data.ink(), 0.65));
+            entries.push((
+                "measured".to_owned(),
+                Swatch::Point { marker: Marker::Circle, fill: Ink::WHITE, outline },
+            ));
+        }
+        for (values, role, name) in &curves {
+            if !values.is_empty() {
+                entries.push(((*name).to_owned(), Swatch::Line(role.pen())));
+            }
+        }
+        for (band, ink, name) in bands.iter().rev() {
+            if !band.lower.is_empty() {
+                entries.push((
+                    (*name).to_owned(),
+                    Swatch::Band(ink.with_opacity((ink.opacity * 1.6).min(1.0))),
+                ));
+            }
+        }
+        if self.knee.is_some() {
+            entries.push(("knee a_{ve}/R".to_owned(), knee_swatch(Role::Posterior)));
+        }
+        if self.paper_knee.is_some() {
+            entries.push(("knee, paper".to_owned(), knee_swatch(Role::Paper)));
+        }
+        let top = header(&mut drawing, &self.title, &entries);
+
+        let scale = if self.log_time { Scale::Log } else { Scale::Linear };
+        let times = self.time_s.iter().chain(&self.grid_s).copied();
+        let x = Axis::holding("time t", "s", scale, times, 0.02);
+        let x = if self.log_time { x } else { x.from_value(0.0) };
+        // Data, mean and bands set the range; a comparison curve may leave it, as Frenkel's does.
+        let own =
+            [&self.contact_ratio, &self.mean, &self.map, &self.band90.lower, &self.band90.upper];
+        let mut heights: Vec<f64> =
+            own.into_iter().flatten().copied().filter(|v| v.is_finite()).collect();
+        let reach = heights.iter().copied().fold(0.0, f64::max) * 1.15;
+        let others = [&self.predictive90.upper, &self.paper, &self.frenkel];
+        heights.extend(
+            others
+                .into_iter()
+                .flatten()
+                .copied()
+                .filter(|v| reach == 0.0 || (0.0..=reach).contains(v)),
+        );
+        heights.push(0.0);
+        let y =
+            Axis::holding("contact ratio a/R", "", Scale::Linear, heights, 0.04).from_value(0.0);
+        let height = match width {
+            Width::Column => 140.0,
+            Width::Full => 230.0,
+        };
+        let panels = layout(&mut drawing, top, 8.0, &[(height, vec![Some(Spec::new(x, y))])]);
+        let Some(panel) = panels.into_iter().flatten().flatten().next() else { return Ok(drawing) };
+
+        for (band, ink, _) in &bands {
+            panel.band(&mut drawing, &self.grid_s, &band.lower, &band.upper, *ink);
+        }
+        for (values, role, _) in &curves {
+            panel.line(&mut drawing, &self.grid_s, values, role.pen());
+        }
+        panel.data(&mut drawing, &self.time_s, &self.contact_ratio);
+        if let Some(knee) = self.paper_knee {
+            let at = crossing(&self.grid_s, &self.paper, knee).unwrap_or(f64::NAN);
+            let ink = Role::Paper.ink();
+            panel.markers(
+                &mut drawing,
+                &[at],
+                &[knee],
+                Marker::Diamond,
+                2.6,
+                ink,
+                Some(Pen::solid(Ink::WHITE, 0.5)),
+            );
+        }
+        if let Some(knee) = self.knee {
+            let curve = if self.map.is_empty() { &self.mean } else { &self.map };
+            let at = crossing(&self.grid_s, curve, knee.ratio).unwrap_or(f64::NAN);
+            panel.bars(
+                &mut drawing,
+                &[at],
+                &[knee.lower],
+                &[knee.upper],
+                Pen::solid(posterior, 1.6),
+            );
+            panel.markers(
+                &mut drawing,
+                &[at],
+                &[knee.ratio],
+                Marker::Diamond,
+                2.6,
+                posterior,
+                Some(Pen::solid(Ink::WHITE, 0.5)),
+            );
+        }
+        Ok(drawing)
+    }
+}
+
+fn knee_swatch(role: Role) -> Swatch {
+    Swatch::Point { marker: Marker::Diamond, fill: role.ink(), outline: None }
+}
+
+/// Where a curve first rises through a level, by linear interpolation.
+fn crossing(xs: &[f64], ys: &[f64], level: f64) -> Option<f64> {
+    let points = || xs.iter().copied().zip(ys.iter().copied());
+    points().zip(points().skip(1)).find_map(|((x0, y0), (x1, y1))| {
+        let crosses = y0 <= level && level <= y1 && y1 > y0;
+        crosses.then(|| x0 + (x1 - x0) * (level - y0) / (y1 - y0))
+    })
 }

@@ -12,14 +12,24 @@
 //!
 //! Values which are not finite are skipped: a gap in a curve, a missing marker, an interval that is not drawn.
 
+mod axis;
 mod compare;
 mod convergence;
 mod corner;
+mod density;
+mod drawing;
 mod fit;
+mod header;
 mod palette;
+mod panel;
 mod recursion;
 mod regime_map;
 mod residuals;
+#[cfg(test)]
+mod synthetic;
+#[cfg(test)]
+mod tests;
+mod text;
 mod work_precision;
 
 pub use compare::{CompareFigure, NamedCurve};
@@ -104,4 +114,82 @@ pub trait Figure {
     ///
     /// [`PlotError::Length`] if columns do not match, [`PlotError::TooMany`] if the figure has more panels than fit.
     fn render(&self, width: Width) -> Result<Picture, PlotError>;
+}
+
+macro_rules! figures {
+    ($($figure:ty),*) => {
+        $(impl Figure for $figure {
+            fn render(&self, width: Width) -> Result<Picture, PlotError> {
+                self.draw(width)?.finish()
+            }
+        })*
+    };
+}
+
+figures!(
+    CompareFigure,
+    ConvergenceFigure,
+    CornerFigure,
+    FitFigure,
+    RecursionFigure,
+    RegimeMapFigure,
+    ResidualsFigure,
+    WorkPrecisionFigure
+);
+
+/// Checks the columns of a figure, named for its messages.
+struct Columns(&'static str);
+
+impl Columns {
+    fn need(
+        &self,
+        field: &str,
+        values: &[f64],
+        expected: usize,
+        per: &'static str,
+    ) -> Result<(), PlotError> {
+        if values.len() == expected {
+            return Ok(());
+        }
+        Err(PlotError::Length {
+            figure: self.0,
+            field: field.to_owned(),
+            per,
+            found: values.len(),
+            expected,
+        })
+    }
+
+    /// As [`Columns::need`], but the column may be left empty.
+    fn allow(
+        &self,
+        field: &str,
+        values: &[f64],
+        expected: usize,
+        per: &'static str,
+    ) -> Result<(), PlotError> {
+        if values.is_empty() { Ok(()) } else { self.need(field, values, expected, per) }
+    }
+
+    fn allow_band(
+        &self,
+        field: &str,
+        band: &Band,
+        expected: usize,
+        per: &'static str,
+    ) -> Result<(), PlotError> {
+        if band.lower.is_empty() && band.upper.is_empty() {
+            return Ok(());
+        }
+        self.need(&format!("{field}.lower"), &band.lower, expected, per)?;
+        self.need(&format!("{field}.upper"), &band.upper, expected, per)
+    }
+
+    fn at_most(&self, what: &'static str, found: usize, most: usize) -> Result<(), PlotError> {
+        if found <= most {
+            Ok(())
+        } else {
+            Err(PlotError::TooMany { figure: self.0, what, found, most })
+        }
+    }
 }

@@ -1,4 +1,9 @@
 //! One colour, dash and marker per role, the same in every figure.
+//!
+//! The colours of the roles are Okabe and Ito's with the luminance spread, those of the series Tol's: both are told apart
+//! by colour-blind readers. What lies close in greyscale differs in dash or marker.
+
+use super::drawing::{Ink, Pen};
 
 /// What a curve or a point stands for; it decides its colour, dash and marker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -17,4 +22,72 @@ pub enum Role {
     Prior,
     /// The n-th of several named models, samplers or solvers (0 to 7; counts on from the start beyond that).
     Series(usize),
+}
+
+/// Shape of a point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Marker {
+    Circle,
+    Square,
+    Triangle,
+    Diamond,
+    Cross,
+    Down,
+}
+
+const SERIES: [u32; 8] =
+    [0x332288, 0xe69f00, 0x56b4e9, 0x882255, 0x999933, 0x44aa99, 0x661100, 0x777777];
+const DASHES: [&[f32]; 8] = [
+    &[],
+    &[5.0, 1.8],
+    &[1.6, 1.4],
+    &[6.0, 1.6, 1.4, 1.6],
+    &[9.0, 2.0],
+    &[3.0, 1.2],
+    &[6.0, 1.4, 1.2, 1.4, 1.2, 1.4],
+    &[1.0, 2.4],
+];
+const MARKERS: [Marker; 6] = [
+    Marker::Circle,
+    Marker::Square,
+    Marker::Triangle,
+    Marker::Diamond,
+    Marker::Down,
+    Marker::Cross,
+];
+
+impl Role {
+    pub(super) fn ink(self) -> Ink {
+        match self {
+            Role::Data => Ink::BLACK,
+            Role::Posterior => Ink::of(0x0072b2),
+            Role::Map => Ink::of(0xd55e00),
+            Role::Paper => Ink::of(0x00543f),
+            Role::Frenkel => Ink::of(0xcc79a7),
+            Role::Prior => Ink::GREY,
+            Role::Series(n) => Ink::of(SERIES[n % SERIES.len()]),
+        }
+    }
+
+    /// The pen of a curve.
+    pub(super) fn pen(self) -> Pen {
+        match self {
+            Role::Data => Pen::solid(self.ink(), 0.8),
+            Role::Posterior => Pen::solid(self.ink(), 1.3),
+            Role::Map => Pen::dashed(self.ink(), 1.1, &[3.0, 1.5]),
+            Role::Paper => Pen::dashed(self.ink(), 1.0, &[6.0, 1.6, 1.2, 1.6]),
+            Role::Frenkel => Pen::dashed(self.ink(), 1.1, &[7.0, 3.0]),
+            Role::Prior => Pen::dashed(self.ink(), 0.8, &[1.2, 1.4]),
+            Role::Series(n) => Pen::dashed(self.ink(), 1.1, DASHES[n % DASHES.len()]),
+        }
+    }
+
+    pub(super) fn marker(self) -> Marker {
+        match self {
+            Role::Data | Role::Posterior | Role::Prior => Marker::Circle,
+            Role::Map | Role::Paper => Marker::Diamond,
+            Role::Frenkel => Marker::Triangle,
+            Role::Series(n) => MARKERS[n % MARKERS.len()],
+        }
+    }
 }

@@ -1,5 +1,13 @@
 //! The regime map of a/R against time: eqs. 3 to 5, as in Figure 2 of the paper.
 
+use super::axis::{Axis, Scale};
+use super::drawing::{Drawing, Ink, Pen};
+use super::header::{Swatch, header};
+use super::palette::Marker;
+use super::panel::{Spec, layout};
+use super::text::Anchor;
+use super::{Columns, PlotError, Role, Width};
+
 /// Adhesive contact, zipping and stretching, with the two points where one hands over to the next.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RegimeMapFigure {
@@ -23,4 +31,96 @@ pub struct RegimeMapFigure {
     pub data_time_s: Vec<f64>,
     /// Measurements to lay over the map: a/R.
     pub data_ratio: Vec<f64>,
+}
+
+impl RegimeMapFigure {
+    pub(super) fn draw(&self, width: Width) -> Result<Drawing, PlotError> {
+        let columns = Columns("regime map");
+        columns.need("a1", &self.a1, self.grid_s.len(), "grid time")?;
+        columns.need("a2", &self.a2, self.grid_s.len(), "grid time")?;
+        columns.need("data_ratio", &self.data_ratio, self.data_time_s.len(), "time")?;
+
+        let a0 = vec![self.a0; self.grid_s.len()];
+        let stages = [
+            (&a0, Role::Series(0), "adhesive contact a_{0}"),
+            (&self.a1, Role::Series(1), "zipping a_{1} ~ t^{1/7}"),
+            (&self.a2, Role::Series(3), "stretching a_{2} ~ t^{1/2}"),
+        ];
+        let envelope: Vec<f64> = (0..self.grid_s.len())
+            .map(|i| {
+                let a = self.a0.max(self.a1[i]).max(self.a2[i]);
+                self.final_ratio.map_or(a, |end| a.min(end))
+            })
+            .collect();
+        let mut drawing = Drawing::new(width);
+        let wide = Pen::solid(Ink::of(0xd9d9d9), 4.0);
+        let mut entries: Vec<_> = stages
+            .iter()
+            .map(|(_, role, name)| ((*name).to_owned(), Swatch::Line(role.pen())))
+            .collect();
+        entries.push(("largest of the three".to_owned(), Swatch::Line(wide)));
+        if !self.data_time_s.is_empty() {
+            let outline = Some(Pen::solid(Role::Data.ink(), 0.65));
+            entries.push((
+                "measured".to_owned(),
+                Swatch::Point { marker: Marker::Circle, fill: Ink::WHITE, outline },
+            ));
+        }
+        let top = header(&mut drawing, &self.title, &entries);
+
+        let points = [self.p1, self.p2];
+        let marked = points.iter().flatten();
+        let times = self
+            .grid_s
+            .iter()
+            .copied()
+            .chain(marked.clone().map(|p| p.0))
+            .chain(self.data_time_s.iter().copied());
+        let x = Axis::holding("time t", "s", Scale::Log, times, 0.01);
+        let heights = envelope
+            .iter()
+            .chain(&self.data_ratio)
+            .copied()
+            .chain(marked.clone().map(|p| p.1))
+            .chain(self.final_ratio);
+        let y = Axis::holding("contact ratio a/R", "", Scale::Log, heights, 0.08);
+        let height = match width {
+            Width::Column => 140.0,
+            Width::Full => 230.0,
+        };
+        let panels = layout(&mut drawing, top, 8.0, &[(height, vec![Some(Spec::new(x, y))])]);
+        let Some(panel) = panels.into_iter().flatten().flatten().next() else { return Ok(drawing) };
+        panel.line(&mut drawing, &self.grid_s, &envelope, wide);
+        if let Some(end) = self.final_ratio {
+            panel.across(&mut drawing, end, Pen::dashed(Ink::GREY, 0.6, &[1.2, 1.4]));
+        }
+        for (values, role, _) in &stages {
+            panel.line(&mut drawing, &self.grid_s, values, role.pen());
+        }
+        panel.data(&mut drawing, &self.data_time_s, &self.data_ratio);
+        let mut last = None;
+        for (point, name) in points.into_iter().zip(["p_{1}", "p_{2}"]) {
+            let Some((time_s, ratio)) = point else { continue };
+            panel.markers(&mut drawing, &[time_s], &[ratio], Marker::Circle, 2.2, Ink::BLACK, None);
+            if let Some((x, y)) = panel.at(time_s, ratio).filter(|&at| panel.holds(at)) {
+                // Below and to the right of the point nothing runs: all three lines rise or are flat.
+                let beside = last.is_some_and(|(lx, ly): (f32, f32)| {
+                    (lx - x).abs() < 14.0 && (ly - y).abs() < 12.0
+                });
+                let shift = if beside { 16.0 } else { 5.0 };
+                let right = panel.right - x > 30.0;
+                let at = (if right { x + shift } else { x - 4.0 }, y + 4.0);
+                let anchor = if right { Anchor::TOP_LEFT } else { Anchor::BOTTOM_RIGHT };
+                drawing.text(
+                    name,
+                    7.5,
+                    if right { at } else { (at.0, y - 4.0) },
+                    anchor,
+                    Ink::BLACK,
+                );
+                last = Some((x, y));
+            }
+        }
+        Ok(drawing)
+    }
 }

@@ -1,5 +1,12 @@
 //! Residuals: is what the model leaves over noise?
 
+use super::axis::{Axis, Scale};
+use super::drawing::{Drawing, Ink, Pen};
+use super::header::{Swatch, header};
+use super::palette::Marker;
+use super::panel::{Spec, layout};
+use super::{Columns, PlotError, Role, Width};
+
 /// Residuals against time, their autocorrelation, and their normal quantiles.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ResidualsFigure {
@@ -13,4 +20,132 @@ pub struct ResidualsFigure {
     pub sigma: f64,
     /// Logarithmic time axis (times <= 0 are left out).
     pub log_time: bool,
+}
+
+impl ResidualsFigure {
+    pub(super) fn draw(&self, width: Width) -> Result<Drawing, PlotError> {
+        Columns("residuals").need("residual", &self.residual, self.time_s.len(), "time")?;
+        let sigma = if self.sigma.is_finite() { self.sigma.abs() } else { f64::NAN };
+        let ink = Role::Posterior.ink();
+        let outline = Some(Pen::solid(Role::Data.ink(), 0.65));
+        let mut drawing = Drawing::new(width);
+        let entries = [
+            (
+                "measured − model".to_owned(),
+                Swatch::Point { marker: Marker::Circle, fill: Ink::WHITE, outline },
+            ),
+            ("±2σ of the noise".to_owned(), Swatch::Band(ink.with_opacity(0.25))),
+            ("±95 % if white".to_owned(), Swatch::Line(Pen::dashed(Ink::GREY, 0.8, &[1.2, 1.4]))),
+        ];
+        let top = header(&mut drawing, &self.title, &entries);
+
+        let scale = if self.log_time { Scale::Log } else { Scale::Linear };
+        let x = Axis::holding("time t", "s", scale, self.time_s.iter().copied(), 0.02);
+        let x = if self.log_time { x } else { x.from_value(0.0) };
+        let residuals = self.residual.iter().copied().chain([2.2 * sigma, -2.2 * sigma]);
+        let y = Axis::holding("residual of a/R", "", Scale::Linear, residuals, 0.05);
+
+        let correlation = autocorrelation(&self.residual);
+        let lags: Vec<f64> = (0..correlation.len()).map(|lag| lag as f64).collect();
+        let white = 1.96 / (self.residual.len().max(1) as f64).sqrt();
+        let lag_axis =
+            Axis::holding("lag", "observations", Scale::Count, lags.iter().copied(), 0.03);
+        let correlation_axis = Axis::holding(
+            "autocorrelation",
+            "",
+            Scale::Linear,
+            correlation.iter().copied().chain([0.0, 1.0, -white]),
+            0.03,
+        );
+
+        let (normal, sorted) = normal_quantiles(&self.residual, sigma);
+        let normal_axis =
+            Axis::holding("normal quantile", "σ", Scale::Linear, normal.iter().copied(), 0.05);
+        let sorted_axis =
+            Axis::holding("residual", "σ", Scale::Linear, sorted.iter().copied(), 0.05);
+
+        let heights = match width {
+            Width::Column => (95.0, 80.0),
+            Width::Full => (140.0, 130.0),
+        };
+        let rows = [
+            (heights.0, vec![Some(Spec::new(x, y))]),
+            (
+                heights.1,
+                vec![
+                    Some(Spec::new(lag_axis, correlation_axis)),
+                    Some(Spec::new(normal_axis, sorted_axis)),
+                ],
+            ),
+        ];
+        let panels: Vec<_> =
+            layout(&mut drawing, top, 10.0, &rows).into_iter().flatten().flatten().collect();
+        let [time, lag, quantile] = panels.as_slice() else { return Ok(drawing) };
+
+        let ends = if self.log_time {
+            [10_f64.powf(time.x.low), 10_f64.powf(time.x.high)]
+        } else {
+            [time.x.low, time.x.high]
+        };
+        time.band(
+            &mut drawing,
+            &ends,
+            &[-2.0 * sigma; 2],
+            &[2.0 * sigma; 2],
+            ink.with_opacity(0.15),
+        );
+        time.across(&mut drawing, 0.0, Pen::solid(ink, 0.8));
+        time.data(&mut drawing, &self.time_s, &self.residual);
+
+        for level in [white, -white] {
+            lag.across(&mut drawing, level, Pen::dashed(Ink::GREY, 0.8, &[1.2, 1.4]));
+        }
+        lag.across(&mut drawing, 0.0, Pen::solid(Ink::GREY, 0.5));
+        lag.bars(
+            &mut drawing,
+            &lags,
+            &vec![0.0; lags.len()],
+            &correlation,
+            Pen::solid(Role::Data.ink(), 0.9),
+        );
+        lag.markers(&mut drawing, &lags, &correlation, Marker::Circle, 1.4, Role::Data.ink(), None);
+
+        quantile.line(&mut drawing, &[-10.0, 10.0], &[-10.0, 10.0], Pen::solid(ink, 0.8));
+        quantile.data(&mut drawing, &normal, &sorted);
+        Ok(drawing)
+    }
+}
+
+/// Sample autocorrelation up to a quarter of the series, at most 40 lags; about the mean zero that a model which fits has.
+fn autocorrelation(residual: &[f64]) -> Vec<f64> {
+    let r: Vec<f64> = residual.iter().copied().filter(|r| r.is_finite()).collect();
+    let largest = r.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    if largest == 0.0 {
+        return Vec::new();
+    }
+    let r: Vec<f64> = r.iter().map(|v| v / largest).collect();
+    let power: f64 = r.iter().map(|v| v * v).sum();
+    let lags = (r.len() / 4).clamp(1, 40).min(r.len() - 1);
+    (0..=lags).map(|lag| r.iter().zip(&r[lag..]).map(|(a, b)| a * b).sum::<f64>() / power).collect()
+}
+
+/// Standard normal quantiles at (i - 1/2)/n, and the sorted residuals over sigma.
+fn normal_quantiles(residual: &[f64], sigma: f64) -> (Vec<f64>, Vec<f64>) {
+    let mut sorted: Vec<f64> =
+        residual.iter().map(|r| r / sigma).filter(|r| r.is_finite()).collect();
+    sorted.sort_by(f64::total_cmp);
+    let n = sorted.len() as f64;
+    ((0..sorted.len()).map(|i| normal_quantile((i as f64 + 0.5) / n)).collect(), sorted)
+}
+
+/// Inverse of the standard normal distribution, to 4.5e-4, which is a hundredth of a point of the picture.
+fn normal_quantile(p: f64) -> f64 {
+    if p > 0.5 {
+        return -normal_quantile(1.0 - p);
+    }
+    // Abramowitz and Stegun 26.2.23.
+    let t = (-2.0 * p.max(1e-300).ln()).sqrt();
+    let top = 2.515_517 + t * (0.802_853 + t * 0.010_328);
+    let below = 1.0 + t * (1.432_788 + t * (0.189_269 + t * 0.001_308));
+    -(t - top / below)
 }

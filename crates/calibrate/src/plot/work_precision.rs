@@ -1,6 +1,10 @@
 //! Work against precision, both logarithmic.
 
-use super::{Band, Role};
+use super::axis::{Axis, Scale};
+use super::drawing::{Drawing, Ink, Pen};
+use super::header::{Swatch, header};
+use super::panel::{Spec, layout};
+use super::{Band, Columns, PlotError, Role, Width};
 
 /// One method of a [`WorkPrecisionFigure`].
 #[derive(Debug, Clone, PartialEq)]
@@ -34,4 +38,83 @@ pub struct WorkPrecisionFigure {
     pub series: Vec<WorkPrecisionSeries>,
     /// Slope of a guide line in the log-log plane, for example -0.5.
     pub guide_slope: Option<f64>,
+}
+
+impl WorkPrecisionFigure {
+    pub(super) fn draw(&self, width: Width) -> Result<Drawing, PlotError> {
+        let columns = Columns("work precision");
+        for s in &self.series {
+            columns.need(&format!("error of {}", s.name), &s.error, s.cost.len(), "cost")?;
+            columns.allow_band(&format!("band of {}", s.name), &s.band, s.cost.len(), "cost")?;
+        }
+        let guide_pen = Pen::solid(Ink::GREY, 0.7);
+        let mut drawing = Drawing::new(width);
+        let mut entries: Vec<_> = self
+            .series
+            .iter()
+            .map(|s| {
+                (
+                    s.name.clone(),
+                    Swatch::LineAndPoint { pen: s.role.pen(), marker: s.role.marker() },
+                )
+            })
+            .collect();
+        if let Some(slope) = self.guide_slope.filter(|s| s.is_finite()) {
+            let slope = slope.to_string().replace('-', "−");
+            entries.push((format!("slope {slope}"), Swatch::Line(guide_pen)));
+        }
+        let top = header(&mut drawing, &self.title, &entries);
+        let x = Axis::holding(
+            &self.cost_name,
+            &self.cost_unit,
+            Scale::Log,
+            self.series.iter().flat_map(|s| &s.cost).copied(),
+            0.05,
+        );
+        let values = self
+            .series
+            .iter()
+            .flat_map(|s| s.error.iter().chain(&s.band.upper).chain(&s.band.lower));
+        let y =
+            Axis::holding(&self.error_name, &self.error_unit, Scale::Log, values.copied(), 0.06);
+        let height = match width {
+            Width::Column => 140.0,
+            Width::Full => 230.0,
+        };
+        let panels = layout(&mut drawing, top, 8.0, &[(height, vec![Some(Spec::new(x, y))])]);
+        let Some(panel) = panels.into_iter().flatten().flatten().next() else { return Ok(drawing) };
+        if let Some(slope) = self.guide_slope.filter(|s| s.is_finite()) {
+            // Through the middle of the panel, as far as it goes; in coordinates, then back to values.
+            let (x0, y0) = ((panel.x.low + panel.x.high) / 2.0, (panel.y.low + panel.y.high) / 2.0);
+            let half = (panel.x.high - panel.x.low) / 2.0;
+            let (xs, ys): (Vec<f64>, Vec<f64>) = [-half, half]
+                .iter()
+                .map(|dx| (10_f64.powf(x0 + dx), 10_f64.powf(y0 + slope * dx)))
+                .unzip();
+            panel.line(&mut drawing, &xs, &ys, guide_pen);
+        }
+        for s in &self.series {
+            panel.band(
+                &mut drawing,
+                &s.cost,
+                &s.band.lower,
+                &s.band.upper,
+                s.role.ink().with_opacity(0.15),
+            );
+        }
+        for s in &self.series {
+            panel.line(&mut drawing, &s.cost, &s.error, s.role.pen());
+            let radius = if s.cost.len() <= 120 { 1.8 } else { 0.7 };
+            panel.markers(
+                &mut drawing,
+                &s.cost,
+                &s.error,
+                s.role.marker(),
+                radius,
+                s.role.ink(),
+                None,
+            );
+        }
+        Ok(drawing)
+    }
 }

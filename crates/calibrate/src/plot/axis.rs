@@ -1,0 +1,500 @@
+//! Axes: the range of the data, ticks at round values, and labels a person reads.
+
+use super::text;
+
+/// Size of tick labels in points.
+pub(super) const TICK_SIZE: f32 = 7.0;
+/// Least free space between neighbouring tick labels, in points.
+const GAP: f32 = 4.0;
+/// Values beyond this are not drawn: their range would overflow.
+const LARGEST: f64 = 1e300;
+/// The relative width of a range is at least this, so that ticks differ in double precision.
+const LEAST_SPAN: f64 = 1e-12;
+
+/// How values become positions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Scale {
+    Linear,
+    /// Positions are log10 of the values; values <= 0 are not drawn.
+    Log,
+    /// Values are log10 of the quantity that the labels name.
+    Exponent,
+    /// Linear, with ticks at whole numbers only.
+    Count,
+}
+
+/// One axis: quantity, scale and range in coordinates (log10 of the value where `Log`).
+#[derive(Debug, Clone)]
+pub(super) struct Axis {
+    pub(super) name: String,
+    pub(super) unit: String,
+    pub(super) scale: Scale,
+    pub(super) low: f64,
+    pub(super) high: f64,
+}
+
+/// Ticks as (coordinate, label), short ticks without label, and the title with unit, prefix or power.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Ticks {
+    pub(super) labelled: Vec<(f64, String)>,
+    pub(super) minor: Vec<f64>,
+    pub(super) title: String,
+}
+
+/// Which way an axis runs decides what the labels collide with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Direction {
+    /// Labels side by side; they may reach this far beyond the ends.
+    Across { overhang: f32 },
+    /// Labels above each other.
+    Up,
+}
+
+impl Axis {
+    /// An axis that holds all values, with a margin as a share of the range.
+    pub(super) fn holding(
+        name: &str,
+        unit: &str,
+        scale: Scale,
+        values: impl IntoIterator<Item = f64>,
+        margin: f64,
+    ) -> Axis {
+        let mut axis = Axis {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+            scale,
+            low: f64::INFINITY,
+            high: f64::NEG_INFINITY,
+        };
+        for value in values {
+            if let Some(c) = axis.coordinate(value) {
+                axis.low = axis.low.min(c);
+                axis.high = axis.high.max(c);
+            }
+        }
+        if axis.low > axis.high {
+            (axis.low, axis.high) = (0.0, 1.0);
+        }
+        let size = axis.low.abs().max(axis.high.abs());
+        let span = axis.high - axis.low;
+        let least = match scale {
+            Scale::Linear => size * LEAST_SPAN,
+            Scale::Log | Scale::Exponent => size.max(1.0) * LEAST_SPAN,
+            Scale::Count => 1.0,
+        };
+        let pad = if span > least {
+            span * margin
+        } else {
+            match scale {
+                Scale::Linear if size > 0.0 => size * 0.05,
+                Scale::Linear => 0.5,
+                Scale::Log | Scale::Exponent => 0.3,
+                Scale::Count => 0.6,
+            }
+        };
+        axis.low -= pad;
+        axis.high += pad;
+        axis
+    }
+
+    /// The same axis, starting at a value where that is below all others.
+    pub(super) fn from_value(mut self, value: f64) -> Axis {
+        if let Some(c) = self.coordinate(value).filter(|&c| c < self.high) {
+            self.low = c;
+        }
+        self
+    }
+
+    /// Position of a value along the axis in coordinates, if it has one.
+    pub(super) fn coordinate(&self, value: f64) -> Option<f64> {
+        match self.scale {
+            Scale::Linear | Scale::Exponent | Scale::Count => {
+                Some(value).filter(|v| v.abs() <= LARGEST)
+            }
+            Scale::Log => (value > 0.0 && value.is_finite()).then(|| value.log10()),
+        }
+    }
+
+    /// Position of a value as a share of the axis, 0 to 1 within it.
+    pub(super) fn share(&self, value: f64) -> Option<f64> {
+        self.coordinate(value)
+            .map(|c| (c - self.low) / (self.high - self.low))
+            .filter(|s| s.is_finite())
+    }
+
+    /// The densest round ticks whose labels do not touch on an axis of the given length in points.
+    pub(super) fn ticks(&self, length: f32, direction: Direction) -> Ticks {
+        let most = match direction {
+            Direction::Across { .. } => (length / 26.0).clamp(2.0, 8.0),
+            Direction::Up => (length / 15.0).clamp(2.0, 7.0),
+        } as usize;
+        match self.scale {
+            Scale::Linear => self.linear(length, direction, most, 0.0),
+            Scale::Count => self.linear(length, direction, most, 1.0),
+            Scale::Log | Scale::Exponent => self.logarithmic(length, direction, most),
+        }
+    }
+
+    fn linear(&self, length: f32, direction: Direction, most: usize, least_step: f64) -> Ticks {
+        let mut step = Step::at_least(((self.high - self.low) / most as f64).max(least_step));
+        let mut fallback = None;
+        for _ in 0..12 {
+            let numbers = Numbers::new(self.low, self.high, step, &self.unit);
+            let mut labelled = numbers.labels(self.low, self.high);
+            let all = labelled.len();
+            self.drop_overhanging(&mut labelled, length, direction);
+            let ticks = Ticks { labelled, minor: Vec::new(), title: numbers.title(&self.name) };
+            if self.apart(&ticks.labelled, length, direction)
+                && (ticks.labelled.len() == all || ticks.labelled.len() >= 2)
+            {
+                return ticks;
+            }
+            if fallback.is_none()
+                || self.apart(&ticks.labelled, length, direction) && !ticks.labelled.is_empty()
+            {
+                fallback = Some(ticks);
+            }
+            step = step.next();
+            if step.value() > self.high - self.low {
+                break;
+            }
+        }
+        let mut ticks = fallback.expect("the loop ran at least once");
+        while !self.apart(&ticks.labelled, length, direction) {
+            ticks.labelled.pop();
+        }
+        ticks
+    }
+
+    fn logarithmic(&self, length: f32, direction: Direction, most: usize) -> Ticks {
+        let title = Numbers::plain(&self.unit).title(&self.name);
+        let (first, last) = (self.low.ceil() as i64, self.high.floor() as i64);
+        let power = |k: i64| (k as f64, power_of_ten(k));
+        if last > first {
+            let decades = last - first + 1;
+            for stride in [1, 2, 3, 5, 10, 20, 30, 50, 100, 200, 300] {
+                let mut labelled: Vec<_> =
+                    (first..=last).filter(|k| k.rem_euclid(stride) == 0).map(power).collect();
+                self.drop_overhanging(&mut labelled, length, direction);
+                let many = match direction {
+                    Direction::Across { .. } => most + 1,
+                    Direction::Up => (length / 12.0) as usize + 1,
+                };
+                if labelled.len() <= many
+                    && self.apart(&labelled, length, direction)
+                    && !labelled.is_empty()
+                {
+                    let minor = if stride == 1 && decades <= 8 {
+                        (first - 1..=last)
+                            .flat_map(|k| (2..=9).map(move |m| k as f64 + f64::from(m).log10()))
+                            .filter(|c| (self.low..=self.high).contains(c))
+                            .collect()
+                    } else if decades <= 40 {
+                        (first..=last)
+                            .filter(|k| k.rem_euclid(stride) != 0)
+                            .map(|k| k as f64)
+                            .collect()
+                    } else {
+                        Vec::new()
+                    };
+                    return Ticks { labelled, minor, title };
+                }
+            }
+        }
+        // Less than a decade or two: round values within it.
+        let (low, high) = (10_f64.powf(self.low), 10_f64.powf(self.high));
+        if low < 1e-290 || high > 1e290 {
+            return Axis {
+                scale: Scale::Linear,
+                name: format!("log_{{10}} {}", self.name),
+                ..self.clone()
+            }
+            .ticks(length, direction);
+        }
+        let numbers = Numbers::new(low, high, Step::at_least(low), &self.unit);
+        let mut best: Option<Ticks> = None;
+        if high / low > 3.0 {
+            for mantissas in [&[1, 2, 3, 5][..], &[1, 2, 5][..], &[1, 3][..], &[2, 5][..], &[1][..]]
+            {
+                let mut labelled: Vec<(f64, String)> = Vec::new();
+                for k in first - 1..=last {
+                    for &m in mantissas {
+                        let value = f64::from(m) * 10_f64.powi(k as i32);
+                        let c = value.log10();
+                        if (self.low..=self.high).contains(&c) {
+                            labelled.push((c, numbers.label_shortest(value)));
+                        }
+                    }
+                }
+                self.drop_overhanging(&mut labelled, length, direction);
+                if labelled.len() >= 2 && self.apart(&labelled, length, direction) {
+                    best = Some(Ticks {
+                        labelled,
+                        minor: Vec::new(),
+                        title: numbers.title(&self.name),
+                    });
+                    break;
+                }
+            }
+        }
+        let mut ticks = best.unwrap_or_else(|| {
+            let linear = Axis { scale: Scale::Linear, low, high, ..self.clone() };
+            let mut most = most;
+            loop {
+                let mut ticks = linear.linear(length, direction, most, 0.0);
+                for (c, _) in &mut ticks.labelled {
+                    *c = c.log10();
+                }
+                if most <= 1 || self.apart(&ticks.labelled, length, direction) {
+                    while !self.apart(&ticks.labelled, length, direction) {
+                        ticks.labelled.pop();
+                    }
+                    self.drop_overhanging(&mut ticks.labelled, length, direction);
+                    return ticks;
+                }
+                most -= 1;
+            }
+        });
+        if high / low > 2.0 {
+            ticks.minor = (first - 1..=last)
+                .flat_map(|k| (1..=9).map(move |m| k as f64 + f64::from(m).log10()))
+                .filter(|c| (self.low..=self.high).contains(c))
+                .collect();
+        }
+        ticks
+    }
+
+    /// Labels that would stand out over the ends are left out.
+    fn drop_overhanging(
+        &self,
+        labelled: &mut Vec<(f64, String)>,
+        length: f32,
+        direction: Direction,
+    ) {
+        if let Direction::Across { overhang } = direction {
+            labelled.retain(|(c, label)| {
+                let at = self.along(*c, length);
+                let half = text::length(label, TICK_SIZE) / 2.0;
+                at - half >= -overhang && at + half <= length + overhang
+            });
+        }
+    }
+
+    fn along(&self, coordinate: f64, length: f32) -> f32 {
+        ((coordinate - self.low) / (self.high - self.low)) as f32 * length
+    }
+
+    fn apart(&self, labelled: &[(f64, String)], length: f32, direction: Direction) -> bool {
+        labelled.windows(2).all(|pair| {
+            let distance = self.along(pair[1].0, length) - self.along(pair[0].0, length);
+            let room = match direction {
+                Direction::Across { .. } => {
+                    (text::length(&pair[0].1, TICK_SIZE) + text::length(&pair[1].1, TICK_SIZE))
+                        / 2.0
+                        + GAP
+                }
+                Direction::Up => TICK_SIZE * 1.25,
+            };
+            distance >= room
+        })
+    }
+}
+
+/// A step of 1, 2 or 5 times a power of ten.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Step {
+    digit: i32,
+    exponent: i32,
+}
+
+impl Step {
+    fn at_least(size: f64) -> Step {
+        let size = size.max(1e-305);
+        let exponent = size.log10().floor() as i32 - 1;
+        let mut step = Step { digit: 1, exponent };
+        // The tolerance keeps 0.2 from becoming 0.5 by rounding.
+        while step.value() < size * (1.0 - 1e-9) {
+            step = step.next();
+        }
+        step
+    }
+
+    fn value(self) -> f64 {
+        if self.exponent < 0 {
+            f64::from(self.digit) / 10_f64.powi(-self.exponent)
+        } else {
+            f64::from(self.digit) * 10_f64.powi(self.exponent)
+        }
+    }
+
+    fn next(self) -> Step {
+        match self.digit {
+            1 => Step { digit: 2, ..self },
+            2 => Step { digit: 5, ..self },
+            _ => Step { digit: 1, exponent: self.exponent + 1 },
+        }
+    }
+}
+
+/// How the numbers of a linear axis are written: what is taken off, which power is taken out, how many decimals stay.
+struct Numbers {
+    step: Step,
+    offset: f64,
+    offset_text: String,
+    power: i32,
+    power_in_unit: bool,
+    decimals: usize,
+    unit: String,
+}
+
+impl Numbers {
+    fn plain(unit: &str) -> Numbers {
+        Numbers {
+            step: Step { digit: 1, exponent: 0 },
+            offset: 0.0,
+            offset_text: String::new(),
+            power: 0,
+            power_in_unit: false,
+            decimals: 0,
+            unit: unit.to_owned(),
+        }
+    }
+
+    fn new(low: f64, high: f64, step: Step, unit: &str) -> Numbers {
+        let largest = low.abs().max(high.abs());
+        let mut numbers = Numbers { step, ..Numbers::plain(unit) };
+        if largest > step.value() * 1e5 {
+            // Labels would be long and alike: take off what they share.
+            let unit_step = 10_f64.powi((high - low).log10().ceil() as i32);
+            numbers.offset = (low / unit_step).floor() * unit_step;
+            numbers.offset_text = offset_text(numbers.offset, unit_step.log10().round() as i32);
+        }
+        let reach = (low - numbers.offset).abs().max((high - numbers.offset).abs());
+        let exponent = Step::at_least(reach / 9.99).exponent;
+        if !(-2..=3).contains(&exponent) || (exponent < -1 && unit == "s") {
+            let engineering = exponent.div_euclid(3) * 3;
+            match prefix(unit, engineering).filter(|_| numbers.offset == 0.0) {
+                Some(prefix) => {
+                    numbers.unit = format!("{prefix}{unit}");
+                    numbers.power = engineering;
+                    numbers.power_in_unit = true;
+                }
+                None => numbers.power = exponent,
+            }
+        }
+        numbers.decimals = (numbers.power - step.exponent).max(0) as usize;
+        numbers
+    }
+
+    fn labels(&self, low: f64, high: f64) -> Vec<(f64, String)> {
+        let step = self.step.value();
+        let (first, last) = ((low / step - 1e-9).ceil(), (high / step + 1e-9).floor());
+        let count = ((last - first).max(-1.0) as usize + 1).min(100);
+        (0..count)
+            .map(|i| {
+                let value = (first + i as f64) * step;
+                // In units of the step the difference is a whole number, free of rounding.
+                let steps = (first + i as f64) - (self.offset / step).round();
+                (
+                    value.clamp(low, high),
+                    self.written(steps * f64::from(self.step.digit), self.step.exponent),
+                )
+            })
+            .collect()
+    }
+
+    /// `digits` times ten to the `exponent`, over the power that was taken out.
+    fn written(&self, digits: f64, exponent: i32) -> String {
+        let shifted = exponent - self.power;
+        let value = if shifted < 0 {
+            digits / 10_f64.powi(-shifted)
+        } else {
+            digits * 10_f64.powi(shifted)
+        };
+        signed(&format!("{value:.*}", self.decimals))
+    }
+
+    /// A value with no more decimals than it needs.
+    fn label_shortest(&self, value: f64) -> String {
+        let text = format!("{:.12}", value / 10_f64.powi(self.power));
+        signed(text.trim_end_matches('0').trim_end_matches('.'))
+    }
+
+    /// Name and, in brackets, unit and whatever was taken out of the labels.
+    fn title(&self, name: &str) -> String {
+        let mut inner = String::new();
+        if self.power != 0 && !self.power_in_unit {
+            inner = power_of_ten(i64::from(self.power));
+        }
+        if !self.unit.is_empty() {
+            if !inner.is_empty() {
+                inner.push(' ');
+            }
+            inner.push_str(&self.unit);
+        }
+        let offset = match self.offset_text.strip_prefix('−') {
+            _ if self.offset_text.is_empty() => String::new(),
+            Some(size) => format!(" + {size}"),
+            None => format!(" − {}", self.offset_text),
+        };
+        if inner.is_empty() {
+            format!("{name}{offset}")
+        } else {
+            format!("{name}{offset} ({inner})")
+        }
+    }
+}
+
+/// SI prefix for a power of a thousand, where the unit is one that takes it.
+fn prefix(unit: &str, power: i32) -> Option<&'static str> {
+    let prefixes: &[(i32, &str)] = match unit {
+        "s" => &[(-12, "p"), (-9, "n"), (-6, "µ"), (-3, "m")],
+        "m" => &[(-12, "p"), (-9, "n"), (-6, "µ"), (-3, "m"), (3, "k")],
+        "Pa" | "N" | "N/m" | "J" | "W" | "Hz" => {
+            &[(-9, "n"), (-6, "µ"), (-3, "m"), (3, "k"), (6, "M"), (9, "G")]
+        }
+        _ => &[],
+    };
+    prefixes.iter().find(|(p, _)| *p == power).map(|(_, prefix)| *prefix)
+}
+
+fn power_of_ten(k: i64) -> String {
+    format!("10^{{{}}}", signed(&k.to_string()))
+}
+
+/// A true minus sign, and none for zero.
+fn signed(text: &str) -> String {
+    match text.strip_prefix('-') {
+        Some(digits) if digits.chars().all(|c| matches!(c, '0' | '.')) => digits.to_owned(),
+        Some(digits) => format!("−{digits}"),
+        None => text.to_owned(),
+    }
+}
+
+/// A shared offset with as many digits as it has, in powers where it is large or small.
+fn offset_text(offset: f64, last_digit: i32) -> String {
+    if offset == 0.0 {
+        return String::new();
+    }
+    let exponent = offset.abs().log10().floor() as i32;
+    if (-3..7).contains(&exponent) && last_digit > -12 {
+        let text = format!("{:.*}", (-last_digit).max(0) as usize, offset);
+        let text = if text.contains('.') {
+            text.trim_end_matches('0').trim_end_matches('.')
+        } else {
+            &text
+        };
+        return signed(text);
+    }
+    let mantissa = format!(
+        "{:.*}",
+        (exponent - last_digit).clamp(0, 16) as usize,
+        offset / 10_f64.powi(exponent)
+    );
+    let mantissa = if mantissa.contains('.') {
+        mantissa.trim_end_matches('0').trim_end_matches('.')
+    } else {
+        &mantissa
+    };
+    format!("{}×{}", signed(mantissa), power_of_ten(i64::from(exponent)))
+}
