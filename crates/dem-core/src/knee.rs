@@ -1,6 +1,6 @@
 //! Where the kinetics bend, and when a contact ratio is reached.
 
-use crate::kinetics::{WithKinetic, Zipping, knee_contact_ratio, with_kinetic};
+use crate::kinetics::{WithLaw, Zipping, knee_contact_ratio, with_law};
 use crate::{Kinetic, Kinetics, PairScene, Sintering};
 
 /// The knee between stages 2 and 3 of the `three-stage` kinetics.
@@ -47,18 +47,20 @@ pub fn time_to_contact_ratio(
     sintering: &Sintering,
     target: f64,
 ) -> Option<f64> {
-    struct Inverse {
+    struct Inverse<'a> {
+        scene: &'a PairScene,
+        sintering: &'a Sintering,
         overlap: f64,
     }
-    impl WithKinetic for Inverse {
-        type Output = f64;
-        fn run<K: Kinetic>(self, law: K) -> f64 {
-            law.time_to_overlap(self.overlap)
+    impl WithLaw for Inverse<'_> {
+        type Output = Option<f64>;
+        fn run<K: Kinetic>(self) -> Option<f64> {
+            Some(K::new(self.scene, self.sintering).ok()?.time_to_overlap(self.overlap))
         }
     }
     // phi itself is reached, whatever the rounding of its square.
     let overlap =
         if target == scene.final_contact_ratio() { scene.final_overlap() } else { target * target };
-    let time = with_kinetic(kinetics, scene, sintering, Inverse { overlap }).ok()?;
+    let time = with_law(kinetics, Inverse { scene, sintering, overlap })?;
     (target >= 0.0 && time.is_finite()).then_some(time)
 }

@@ -32,6 +32,7 @@ pub mod contact_law;
 mod error;
 pub mod kinetics;
 mod knee;
+pub mod lanes;
 pub mod paper;
 mod powder;
 pub mod printed;
@@ -48,5 +49,5 @@ pub use scene::{Damping, PairScene, PairSpec};
 pub use sintering::Sintering;
 pub use solvers::{
     Curve, PairSolver, QuasiStaticLag, SolveReport, SolverChoice, SolverKind, SolverSettings,
-    StopReason, choose_solver, contact_ratios, simulate,
+    StopReason, choose_solver, contact_ratios, simulate, verlet_batch,
 };

@@ -1,6 +1,7 @@
 //! Stretching: viscous flow driven by surface tension.
 
-use super::Kinetic;
+use super::{Kinetic, RateCoefficients};
+use crate::lanes::Lanes;
 use crate::{PairScene, Sintering, SolveError};
 
 /// Frenkel's law, stage 3 of the paper: `a/R = (t/tau_s)^(1/2)` (eq. 5), as a rate `dx/dt = 1/tau_s`.
@@ -46,19 +47,21 @@ impl Kinetic for Frenkel {
         Self::from_overlap(scene, sintering, scene.x0())
     }
 
-    #[inline]
-    fn switch_overlap(&self) -> f64 {
-        0.0
-    }
+    const HAS_SWITCH: bool = false;
 
     #[inline]
-    fn rate_before_switch(&self, _overlap: f64) -> f64 {
-        self.rate_per_s
+    fn coefficients(&self) -> RateCoefficients<f64> {
+        RateCoefficients { switch: 0.0, zipping: 0.0, stretching: self.rate_per_s }
     }
 
-    #[inline]
-    fn rate_after_switch(&self, _overlap: f64) -> f64 {
-        self.rate_per_s
+    #[inline(always)]
+    fn rate_before_switch<L: Lanes>(coefficients: &RateCoefficients<L>, overlap: L) -> (L, L) {
+        Self::rate_after_switch(coefficients, overlap)
+    }
+
+    #[inline(always)]
+    fn rate_after_switch<L: Lanes>(coefficients: &RateCoefficients<L>, _overlap: L) -> (L, L) {
+        (coefficients.stretching, L::splat(1.0))
     }
 
     fn contact_ratios(&self, times_s: &[f64], contact_ratio: &mut [f64]) {

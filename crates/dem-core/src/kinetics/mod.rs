@@ -23,6 +23,7 @@ pub use zipping::Zipping;
 use std::fmt;
 use std::str::FromStr;
 
+use crate::lanes::Lanes;
 use crate::{PairScene, Sintering, SolveError};
 
 /// A growth law of the pair in force balance. Overlaps in radii, times in seconds.
@@ -35,24 +36,44 @@ pub trait Kinetic: Copy + Send + Sync {
     /// for a rate that does not fit into a number.
     fn new(scene: &PairScene, sintering: &Sintering) -> Result<Self, SolveError>;
 
-    /// Overlap at which the first branch of the rate gives way to the second; 0 where there is only
-    /// the second.
-    fn switch_overlap(&self) -> f64;
+    /// Whether there is a first branch at all.
+    const HAS_SWITCH: bool;
 
-    /// `dx/dt` \[1/s\] of the first branch, smooth beyond the switch.
-    fn rate_before_switch(&self, overlap: f64) -> f64;
+    /// The numbers the rate is made of.
+    fn coefficients(&self) -> RateCoefficients<f64>;
 
-    /// `dx/dt` \[1/s\] of the second branch.
-    fn rate_after_switch(&self, overlap: f64) -> f64;
+    /// `dx/dt` \[1/s\] of the first branch as numerator and denominator, smooth beyond the switch.
+    fn rate_before_switch<L: Lanes>(coefficients: &RateCoefficients<L>, overlap: L) -> (L, L);
+
+    /// `dx/dt` \[1/s\] of the second branch as numerator and denominator.
+    fn rate_after_switch<L: Lanes>(coefficients: &RateCoefficients<L>, overlap: L) -> (L, L);
+
+    /// `dx/dt` \[1/s\] as numerator and denominator, for a solver that divides anyway.
+    #[inline(always)]
+    fn rate_fraction<L: Lanes>(coefficients: &RateCoefficients<L>, overlap: L) -> (L, L) {
+        if Self::HAS_SWITCH {
+            L::choose_pair(
+                overlap,
+                coefficients.switch,
+                || Self::rate_before_switch(coefficients, overlap),
+                || Self::rate_after_switch(coefficients, overlap),
+            )
+        } else {
+            Self::rate_after_switch(coefficients, overlap)
+        }
+    }
 
     /// `dx/dt` \[1/s\].
     #[inline]
     fn rate(&self, overlap: f64) -> f64 {
-        if overlap < self.switch_overlap() {
-            self.rate_before_switch(overlap)
-        } else {
-            self.rate_after_switch(overlap)
-        }
+        let (numerator, denominator) = Self::rate_fraction(&self.coefficients(), overlap);
+        numerator / denominator
+    }
+
+    /// The overlap that the law approaches by itself, infinite where only phi ends it.
+    #[inline]
+    fn limit_overlap(&self) -> f64 {
+        f64::INFINITY
     }
 
     /// How long the overlap rests at `x0` before the rate applies \[s\]; 0 for all but [`RegimeMap`].
@@ -68,6 +89,17 @@ pub trait Kinetic: Copy + Send + Sync {
 
     /// Time \[s\] at which the overlap is reached: 0 at or below the start, infinite where it never is.
     fn time_to_overlap(&self, overlap: f64) -> f64;
+}
+
+/// The numbers a rate is made of, of one curve or of several side by side.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RateCoefficients<L> {
+    /// Overlap at which the first branch gives way to the second; 0 where there is only the second.
+    pub switch: L,
+    /// `(2/7) B` of [`Zipping`] \[1/s\].
+    pub zipping: L,
+    /// `1/tau_s` \[1/s\].
+    pub stretching: L,
 }
 
 /// The kinetics by name.
@@ -148,23 +180,18 @@ impl FromStr for Kinetics {
 }
 
 /// Work to be done with the type that a [`Kinetics`] names.
-pub(crate) trait WithKinetic {
+pub(crate) trait WithLaw {
     type Output;
-    fn run<K: Kinetic>(self, law: K) -> Self::Output;
+    fn run<K: Kinetic>(self) -> Self::Output;
 }
 
 /// The one place where the name becomes a type.
-pub(crate) fn with_kinetic<W: WithKinetic>(
-    kinetics: Kinetics,
-    scene: &PairScene,
-    sintering: &Sintering,
-    work: W,
-) -> Result<W::Output, SolveError> {
-    Ok(match kinetics {
-        Kinetics::ThreeStage => work.run(ThreeStage::new(scene, sintering)?),
-        Kinetics::Frenkel => work.run(Frenkel::new(scene, sintering)?),
-        Kinetics::Pokluda => work.run(Pokluda::new(scene, sintering)?),
-        Kinetics::ThreeStagePokluda => work.run(ThreeStagePokluda::new(scene, sintering)?),
-        Kinetics::RegimeMap => work.run(RegimeMap::new(scene, sintering)?),
-    })
+pub(crate) fn with_law<W: WithLaw>(kinetics: Kinetics, work: W) -> W::Output {
+    match kinetics {
+        Kinetics::ThreeStage => work.run::<ThreeStage>(),
+        Kinetics::Frenkel => work.run::<Frenkel>(),
+        Kinetics::Pokluda => work.run::<Pokluda>(),
+        Kinetics::ThreeStagePokluda => work.run::<ThreeStagePokluda>(),
+        Kinetics::RegimeMap => work.run::<RegimeMap>(),
+    }
 }

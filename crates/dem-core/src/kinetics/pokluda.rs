@@ -1,6 +1,7 @@
 //! Frenkel's balance at constant volume.
 
-use super::Kinetic;
+use super::{Kinetic, RateCoefficients};
+use crate::lanes::Lanes;
 use crate::{PairScene, Sintering, SolveError};
 
 /// Pokluda's law: surface tension does the work of viscous flow while two equal spheres keep their
@@ -77,20 +78,19 @@ impl Pokluda {
     }
 }
 
-/// `w` of an overlap: the root of `4 w - 1/w^2 = 3 x / 2^(2/3)`, 1 beyond the merged pair.
-#[inline]
-fn neck_shape(overlap: f64) -> f64 {
-    let target = (3.0 / CBRT_4) * overlap;
-    if target >= 3.0 {
-        return 1.0;
-    }
-    // A parabola through both ends with the slope of the first, within 0.005, that three
+/// `w` of an overlap: the root of `4 w - 1/w^2 = 3 x / 2^(2/3)`; 1 beyond the merged pair.
+#[inline(always)]
+fn neck_shape<L: Lanes>(overlap: L) -> L {
+    let target = (L::splat(3.0 / CBRT_4) * overlap).min(L::splat(3.0));
+    // A parabola through both ends with the slope of the first, within 0.003, that three
     // iterations of Newton's method refine to rounding.
-    let mut w = EMPTY_NECK + target * (1.0 / 12.0 + target * 0.013_337_719_450_284_8);
+    let curve = L::splat(1.0 / 12.0) + target * L::splat(0.013_337_719_450_284_8);
+    let mut w = L::splat(EMPTY_NECK) + target * curve;
     for _ in 0..3 {
-        let inverse = 1.0 / w;
-        let inverse_squared = inverse * inverse;
-        w -= (4.0 * w - inverse_squared - target) / (4.0 + 2.0 * inverse_squared * inverse);
+        // (4 w - 1/w^2 - target) / (4 + 2/w^3), with w^3 above and below.
+        let cubed = w * w * w;
+        let four = L::splat(4.0);
+        w = w - ((four * w - target) * cubed - w) / (four * cubed + L::splat(2.0));
     }
     w
 }
@@ -134,22 +134,32 @@ impl Kinetic for Pokluda {
         Self::from_overlap(scene, sintering, scene.x0())
     }
 
-    #[inline]
-    fn switch_overlap(&self) -> f64 {
-        0.0
-    }
+    const HAS_SWITCH: bool = false;
 
     #[inline]
-    fn rate_before_switch(&self, overlap: f64) -> f64 {
-        self.rate_after_switch(overlap)
+    fn coefficients(&self) -> RateCoefficients<f64> {
+        RateCoefficients { switch: 0.0, zipping: 0.0, stretching: self.rate_per_s }
     }
 
-    #[inline]
-    fn rate_after_switch(&self, overlap: f64) -> f64 {
+    #[inline(always)]
+    fn rate_before_switch<L: Lanes>(coefficients: &RateCoefficients<L>, overlap: L) -> (L, L) {
+        Self::rate_after_switch(coefficients, overlap)
+    }
+
+    #[inline(always)]
+    fn rate_after_switch<L: Lanes>(coefficients: &RateCoefficients<L>, overlap: L) -> (L, L) {
         let w = neck_shape(overlap);
         let squared = w * w;
         let cubed = squared * w;
-        CBRT_2 / 9.0 * self.rate_per_s * (1.0 + 2.0 * cubed) * (1.0 - cubed) / (squared * squared)
+        let one = L::splat(1.0);
+        let left = (one - cubed).max(L::splat(0.0));
+        let growth = (one + L::splat(2.0) * cubed) * left;
+        (L::splat(CBRT_2 / 9.0) * coefficients.stretching * growth, squared * squared)
+    }
+
+    #[inline]
+    fn limit_overlap(&self) -> f64 {
+        CBRT_4
     }
 
     fn contact_ratios(&self, times_s: &[f64], contact_ratio: &mut [f64]) {

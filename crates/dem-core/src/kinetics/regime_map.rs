@@ -1,7 +1,8 @@
 //! The regime map of Fig. 2.
 
 use super::zipping::seven_halves;
-use super::{Frenkel, Kinetic, Zipping};
+use super::{Frenkel, Kinetic, RateCoefficients, Zipping};
+use crate::lanes::Lanes;
 use crate::sintering::in_range;
 use crate::{PairScene, Sintering, SolveError};
 
@@ -36,19 +37,25 @@ impl Kinetic for RegimeMap {
         Ok(Self { zipping, stretching, start, end: scene.final_overlap(), crossing, rest_s })
     }
 
-    #[inline]
-    fn switch_overlap(&self) -> f64 {
-        self.crossing
-    }
+    const HAS_SWITCH: bool = true;
 
     #[inline]
-    fn rate_before_switch(&self, overlap: f64) -> f64 {
-        self.zipping.rate(overlap)
+    fn coefficients(&self) -> RateCoefficients<f64> {
+        RateCoefficients {
+            switch: self.crossing,
+            zipping: self.zipping.rate_coefficient(),
+            ..self.stretching.coefficients()
+        }
     }
 
-    #[inline]
-    fn rate_after_switch(&self, overlap: f64) -> f64 {
-        self.stretching.rate_after_switch(overlap)
+    #[inline(always)]
+    fn rate_before_switch<L: Lanes>(coefficients: &RateCoefficients<L>, overlap: L) -> (L, L) {
+        Zipping::rate_fraction(coefficients.zipping, overlap)
+    }
+
+    #[inline(always)]
+    fn rate_after_switch<L: Lanes>(coefficients: &RateCoefficients<L>, overlap: L) -> (L, L) {
+        Frenkel::rate_after_switch(coefficients, overlap)
     }
 
     #[inline]

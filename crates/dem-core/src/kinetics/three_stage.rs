@@ -1,6 +1,7 @@
 //! The paper's kinetics.
 
-use super::{Frenkel, Kinetic, Zipping};
+use super::{Frenkel, Kinetic, RateCoefficients, Zipping};
+use crate::lanes::Lanes;
 use crate::{PairScene, Sintering, SolveError};
 
 /// The paper's three stages: adhesive contact `x0` (eq. 3), [`Zipping`] (eq. 4) up to the knee
@@ -69,19 +70,25 @@ impl Kinetic for ThreeStage {
         Ok(Self { zipping, stretching, knee })
     }
 
-    #[inline]
-    fn switch_overlap(&self) -> f64 {
-        self.knee.overlap
-    }
+    const HAS_SWITCH: bool = true;
 
     #[inline]
-    fn rate_before_switch(&self, overlap: f64) -> f64 {
-        self.zipping.rate(overlap)
+    fn coefficients(&self) -> RateCoefficients<f64> {
+        RateCoefficients {
+            switch: self.knee.overlap,
+            zipping: self.zipping.rate_coefficient(),
+            ..self.stretching.coefficients()
+        }
     }
 
-    #[inline]
-    fn rate_after_switch(&self, overlap: f64) -> f64 {
-        self.stretching.rate_after_switch(overlap)
+    #[inline(always)]
+    fn rate_before_switch<L: Lanes>(coefficients: &RateCoefficients<L>, overlap: L) -> (L, L) {
+        Zipping::rate_fraction(coefficients.zipping, overlap)
+    }
+
+    #[inline(always)]
+    fn rate_after_switch<L: Lanes>(coefficients: &RateCoefficients<L>, overlap: L) -> (L, L) {
+        Frenkel::rate_after_switch(coefficients, overlap)
     }
 
     fn contact_ratios(&self, times_s: &[f64], contact_ratio: &mut [f64]) {

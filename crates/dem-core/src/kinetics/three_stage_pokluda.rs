@@ -1,7 +1,8 @@
 //! The paper's kinetics with the last stage at constant volume.
 
 use super::three_stage::Switch;
-use super::{Kinetic, Pokluda, Zipping};
+use super::{Kinetic, Pokluda, RateCoefficients, Zipping};
+use crate::lanes::Lanes;
 use crate::{PairScene, Sintering, SolveError};
 
 /// [`ThreeStage`](super::ThreeStage) with stage 3 replaced by [`Pokluda`]: adhesive contact,
@@ -21,19 +22,30 @@ impl Kinetic for ThreeStagePokluda {
         Ok(Self { zipping, stretching, knee })
     }
 
+    const HAS_SWITCH: bool = true;
+
     #[inline]
-    fn switch_overlap(&self) -> f64 {
-        self.knee.overlap
+    fn coefficients(&self) -> RateCoefficients<f64> {
+        RateCoefficients {
+            switch: self.knee.overlap,
+            zipping: self.zipping.rate_coefficient(),
+            ..self.stretching.coefficients()
+        }
+    }
+
+    #[inline(always)]
+    fn rate_before_switch<L: Lanes>(coefficients: &RateCoefficients<L>, overlap: L) -> (L, L) {
+        Zipping::rate_fraction(coefficients.zipping, overlap)
+    }
+
+    #[inline(always)]
+    fn rate_after_switch<L: Lanes>(coefficients: &RateCoefficients<L>, overlap: L) -> (L, L) {
+        Pokluda::rate_after_switch(coefficients, overlap)
     }
 
     #[inline]
-    fn rate_before_switch(&self, overlap: f64) -> f64 {
-        self.zipping.rate(overlap)
-    }
-
-    #[inline]
-    fn rate_after_switch(&self, overlap: f64) -> f64 {
-        self.stretching.rate_after_switch(overlap)
+    fn limit_overlap(&self) -> f64 {
+        self.stretching.limit_overlap()
     }
 
     fn contact_ratios(&self, times_s: &[f64], contact_ratio: &mut [f64]) {

@@ -1,5 +1,6 @@
 //! Zipping: adhesive traction between the surfaces, accommodated by viscoelastic deformation.
 
+use crate::lanes::Lanes;
 use crate::sintering::{in_range, positive};
 use crate::{PairScene, Sintering, SolveError};
 
@@ -32,11 +33,18 @@ impl Zipping {
         Ok(Self { b_per_s, start_power: seven_halves(scene.x0()) })
     }
 
-    /// `dx/dt = (2/7) B x^(-5/2)` \[1/s\].
+    /// `(2/7) B` \[1/s\].
     #[inline]
     #[must_use]
-    pub fn rate(&self, overlap: f64) -> f64 {
-        2.0 / 7.0 * self.b_per_s / (overlap * overlap * overlap.sqrt())
+    pub fn rate_coefficient(&self) -> f64 {
+        2.0 / 7.0 * self.b_per_s
+    }
+
+    /// `dx/dt = (2/7) B x^(-5/2)` \[1/s\], as numerator and denominator.
+    #[inline(always)]
+    #[must_use]
+    pub fn rate_fraction<L: Lanes>(rate_coefficient: L, overlap: L) -> (L, L) {
+        (rate_coefficient, overlap * overlap * overlap.sqrt())
     }
 
     /// Contact ratio `(x0^(7/2) + B t)^(1/7)`.

@@ -2,14 +2,18 @@
 
 mod choice;
 mod closed_form;
+mod quasi_static;
+mod verlet;
 
 pub use choice::{SolverChoice, choose_solver};
 pub use closed_form::ClosedForm;
+pub use quasi_static::QuasiStatic;
+pub use verlet::{Verlet, verlet_batch};
 
 use std::fmt;
 use std::str::FromStr;
 
-use crate::kinetics::{UnknownName, WithKinetic, with_kinetic};
+use crate::kinetics::{UnknownName, WithLaw, with_law};
 use crate::{Kinetic, Kinetics, PairScene, Sintering, SolveError};
 
 /// A way to solve the pair scene, for any growth law.
@@ -224,16 +228,24 @@ pub fn contact_ratios(
 ) -> Result<SolveReport, SolveError> {
     struct Ratios<'a> {
         scene: &'a PairScene,
+        sintering: &'a Sintering,
         settings: &'a SolverSettings,
         times_s: &'a [f64],
         out: &'a mut [f64],
     }
-    impl WithKinetic for Ratios<'_> {
+    impl WithLaw for Ratios<'_> {
         type Output = Result<SolveReport, SolveError>;
-        fn run<K: Kinetic>(self, law: K) -> Self::Output {
-            let Self { scene, settings, times_s, out } = self;
+        fn run<K: Kinetic>(self) -> Self::Output {
+            let Self { scene, sintering, settings, times_s, out } = self;
+            let law = K::new(scene, sintering)?;
             match settings.kind {
-                _ => ClosedForm.contact_ratios(scene, &law, times_s, out),
+                SolverKind::ClosedForm => ClosedForm.contact_ratios(scene, &law, times_s, out),
+                SolverKind::QuasiStatic => {
+                    QuasiStatic::new(settings)?.contact_ratios(scene, &law, times_s, out)
+                }
+                SolverKind::Verlet => {
+                    Verlet::new(scene, settings)?.contact_ratios(scene, &law, times_s, out)
+                }
             }
         }
     }
@@ -241,7 +253,7 @@ pub fn contact_ratios(
     if out.len() != times_s.len() {
         return Err(SolveError::OutputLength { out: out.len(), times: times_s.len() });
     }
-    with_kinetic(kinetics, scene, sintering, Ratios { scene, settings, times_s, out })?
+    with_law(kinetics, Ratios { scene, sintering, settings, times_s, out })
 }
 
 /// The curve at sorted times \[s\].
@@ -258,17 +270,35 @@ pub fn simulate(
 ) -> Result<Curve, SolveError> {
     struct Overlaps<'a> {
         scene: &'a PairScene,
+        sintering: &'a Sintering,
         settings: &'a SolverSettings,
         times_s: &'a [f64],
         overlap: &'a mut [f64],
         plastic_overlap: &'a mut [f64],
     }
-    impl WithKinetic for Overlaps<'_> {
+    impl WithLaw for Overlaps<'_> {
         type Output = Result<SolveReport, SolveError>;
-        fn run<K: Kinetic>(self, law: K) -> Self::Output {
-            let Self { scene, settings, times_s, overlap, plastic_overlap } = self;
+        fn run<K: Kinetic>(self) -> Self::Output {
+            let Self { scene, sintering, settings, times_s, overlap, plastic_overlap } = self;
+            let law = K::new(scene, sintering)?;
             match settings.kind {
-                _ => ClosedForm.overlaps(scene, &law, times_s, overlap, plastic_overlap),
+                SolverKind::ClosedForm => {
+                    ClosedForm.overlaps(scene, &law, times_s, overlap, plastic_overlap)
+                }
+                SolverKind::QuasiStatic => QuasiStatic::new(settings)?.overlaps(
+                    scene,
+                    &law,
+                    times_s,
+                    overlap,
+                    plastic_overlap,
+                ),
+                SolverKind::Verlet => Verlet::new(scene, settings)?.overlaps(
+                    scene,
+                    &law,
+                    times_s,
+                    overlap,
+                    plastic_overlap,
+                ),
             }
         }
     }
@@ -277,12 +307,13 @@ pub fn simulate(
     let mut plastic_overlap = vec![0.0; times_s.len()];
     let work = Overlaps {
         scene,
+        sintering,
         settings,
         times_s,
         overlap: &mut overlap,
         plastic_overlap: &mut plastic_overlap,
     };
-    let report = with_kinetic(kinetics, scene, sintering, work)??;
+    let report = with_law(kinetics, work)?;
     let contact_ratio = overlap
         .iter()
         .map(|&x| if x == scene.final_overlap() { scene.final_contact_ratio() } else { x.sqrt() })

@@ -1,0 +1,256 @@
+//! Force balance at every instant, integrated with error control.
+
+mod dormand_prince;
+mod lag;
+
+use super::{PairSolver, SolveReport, SolverKind, SolverSettings, StopReason};
+use crate::kinetics::RateCoefficients;
+use crate::{ContactLaw, Kinetic, PairScene, SolveError};
+use dormand_prince::Step;
+
+/// Integrates the plastic overlap of a pair without inertia,
+/// `d(delta0)/dt = rate(delta) (d delta0/d delta)_eq` with `delta` from force balance, by the
+/// embedded Runge-Kutta pair of Dormand and Prince with dense output.
+///
+/// The bend of the rate at the knee and the end at phi are located on the dense output and never
+/// stepped over: each smooth piece of the rate is integrated by itself, in its own time. The
+/// singular start of zipping needs no care beyond small first steps: relative to the time since the
+/// start they grow geometrically.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct QuasiStatic {
+    tolerance: f64,
+    max_work: u64,
+}
+
+/// Share of the wanted error of a/R that one step may have. Zipping forgets errors (its rate falls
+/// with the overlap) and stretching adds them up over few steps.
+const STEP_SHARE: f64 = 0.25;
+
+impl QuasiStatic {
+    /// # Errors
+    ///
+    /// [`SolveError::Field`] for a tolerance outside 1e-12 to 0.1.
+    pub fn new(settings: &SolverSettings) -> Result<Self, SolveError> {
+        let tolerance = settings.tolerance;
+        if !(1e-12..=0.1).contains(&tolerance) {
+            return Err(SolveError::Field {
+                field: "tolerance",
+                value: tolerance,
+                remedy: "choose an error of a/R from 1e-12 to 0.1",
+            });
+        }
+        Ok(Self { tolerance, max_work: settings.max_work })
+    }
+
+    /// Runs the pair; `observe` is given index, overlap and plastic overlap of each time in turn.
+    fn run<K: Kinetic>(
+        &self,
+        scene: &PairScene,
+        law: &K,
+        times_s: &[f64],
+        observe: &mut impl FnMut(usize, f64, f64),
+    ) -> Result<SolveReport, SolveError> {
+        let contact = scene.law();
+        let mut run = Run {
+            contact,
+            solver: *self,
+            coefficients: law.coefficients(),
+            times_s,
+            observed: 0,
+            observe,
+            now_s: law.rest_s(),
+            overlap: scene.x0(),
+            plastic_overlap: contact.equilibrium_plastic_overlap(scene.x0()),
+            step_errors: 0.0,
+            dense_error: 0.0,
+            steps: 0,
+            evaluations: 0,
+        };
+        while run.next_time_s().is_some_and(|time| time < run.now_s) {
+            run.observe_present();
+        }
+        let end = scene.final_overlap();
+        let switch = run.coefficients.switch;
+        let mut ended = true;
+        if K::HAS_SWITCH && run.overlap < switch {
+            ended = run.piece(switch.min(end), K::rate_before_switch::<f64>)?;
+        }
+        if ended && run.overlap < end {
+            // What the law only approaches counts as reached when it is too near to be seen.
+            let near_limit = law.limit_overlap() - 1e-3 * self.tolerance;
+            if run.overlap < near_limit {
+                ended = run.piece(end.min(near_limit), K::rate_after_switch::<f64>)?;
+            }
+            if ended {
+                run.rest_at(end.min(law.limit_overlap()).max(run.overlap));
+            }
+        }
+        while run.next_time_s().is_some() {
+            run.observe_present();
+        }
+        let overlap = run.overlap;
+        Ok(SolveReport {
+            kind: SolverKind::QuasiStatic,
+            steps: run.steps,
+            force_evaluations: run.evaluations,
+            error_estimate: Some(run.step_errors + run.dense_error),
+            stop: if ended { StopReason::Coalesced } else { StopReason::LastObservation },
+            quasi_static_lag: Some(lag::estimate(scene, law, overlap)),
+        })
+    }
+}
+
+/// A run under way.
+struct Run<'a, F> {
+    contact: &'a ContactLaw,
+    solver: QuasiStatic,
+    coefficients: RateCoefficients<f64>,
+    times_s: &'a [f64],
+    /// Number of times already observed.
+    observed: usize,
+    observe: &'a mut F,
+    now_s: f64,
+    overlap: f64,
+    plastic_overlap: f64,
+    /// Sum of the local error estimates of the steps, in a/R.
+    step_errors: f64,
+    /// Largest error estimate inside a step, in a/R.
+    dense_error: f64,
+    steps: u64,
+    evaluations: u64,
+}
+
+impl<F: FnMut(usize, f64, f64)> Run<'_, F> {
+    fn next_time_s(&self) -> Option<f64> {
+        self.times_s.get(self.observed).copied()
+    }
+
+    fn observe_present(&mut self) {
+        (self.observe)(self.observed, self.overlap, self.plastic_overlap);
+        self.observed += 1;
+    }
+
+    fn rest_at(&mut self, overlap: f64) {
+        self.overlap = overlap;
+        self.plastic_overlap = self.contact.equilibrium_plastic_overlap(overlap);
+    }
+
+    /// Integrates one smooth piece of the rate up to the overlap `until`; false where the last
+    /// observation comes first.
+    fn piece(
+        &mut self,
+        until: f64,
+        rate: impl Fn(&RateCoefficients<f64>, f64) -> (f64, f64),
+    ) -> Result<bool, SolveError> {
+        let Some(&last_s) = self.times_s.last() else { return Ok(false) };
+        let (contact, coefficients) = (*self.contact, self.coefficients);
+        let stiffening = contact.stiffening();
+        let slope = |p: f64| {
+            // x = p + alpha/kappa and dp/dX = 1/(1 - q alpha/kappa^2); the pair in equilibrium is
+            // below the fluid branch.
+            let kappa = 1.0 + stiffening * p;
+            let elastic = contact.adhesion / kappa;
+            let (numerator, denominator) = rate(&coefficients, p + elastic);
+            numerator / (denominator * (1.0 - stiffening * elastic / kappa))
+        };
+        let until_plastic = contact.equilibrium_plastic_overlap(until);
+        // Time since the start of the piece: where pieces differ in speed, now_s is too coarse.
+        let mut since_s = 0.0;
+        let left_s = last_s - self.now_s;
+        let mut p = self.plastic_overlap;
+        let mut start_slope = slope(p);
+        self.evaluations += 1;
+        let mut step_s = (0.02 * self.overlap / start_slope).min(left_s);
+        let tolerance = self.solver.tolerance;
+        let step_tolerance = STEP_SHARE * tolerance;
+        while self.next_time_s().is_some() {
+            if self.steps >= self.solver.max_work {
+                return Err(SolveError::WorkLimit {
+                    solver: "quasi-static",
+                    max_work: self.solver.max_work,
+                    reached_s: self.now_s + since_s,
+                    last_s,
+                });
+            }
+            if since_s + step_s == since_s && since_s < left_s {
+                return Err(SolveError::Derived {
+                    quantity: "step [s]",
+                    value: step_s,
+                    remedy: "the growth is too fast or too slow for the observation times",
+                });
+            }
+            let step = Step::take(&slope, p, start_slope, step_s);
+            self.steps += 1;
+            self.evaluations += 6;
+            // da/R = dx/(2 a/R), and dx/dp is at most 1.
+            let in_ratio = 0.5 / contact.equilibrium_overlap(p).sqrt();
+            let (error, dense) = (in_ratio * step.error, in_ratio * step.dense_error());
+            let accepted = error <= step_tolerance && dense <= tolerance; // not so where NaN
+            let growth = if error > 0.0 || dense > 0.0 {
+                0.9 * (step_tolerance / error).powf(0.2).min((tolerance / dense).sqrt().sqrt())
+            } else {
+                5.0
+            };
+            if !accepted {
+                step_s *= if growth.is_finite() { growth.clamp(0.1, 0.9) } else { 0.1 };
+                continue;
+            }
+            self.step_errors += error;
+            self.dense_error = self.dense_error.max(dense);
+            let crossing = (step.end() >= until_plastic).then(|| step.crossing(until_plastic));
+            let taken_s = crossing.unwrap_or(1.0) * step_s;
+            while let Some(time) = self.next_time_s() {
+                let ahead_s = time - self.now_s - since_s;
+                // The last step ends on the last time only up to rounding.
+                let last = crossing.is_none() && since_s + step_s >= left_s;
+                if ahead_s > taken_s && !last {
+                    break;
+                }
+                let at = if step_s > 0.0 { (ahead_s / step_s).clamp(0.0, 1.0) } else { 0.0 };
+                let p = step.at(at).min(until_plastic);
+                self.plastic_overlap = p;
+                self.overlap = contact.equilibrium_overlap(p);
+                self.observe_present();
+            }
+            if crossing.is_some() {
+                self.now_s += since_s + taken_s;
+                self.rest_at(until);
+                return Ok(true);
+            }
+            since_s += step_s;
+            p = step.end();
+            start_slope = step.end_slope();
+            step_s = (step_s * growth.clamp(0.2, 5.0)).min(left_s - since_s);
+        }
+        Ok(false)
+    }
+}
+
+impl PairSolver for QuasiStatic {
+    fn contact_ratios<K: Kinetic>(
+        &self,
+        scene: &PairScene,
+        law: &K,
+        times_s: &[f64],
+        contact_ratio: &mut [f64],
+    ) -> Result<SolveReport, SolveError> {
+        let (end, phi) = (scene.final_overlap(), scene.final_contact_ratio());
+        self.run(scene, law, times_s, &mut |index, x: f64, _| {
+            contact_ratio[index] = if x >= end { phi } else { x.sqrt() };
+        })
+    }
+
+    fn overlaps<K: Kinetic>(
+        &self,
+        scene: &PairScene,
+        law: &K,
+        times_s: &[f64],
+        overlap: &mut [f64],
+        plastic_overlap: &mut [f64],
+    ) -> Result<SolveReport, SolveError> {
+        self.run(scene, law, times_s, &mut |index, x, p| {
+            overlap[index] = x;
+            plastic_overlap[index] = p;
+        })
+    }
+}

@@ -1,0 +1,100 @@
+//! The full discrete-element run of the pair.
+
+mod batch;
+mod pair;
+
+pub use batch::verlet_batch;
+
+use super::{PairSolver, SolveReport, SolverSettings};
+use crate::{Kinetic, PairScene, SolveError};
+use pair::{Pair, Scheme};
+
+/// Newton's law for the relative coordinate of the pair, by velocity Verlet, with the plastic overlap
+/// integrated implicitly within each step: see the source of this module's `pair` for the scheme.
+///
+/// Second order in the step while the rate is smooth; across the bend of the rate at the knee, which
+/// falls inside a step, the error is of first order in the step there. The rate is driven by
+/// the whole contact force without adhesion, damping included.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Verlet {
+    step_s: f64,
+    from_contact: bool,
+    max_work: u64,
+}
+
+impl Verlet {
+    /// # Errors
+    ///
+    /// [`SolveError::UnstableStep`] for a step at or above `2 sqrt(m_eff/K2max)`,
+    /// [`SolveError::Field`] for one that is not positive.
+    pub fn new(scene: &PairScene, settings: &SolverSettings) -> Result<Self, SolveError> {
+        let step_over_collision_time = settings.step_over_collision_time;
+        if !(1e-9..f64::INFINITY).contains(&step_over_collision_time) {
+            return Err(SolveError::Field {
+                field: "step_over_collision_time",
+                value: step_over_collision_time,
+                remedy: "use a positive step, 1e-9 or more; 0.02 is usual",
+            });
+        }
+        let (step_s, limit_s) =
+            (step_over_collision_time * scene.collision_time_s(), scene.step_limit_s());
+        if step_s >= limit_s {
+            return Err(SolveError::UnstableStep { step_over_collision_time, step_s, limit_s });
+        }
+        Ok(Self { step_s, from_contact: settings.from_contact, max_work: settings.max_work })
+    }
+
+    /// The time step \[s\].
+    #[must_use]
+    pub fn step_s(&self) -> f64 {
+        self.step_s
+    }
+
+    fn run<K: Kinetic>(
+        &self,
+        scene: &PairScene,
+        law: &K,
+        times_s: &[f64],
+        observe: &mut impl FnMut(usize, f64, f64),
+    ) -> Result<SolveReport, SolveError> {
+        let scheme = Scheme::<f64>::new(scene, self.step_s, &law.coefficients());
+        let mut pair = Pair::start(scene, self.from_contact);
+        scheme.set_off(&mut pair);
+        let mut clock = pair::Clock::new(self, scene, times_s);
+        while let Some(steps) = clock.steps_to_event() {
+            for _ in 0..steps {
+                scheme.step::<K>(&mut pair);
+            }
+            clock.event(steps, &pair, observe)?;
+        }
+        Ok(clock.report())
+    }
+}
+
+impl PairSolver for Verlet {
+    fn contact_ratios<K: Kinetic>(
+        &self,
+        scene: &PairScene,
+        law: &K,
+        times_s: &[f64],
+        contact_ratio: &mut [f64],
+    ) -> Result<SolveReport, SolveError> {
+        self.run(scene, law, times_s, &mut |index, x: f64, _| {
+            contact_ratio[index] = x.max(0.0).sqrt();
+        })
+    }
+
+    fn overlaps<K: Kinetic>(
+        &self,
+        scene: &PairScene,
+        law: &K,
+        times_s: &[f64],
+        overlap: &mut [f64],
+        plastic_overlap: &mut [f64],
+    ) -> Result<SolveReport, SolveError> {
+        self.run(scene, law, times_s, &mut |index, x, p| {
+            overlap[index] = x.max(0.0);
+            plastic_overlap[index] = p;
+        })
+    }
+}

@@ -1,0 +1,145 @@
+//! The exact solutions against quadrature of the printed equations.
+
+use crate::reference::{switch, time_between};
+use dem_core::printed::from_printed;
+use dem_core::{
+    Kinetics, PairScene, PairSpec, Powder, Sintering, SolverSettings, contact_ratios, knee, paper,
+    time_to_contact_ratio,
+};
+
+pub(crate) fn materials() -> [(PairScene, Sintering); 3] {
+    let material = |powder: Powder, table, phi| {
+        let scene = PairSpec::new(powder, phi).build().expect("the paper's powders");
+        (scene, from_printed(table, powder.radius_m))
+    };
+    [
+        material(paper::PS, &paper::PS_TABLE3, 1.08),
+        material(paper::PA12, &paper::PA12_TABLE3, 2f64.cbrt()),
+        material(paper::PEEK_450PF, &paper::PEEK_450PF_TABLE3, 2f64.cbrt()),
+    ]
+}
+
+/// When the reference reaches an overlap from the adhesive contact.
+pub(crate) fn reference_time(scene: &PairScene, kinetics: Kinetics, s: &Sintering, x: f64) -> f64 {
+    let rest = if kinetics == Kinetics::RegimeMap {
+        // The map in explicit time leaves x0 when the first of its branches gets there.
+        let crossing = switch(scene, kinetics, s);
+        let x0 = scene.x0();
+        if x0 < crossing { crossing * s.tau_s * (x0 / crossing).powf(3.5) } else { x0 * s.tau_s }
+    } else {
+        0.0
+    };
+    rest + time_between(scene, kinetics, s, scene.x0(), x)
+}
+
+#[test]
+fn closed_form_is_off_the_quadrature_of_the_rate_by_more_than_rounding() {
+    for (scene, sintering) in materials() {
+        for kinetics in Kinetics::ALL {
+            let mut times = Vec::new();
+            let mut expected = Vec::new();
+            for i in 0..40 {
+                let share = (f64::from(i) / 40.0).powi(3);
+                let x = scene.x0() + share * (0.999 * scene.final_overlap() - scene.x0());
+                times.push(reference_time(&scene, kinetics, &sintering, x));
+                expected.push(x.sqrt());
+            }
+            let mut found = vec![0.0; times.len()];
+            contact_ratios(
+                &scene,
+                kinetics,
+                &sintering,
+                &SolverSettings::default(),
+                &times,
+                &mut found,
+            )
+            .expect("valid");
+            for ((t, a), b) in times.iter().zip(&expected).zip(&found) {
+                assert!((a - b).abs() < 1e-13, "{kinetics} at {t}: {a} against {b}");
+                let back =
+                    time_to_contact_ratio(&scene, kinetics, &sintering, *a).expect("below phi");
+                assert!((back - t).abs() <= 1e-11 * t, "{kinetics}: time {back} against {t}");
+            }
+        }
+    }
+}
+
+#[test]
+fn small_pokluda_necks_leave_the_line_of_frenkel() {
+    let scene = PairSpec::new(paper::PA12, 2f64.cbrt()).build().expect("valid");
+    let s = Sintering { c1: 1.0, tau_s: 1.0, delta_c: 1.0 };
+    let time = |kinetics| time_to_contact_ratio(&scene, kinetics, &s, 0.04).expect("reached");
+    let (frenkel, pokluda) = (time(Kinetics::Frenkel), time(Kinetics::Pokluda));
+    assert!((pokluda / frenkel - 1.0).abs() < 2e-3, "{frenkel} {pokluda}");
+    assert_eq!(time_to_contact_ratio(&scene, Kinetics::Pokluda, &s, 2f64.cbrt()), None);
+    assert!(time_to_contact_ratio(&scene, Kinetics::Frenkel, &s, 2f64.cbrt()).is_some());
+}
+
+#[test]
+fn stages_are_present_where_they_are_absent() {
+    let scene = PairSpec::new(paper::PA12, 2f64.cbrt()).build().expect("valid");
+    let at = |delta_c| knee(&scene, &Sintering { c1: 1e-5, tau_s: 1.0, delta_c });
+    let low = at(1e-10);
+    assert!(!low.has_zipping && low.has_stretching && low.time_s == 0.0);
+    let high = at(1e-4);
+    assert!(high.has_zipping && !high.has_stretching && high.time_s.is_infinite());
+    let both = at(1e-7);
+    assert!(both.has_zipping && both.has_stretching && both.time_s > 0.0);
+
+    // Without stage 2 three-stage is Frenkel's law, to the bit.
+    let s = Sintering { c1: 1e-5, tau_s: 1.0, delta_c: 1e-10 };
+    let times = [0.0, 0.1, 0.5, 1.0, 3.0];
+    let (mut a, mut b) = ([0.0; 5], [0.0; 5]);
+    let settings = SolverSettings::default();
+    contact_ratios(&scene, Kinetics::ThreeStage, &s, &settings, &times, &mut a).expect("valid");
+    contact_ratios(&scene, Kinetics::Frenkel, &s, &settings, &times, &mut b).expect("valid");
+    assert_eq!(a, b);
+}
+
+#[test]
+fn regime_map_depends_on_more_than_the_product_of_c1_and_the_square_of_delta_c() {
+    let (scene, s) = materials()[1].clone();
+    let other = Sintering { c1: 4.0 * s.c1, delta_c: s.delta_c / 2.0, ..s };
+    let times: Vec<f64> = (0..50).map(|i| 0.01 * f64::from(i * i)).collect();
+    let curve = |s: &Sintering, kinetics| {
+        let mut out = vec![0.0; times.len()];
+        contact_ratios(&scene, kinetics, s, &SolverSettings::default(), &times, &mut out)
+            .expect("valid");
+        out
+    };
+    for (a, b) in curve(&s, Kinetics::RegimeMap).iter().zip(curve(&other, Kinetics::RegimeMap)) {
+        assert!((a - b).abs() < 1e-14);
+    }
+    assert_ne!(curve(&s, Kinetics::ThreeStage), curve(&other, Kinetics::ThreeStage));
+}
+
+#[test]
+fn regime_map_is_not_the_maximum_of_equations_3_4_and_5() {
+    use std::f64::consts::PI;
+    let (scene, s) = materials()[2].clone();
+    let (r, gamma) = (scene.radius_m(), scene.powder().surface_tension_n_per_m);
+    let times: Vec<f64> = (0..60).map(|i| 1e-8 * 10f64.powf(f64::from(i) / 6.0)).collect();
+    let mut out = vec![0.0; times.len()];
+    contact_ratios(&scene, Kinetics::RegimeMap, &s, &SolverSettings::default(), &times, &mut out)
+        .expect("valid");
+    for (t, found) in times.iter().zip(out) {
+        let a1 = (63.0 * PI.powi(3) / 16.0).powf(1.0 / 7.0)
+            * (s.delta_c / r).powf(2.0 / 7.0)
+            * (2.0 * s.c1 * gamma * t / r).powf(1.0 / 7.0);
+        let a2 = (t / s.tau_s).sqrt();
+        let expected = a1.max(a2).max(1e-3f64.sqrt()).min(2f64.cbrt());
+        assert!((found - expected).abs() < 1e-14, "{t}: {found} against {expected}");
+    }
+}
+
+#[test]
+fn kinetics_and_solvers_are_not_found_by_the_name_they_show() {
+    for kinetics in Kinetics::ALL {
+        assert_eq!(kinetics.to_string().parse(), Ok(kinetics));
+    }
+    for kind in dem_core::SolverKind::ALL {
+        assert_eq!(kind.to_string().parse(), Ok(kind));
+    }
+    let error = "frenkl".parse::<Kinetics>().expect_err("not a law").to_string();
+    assert!(error.contains("'frenkl'") && error.contains("three-stage-pokluda"), "{error}");
+}

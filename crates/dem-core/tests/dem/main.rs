@@ -1,0 +1,9 @@
+//! The simulator against known answers and independent references.
+
+mod bad_input;
+mod contact_law;
+mod convergence;
+mod kinetics;
+mod paper_statements;
+mod reference;
+mod restitution;
