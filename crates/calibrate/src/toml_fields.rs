@@ -1,0 +1,232 @@
+//! TOML read field by field, each mistake with its line and field.
+
+use std::cell::RefCell;
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use crate::error::{InputError, Mistake, nearest};
+
+/// A parsed file, and the way to say where in it something is wrong.
+pub(crate) struct Document<'i> {
+    name: &'i str,
+    text: &'i str,
+    root: Spanned<DeTable<'i>>,
+}
+
+impl<'i> Document<'i> {
+    /// Parses TOML.
+    pub(crate) fn parse(name: &'i str, text: &'i str) -> Result<Self, InputError> {
+        let root = DeTable::parse(text).map_err(|error| {
+            let input = InputError::new(name, Mistake::Syntax)
+                .found(format_args!("not TOML: {}", error.message().replace('\n', ", ")))
+                .help("a field is written: name = 1.5e-6 or name = \"text\"");
+            match error.span() {
+                Some(span) => input.at_line(line_of(text, span.start)),
+                None => input,
+            }
+        })?;
+        Ok(Self { name, text, root })
+    }
+
+    /// The fields at the top.
+    pub(crate) fn top(&self) -> Fields<'_> {
+        Fields {
+            name: self.name,
+            text: self.text,
+            path: String::new(),
+            line: None,
+            table: self.root.get_ref(),
+            known: RefCell::new(Vec::new()),
+        }
+    }
+}
+
+fn line_of(text: &str, offset: usize) -> usize {
+    1 + text.as_bytes()[..offset.min(text.len())].iter().filter(|&&byte| byte == b'\n').count()
+}
+
+/// A value with its line.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct At<T> {
+    pub(crate) value: T,
+    pub(crate) line: usize,
+}
+
+/// The fields of one table of a [`Document`].
+///
+/// Remembers what was asked for, so that [`finish`](Self::finish) can refuse the rest.
+pub(crate) struct Fields<'d> {
+    name: &'d str,
+    text: &'d str,
+    path: String,
+    line: Option<usize>,
+    table: &'d DeTable<'d>,
+    known: RefCell<Vec<&'static str>>,
+}
+
+impl<'d> Fields<'d> {
+    /// Name of a field with the tables it is in.
+    pub(crate) fn path_of(&self, key: &str) -> String {
+        if self.path.is_empty() { key.to_owned() } else { format!("{}.{key}", self.path) }
+    }
+
+    /// An error in a field of this table.
+    pub(crate) fn error(&self, key: &str, line: usize, mistake: Mistake) -> InputError {
+        InputError::new(self.name, mistake).at_line(line).in_field(self.path_of(key))
+    }
+
+    /// An error of the table as a whole.
+    pub(crate) fn table_error(&self, mistake: Mistake) -> InputError {
+        let mut error = InputError::new(self.name, mistake);
+        if !self.path.is_empty() {
+            error = error.in_field(&self.path);
+        }
+        error.line = self.line;
+        error
+    }
+
+    /// The error for a field that is not there.
+    pub(crate) fn missing(&self, key: &str) -> InputError {
+        let mut error =
+            InputError::new(self.name, Mistake::MissingField).in_field(self.path_of(key));
+        error.line = self.line;
+        error.found("missing")
+    }
+
+    fn get(&self, key: &'static str) -> Option<At<&'d DeValue<'d>>> {
+        self.known.borrow_mut().push(key);
+        let value = self.table.get(key)?;
+        Some(At { value: value.get_ref(), line: line_of(self.text, value.span().start) })
+    }
+
+    fn wrong_type(&self, key: &str, at: At<&DeValue<'_>>, expected: &str) -> InputError {
+        let seen = match at.value {
+            DeValue::String(text) => format!("\"{text}\""),
+            DeValue::Boolean(value) => value.to_string(),
+            other => format!("a {}", other.type_str()),
+        };
+        self.error(key, at.line, Mistake::WrongType).found(seen).expected(expected)
+    }
+
+    fn as_number(&self, key: &str, at: At<&DeValue<'_>>) -> Result<At<f64>, InputError> {
+        let text = match at.value {
+            DeValue::Float(float) => float.as_str(),
+            DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str(),
+            _ => {
+                let error = self.wrong_type(key, at, "a number");
+                return Err(match at.value {
+                    DeValue::String(_) => error.help("write it without quotes and without a unit"),
+                    _ => error,
+                });
+            }
+        };
+        let value: f64 =
+            text.replace('_', "").parse().map_err(|_| self.wrong_type(key, at, "a number"))?;
+        if value.is_finite() {
+            Ok(At { value, line: at.line })
+        } else {
+            Err(self
+                .error(key, at.line, Mistake::NotFinite)
+                .found(text)
+                .expected("a finite number"))
+        }
+    }
+
+    /// A finite number, if it is there.
+    pub(crate) fn number(&self, key: &'static str) -> Result<Option<At<f64>>, InputError> {
+        self.get(key).map(|at| self.as_number(key, at)).transpose()
+    }
+
+    /// A number above zero, if it is there.
+    pub(crate) fn positive(
+        &self,
+        key: &'static str,
+        unit: &str,
+    ) -> Result<Option<At<f64>>, InputError> {
+        match self.number(key)? {
+            Some(At { value, line }) if value <= 0.0 => {
+                let mistake = if value < 0.0 { Mistake::Negative } else { Mistake::OutOfRange };
+                Err(self
+                    .error(key, line, mistake)
+                    .found(value)
+                    .expected(format_args!("a number > 0 [{unit}]")))
+            }
+            number => Ok(number),
+        }
+    }
+
+    /// Two numbers in brackets, if they are there.
+    pub(crate) fn pair(&self, key: &'static str) -> Result<Option<At<[f64; 2]>>, InputError> {
+        let Some(at) = self.get(key) else { return Ok(None) };
+        let expected = "two numbers, as in [0.0, 1.5]";
+        let Some(array) = at.value.as_array() else {
+            return Err(self.wrong_type(key, at, expected));
+        };
+        let mut numbers = Vec::new();
+        for item in array.iter().take(3) {
+            let item = At { value: item.get_ref(), line: at.line };
+            numbers.push(self.as_number(key, item)?.value);
+        }
+        match numbers[..] {
+            [low, high] => Ok(Some(At { value: [low, high], line: at.line })),
+            _ => Err(self
+                .error(key, at.line, Mistake::WrongType)
+                .found(format_args!("{} values", array.len()))
+                .expected(expected)),
+        }
+    }
+
+    /// Text that is not blank, if it is there.
+    pub(crate) fn text(&self, key: &'static str) -> Result<Option<At<&'d str>>, InputError> {
+        let Some(at) = self.get(key) else { return Ok(None) };
+        match at.value.as_str() {
+            Some(text) if text.trim().is_empty() => Err(self
+                .error(key, at.line, Mistake::Empty)
+                .found("\"\"")
+                .expected("some text")
+                .help("leave the field out if there is nothing to say")),
+            Some(text) => Ok(Some(At { value: text, line: at.line })),
+            None => Err(self.wrong_type(key, at, "text in quotes")),
+        }
+    }
+
+    /// A table in this one, if it is there.
+    pub(crate) fn table(&self, key: &'static str) -> Result<Option<Fields<'d>>, InputError> {
+        let Some(at) = self.get(key) else { return Ok(None) };
+        match at.value.as_table() {
+            Some(table) => Ok(Some(Fields {
+                name: self.name,
+                text: self.text,
+                path: self.path_of(key),
+                line: Some(at.line),
+                table,
+                known: RefCell::new(Vec::new()),
+            })),
+            None => Err(self.wrong_type(key, at, &format!("a table [{}]", self.path_of(key)))),
+        }
+    }
+
+    /// Refuses whatever was never asked for.
+    pub(crate) fn finish(&self) -> Result<(), InputError> {
+        let known = self.known.borrow();
+        let unknown = self
+            .table
+            .iter()
+            .filter(|(key, _)| !known.contains(&key.get_ref().as_ref()))
+            .min_by_key(|(key, _)| key.span().start);
+        let Some((key, _)) = unknown else { return Ok(()) };
+        let name = key.get_ref().as_ref();
+        let near = nearest(name, known.iter().copied());
+        let mut choices = known.clone();
+        choices.sort_unstable();
+        choices.dedup();
+        Err(self
+            .error(name, line_of(self.text, key.span().start), Mistake::UnknownField)
+            .found("unknown field")
+            .help(match near {
+                Some(near) => format!("did you mean {}?", self.path_of(near)),
+                None => format!("known here: {}", choices.join(", ")),
+            }))
+    }
+}
