@@ -38,7 +38,10 @@ pub(super) struct Axis {
 pub(super) struct Ticks {
     pub(super) labelled: Vec<(f64, String)>,
     pub(super) minor: Vec<f64>,
-    pub(super) title: String,
+    /// Name of the quantity, with what was taken off the labels.
+    pub(super) name: String,
+    /// Unit, prefix and power in brackets, or nothing.
+    pub(super) unit: String,
 }
 
 /// Which way an axis runs decides what the labels collide with.
@@ -136,70 +139,40 @@ impl Axis {
     }
 
     fn linear(&self, length: f32, direction: Direction, most: usize, least_step: f64) -> Ticks {
-        let mut step = Step::at_least(((self.high - self.low) / most as f64).max(least_step));
-        let mut fallback = None;
-        for _ in 0..12 {
+        let range = self.high - self.low;
+        let mut step = Step::at_least((range / (most as f64 * 3.0)).max(least_step));
+        // Best: not crowded and at least two labels; then two labels; then any.
+        let mut candidates: Vec<(u8, Ticks)> = Vec::new();
+        for _ in 0..10 {
             let numbers = Numbers::new(self.low, self.high, step, &self.unit);
             let mut labelled = numbers.labels(self.low, self.high);
-            let all = labelled.len();
             self.drop_overhanging(&mut labelled, length, direction);
-            let ticks = Ticks { labelled, minor: Vec::new(), title: numbers.title(&self.name) };
-            if self.apart(&ticks.labelled, length, direction)
-                && (ticks.labelled.len() == all || ticks.labelled.len() >= 2)
-            {
-                return ticks;
-            }
-            if fallback.is_none()
-                || self.apart(&ticks.labelled, length, direction) && !ticks.labelled.is_empty()
-            {
-                fallback = Some(ticks);
+            let (crowded, count) = (labelled.len() > most + 1, labelled.len());
+            if count == 0 || self.apart(&labelled, length, direction) {
+                let rank = match count {
+                    0 => 3,
+                    1 => 2,
+                    _ => u8::from(crowded),
+                };
+                candidates.push((rank, numbers.ticks(&self.name, labelled)));
+                if rank == 0 {
+                    break;
+                }
             }
             step = step.next();
-            if step.value() > self.high - self.low {
-                break;
-            }
         }
-        let mut ticks = fallback.expect("the loop ran at least once");
-        while !self.apart(&ticks.labelled, length, direction) {
-            ticks.labelled.pop();
-        }
-        ticks
+        let best = candidates.into_iter().min_by_key(|(rank, _)| *rank).map(|(_, ticks)| ticks);
+        best.unwrap_or_else(|| {
+            Numbers::new(self.low, self.high, step, &self.unit).ticks(&self.name, Vec::new())
+        })
     }
 
     fn logarithmic(&self, length: f32, direction: Direction, most: usize) -> Ticks {
-        let title = Numbers::plain(&self.unit).title(&self.name);
         let (first, last) = (self.low.ceil() as i64, self.high.floor() as i64);
-        let power = |k: i64| (k as f64, power_of_ten(k));
-        if last > first {
-            let decades = last - first + 1;
-            for stride in [1, 2, 3, 5, 10, 20, 30, 50, 100, 200, 300] {
-                let mut labelled: Vec<_> =
-                    (first..=last).filter(|k| k.rem_euclid(stride) == 0).map(power).collect();
-                self.drop_overhanging(&mut labelled, length, direction);
-                let many = match direction {
-                    Direction::Across { .. } => most + 1,
-                    Direction::Up => (length / 12.0) as usize + 1,
-                };
-                if labelled.len() <= many
-                    && self.apart(&labelled, length, direction)
-                    && !labelled.is_empty()
-                {
-                    let minor = if stride == 1 && decades <= 8 {
-                        (first - 1..=last)
-                            .flat_map(|k| (2..=9).map(move |m| k as f64 + f64::from(m).log10()))
-                            .filter(|c| (self.low..=self.high).contains(c))
-                            .collect()
-                    } else if decades <= 40 {
-                        (first..=last)
-                            .filter(|k| k.rem_euclid(stride) != 0)
-                            .map(|k| k as f64)
-                            .collect()
-                    } else {
-                        Vec::new()
-                    };
-                    return Ticks { labelled, minor, title };
-                }
-            }
+        if last > first
+            && let Some(ticks) = self.decades(first, last, length, direction)
+        {
+            return ticks;
         }
         // Less than a decade or two: round values within it.
         let (low, high) = (10_f64.powf(self.low), 10_f64.powf(self.high));
@@ -228,11 +201,7 @@ impl Axis {
                 }
                 self.drop_overhanging(&mut labelled, length, direction);
                 if labelled.len() >= 2 && self.apart(&labelled, length, direction) {
-                    best = Some(Ticks {
-                        labelled,
-                        minor: Vec::new(),
-                        title: numbers.title(&self.name),
-                    });
+                    best = Some(numbers.ticks(&self.name, labelled));
                     break;
                 }
             }
@@ -256,12 +225,47 @@ impl Axis {
             }
         });
         if high / low > 2.0 {
-            ticks.minor = (first - 1..=last)
-                .flat_map(|k| (1..=9).map(move |m| k as f64 + f64::from(m).log10()))
-                .filter(|c| (self.low..=self.high).contains(c))
-                .collect();
+            ticks.minor = self.within_decades(first, last);
         }
         ticks
+    }
+
+    /// Powers of ten at a stride that leaves room, two of them if any stride gives two.
+    fn decades(&self, first: i64, last: i64, length: f32, direction: Direction) -> Option<Ticks> {
+        let room = match direction {
+            Direction::Across { .. } => length / 24.0,
+            Direction::Up => length / 12.0,
+        };
+        let strides = [1, 2, 3, 4, 5, 6, 8, 10, 15, 20, 30, 50, 100, 200, 300];
+        for least in [2, 1] {
+            for (stride, phase) in strides.iter().flat_map(|&s| (0..s.min(10)).map(move |p| (s, p)))
+            {
+                let on = |k: &i64| k.rem_euclid(stride) == phase;
+                let mut labelled: Vec<_> =
+                    (first..=last).filter(on).map(|k| (k as f64, power_of_ten(k))).collect();
+                self.drop_overhanging(&mut labelled, length, direction);
+                let crowded = labelled.len() as f32 > room + 1.0;
+                if labelled.len() < least || crowded || !self.apart(&labelled, length, direction) {
+                    continue;
+                }
+                let mut ticks = Numbers::plain(&self.unit).ticks(&self.name, labelled);
+                if stride == 1 && last - first <= 8 {
+                    ticks.minor = self.within_decades(first, last);
+                } else if last - first <= 40 {
+                    ticks.minor = (first..=last).filter(|k| !on(k)).map(|k| k as f64).collect();
+                }
+                return Some(ticks);
+            }
+        }
+        None
+    }
+
+    /// Coordinates of the whole multiples of the powers of ten.
+    fn within_decades(&self, first: i64, last: i64) -> Vec<f64> {
+        (first - 1..=last)
+            .flat_map(|k| (1..=9).map(move |m| k as f64 + f64::from(m).log10()))
+            .filter(|c| (self.low..=self.high).contains(c))
+            .collect()
     }
 
     /// Labels that would stand out over the ends are left out.
@@ -420,8 +424,8 @@ impl Numbers {
         signed(text.trim_end_matches('0').trim_end_matches('.'))
     }
 
-    /// Name and, in brackets, unit and whatever was taken out of the labels.
-    fn title(&self, name: &str) -> String {
+    /// Ticks titled with name and unit and whatever was taken out of the labels.
+    fn ticks(&self, name: &str, labelled: Vec<(f64, String)>) -> Ticks {
         let mut inner = String::new();
         if self.power != 0 && !self.power_in_unit {
             inner = power_of_ten(i64::from(self.power));
@@ -437,11 +441,8 @@ impl Numbers {
             Some(size) => format!(" + {size}"),
             None => format!(" − {}", self.offset_text),
         };
-        if inner.is_empty() {
-            format!("{name}{offset}")
-        } else {
-            format!("{name}{offset} ({inner})")
-        }
+        let unit = if inner.is_empty() { inner } else { format!(" ({inner})") };
+        Ticks { labelled, minor: Vec::new(), name: format!("{name}{offset}"), unit }
     }
 }
 

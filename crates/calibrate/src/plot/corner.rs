@@ -74,9 +74,9 @@ impl CornerFigure {
         let ink = Role::Posterior.ink();
         let mut drawing = Drawing::new(width);
         let mut entries =
-            vec![("posterior density; 50 %".to_owned(), Swatch::Band(ink.with_opacity(0.55)))];
+            vec![("50 % of the posterior".to_owned(), Swatch::Band(ink.with_opacity(0.55)))];
         if self.parameters.len() > 1 {
-            entries.push(("95 % (pairs: 90 %)".to_owned(), Swatch::Band(ink.with_opacity(0.22))));
+            entries.push(("95 % (90 % in pairs)".to_owned(), Swatch::Band(ink.with_opacity(0.22))));
         } else {
             entries.push(("95 %".to_owned(), Swatch::Band(ink.with_opacity(0.22))));
         }

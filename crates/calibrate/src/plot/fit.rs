@@ -157,7 +157,7 @@ impl FitFigure {
                 &[at],
                 &[knee],
                 Marker::Diamond,
-                2.6,
+                2.3,
                 ink,
                 Some(Pen::solid(Ink::WHITE, 0.5)),
             );
@@ -177,7 +177,7 @@ impl FitFigure {
                 &[at],
                 &[knee.ratio],
                 Marker::Diamond,
-                2.6,
+                2.3,
                 posterior,
                 Some(Pen::solid(Ink::WHITE, 0.5)),
             );

@@ -9,7 +9,8 @@ use super::text::{self, Anchor};
 
 const HEADING_SIZE: f32 = 8.0;
 const ENTRY_SIZE: f32 = 7.0;
-const SWATCH: f32 = 17.0;
+const LINE: f32 = 17.0;
+const POINT: f32 = 6.0;
 const EDGE: f32 = 4.0;
 const ROW: f32 = 10.0;
 
@@ -20,6 +21,12 @@ pub(super) enum Swatch {
     Band(Ink),
     Point { marker: Marker, fill: Ink, outline: Option<Pen> },
     LineAndPoint { pen: Pen, marker: Marker },
+}
+
+impl Swatch {
+    fn length(self) -> f32 {
+        if matches!(self, Swatch::Point { .. }) { POINT } else { LINE }
+    }
 }
 
 /// Draws heading and legend; returns where the panels begin.
@@ -39,16 +46,17 @@ pub(super) fn header(drawing: &mut Drawing, title: &str, entries: &[(String, Swa
     }
     let mut x = EDGE;
     for (name, swatch) in entries.iter().filter(|(name, _)| !name.trim().is_empty()) {
-        let name = text::shortened(name, ENTRY_SIZE, room - SWATCH - 4.0);
-        let width = SWATCH + 4.0 + text::length(&name, ENTRY_SIZE);
+        let length = swatch.length();
+        let name = text::shortened(name, ENTRY_SIZE, room - length - 3.5);
+        let width = length + 3.5 + text::length(&name, ENTRY_SIZE);
         if x > EDGE && x + width > EDGE + room {
             x = EDGE;
             y += ROW;
         }
         let middle = y + ROW / 2.0;
         swatch_at(drawing, *swatch, x, middle);
-        drawing.text(&name, ENTRY_SIZE, (x + SWATCH + 4.0, middle), Anchor::LEFT, Ink::BLACK);
-        x += width + 10.0;
+        drawing.text(&name, ENTRY_SIZE, (x + length + 3.5, middle), Anchor::LEFT, Ink::BLACK);
+        x += width + 9.0;
     }
     if x > EDGE {
         y += ROW;
@@ -57,10 +65,11 @@ pub(super) fn header(drawing: &mut Drawing, title: &str, entries: &[(String, Swa
 }
 
 fn swatch_at(drawing: &mut Drawing, swatch: Swatch, x: f32, y: f32) {
-    let ends = ((x, y), (x + SWATCH, y));
+    let length = swatch.length();
+    let ends = ((x, y), (x + length, y));
     let point = |drawing: &mut Drawing, marker, fill, outline: Option<Pen>| {
         let mut path = PathBuilder::new();
-        push_marker(&mut path, (x + SWATCH / 2.0, y), marker, 1.9);
+        push_marker(&mut path, (x + length / 2.0, y), marker, 1.9);
         let path = path.finish();
         drawing.fill(path.clone(), fill);
         if let Some(pen) = outline {
@@ -71,7 +80,7 @@ fn swatch_at(drawing: &mut Drawing, swatch: Swatch, x: f32, y: f32) {
         Swatch::Line(pen) => drawing.segment(ends.0, ends.1, pen),
         Swatch::Band(ink) => {
             let mut path = PathBuilder::new();
-            if let Some(rect) = Rect::from_ltrb(x, y - 3.0, x + SWATCH, y + 3.0) {
+            if let Some(rect) = Rect::from_ltrb(x, y - 3.0, x + length, y + 3.0) {
                 path.push_rect(rect);
             }
             drawing.fill(path.finish(), ink);

@@ -28,6 +28,8 @@ pub enum Role {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Marker {
     Circle,
+    /// A circle too small to tell from a hexagon, in a quarter of the bytes.
+    Dot,
     Square,
     Triangle,
     Diamond,

@@ -129,7 +129,7 @@ pub(super) fn layout(
                     y: spec.y.clone(),
                 };
                 let free = if columns == 1 { OVERHANG } else { (gap / 2.0 - 1.0).min(OVERHANG) };
-                panel.axes(drawing, spec, free);
+                panel.axes(drawing, spec, free, x - lefts[column]);
                 row.push(Some(panel));
             } else {
                 row.push(None);
@@ -153,7 +153,7 @@ impl Panel {
         self.bottom - self.top
     }
 
-    fn axes(&self, drawing: &mut Drawing, spec: &Spec, overhang: f32) {
+    fn axes(&self, drawing: &mut Drawing, spec: &Spec, overhang: f32, title_left: f32) {
         let across = self.x.ticks(self.width(), Direction::Across { overhang });
         drawing.segment((self.left, self.bottom), (self.right, self.bottom), AXIS_PEN);
         let along = |c: f64| {
@@ -180,8 +180,11 @@ impl Panel {
             );
         }
         if spec.x_labels {
-            let (title, size) =
-                fitted(&across.title, self.width() + 2.0 * overhang.min(self.left - 2.0));
+            let (title, size) = fitted(
+                &across.name,
+                &across.unit,
+                self.width() + 2.0 * overhang.min(self.left - 2.0),
+            );
             let y = self.bottom + TICK_LENGTH + 3.5 + TICK_SIZE + 3.0;
             drawing.text(
                 &title,
@@ -199,7 +202,6 @@ impl Panel {
         let along = |c: f64| {
             self.bottom - ((c - self.y.low) / (self.y.high - self.y.low)) as f32 * self.height()
         };
-        let mut widest = 0.0_f32;
         for (c, label) in &up.labelled {
             let y = along(*c);
             drawing.segment((self.left - TICK_LENGTH, y), (self.left, y), AXIS_PEN);
@@ -211,7 +213,6 @@ impl Panel {
                     Anchor::RIGHT,
                     Ink::BLACK,
                 );
-                widest = widest.max(text::length(label, TICK_SIZE));
             }
         }
         for c in &up.minor {
@@ -222,12 +223,11 @@ impl Panel {
             );
         }
         if spec.y_labels {
-            let (title, size) = fitted(&up.title, self.height() + 4.0);
-            let x = self.left - TICK_LENGTH - 2.0 - widest - 4.0 - TITLE_SIZE;
+            let (title, size) = fitted(&up.name, &up.unit, self.height() + 4.0);
             drawing.text(
                 &title,
                 size,
-                (x, (self.top + self.bottom) / 2.0),
+                (title_left, (self.top + self.bottom) / 2.0),
                 Anchor::TURNED,
                 Ink::BLACK,
             );
@@ -400,7 +400,8 @@ impl Panel {
             );
         } else {
             let (radius, opacity) = if xs.len() <= 600 { (1.0, 0.6) } else { (0.6, 0.45) };
-            self.markers(drawing, xs, ys, Marker::Circle, radius, ink.with_opacity(opacity), None);
+            let marker = if radius < 1.0 { Marker::Dot } else { Marker::Circle };
+            self.markers(drawing, xs, ys, marker, radius, ink.with_opacity(opacity), None);
         }
     }
 
@@ -455,6 +456,14 @@ pub(super) fn push_marker(path: &mut PathBuilder, (x, y): (f32, f32), marker: Ma
     };
     match marker {
         Marker::Circle => path.push_circle(x, y, r),
+        Marker::Dot => polygon(&[
+            (-0.5, -0.87),
+            (0.5, -0.87),
+            (1.0, 0.0),
+            (0.5, 0.87),
+            (-0.5, 0.87),
+            (-1.0, 0.0),
+        ]),
         Marker::Square => polygon(&[(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)]),
         Marker::Triangle => polygon(&[(0.0, -1.2), (1.1, 0.8), (-1.1, 0.8)]),
         Marker::Down => polygon(&[(0.0, 1.2), (-1.1, -0.8), (1.1, -0.8)]),
@@ -476,9 +485,10 @@ pub(super) fn push_marker(path: &mut PathBuilder, (x, y): (f32, f32), marker: Ma
     }
 }
 
-/// A title at the size at which it fits, cut at the smallest.
-fn fitted(title: &str, room: f32) -> (String, f32) {
-    let size = (TITLE_SIZE * room / text::length(title, TITLE_SIZE).max(1.0))
-        .clamp(LEAST_SIZE, TITLE_SIZE);
-    (text::shortened(title, size, room), size)
+/// A title at the size at which it fits; at the smallest size the name is cut, never the unit.
+fn fitted(name: &str, unit: &str, room: f32) -> (String, f32) {
+    let long = text::length(name, TITLE_SIZE) + text::length(unit, TITLE_SIZE);
+    let size = (TITLE_SIZE * room / long.max(1.0)).clamp(LEAST_SIZE, TITLE_SIZE);
+    let name = text::shortened(name, size, room - text::length(unit, size));
+    (text::shortened(&format!("{name}{unit}"), size, room), size)
 }

@@ -83,7 +83,7 @@ impl RegimeMapFigure {
             .copied()
             .chain(marked.clone().map(|p| p.1))
             .chain(self.final_ratio);
-        let y = Axis::holding("contact ratio a/R", "", Scale::Log, heights, 0.08);
+        let y = Axis::holding("contact ratio a/R", "", Scale::Log, heights, 0.1);
         let height = match width {
             Width::Column => 140.0,
             Width::Full => 230.0,
@@ -98,27 +98,25 @@ impl RegimeMapFigure {
             panel.line(&mut drawing, &self.grid_s, values, role.pen());
         }
         panel.data(&mut drawing, &self.data_time_s, &self.data_ratio);
-        let mut last = None;
-        for (point, name) in points.into_iter().zip(["p_{1}", "p_{2}"]) {
+        // Above p1 on the left and below p2 on the right nothing runs; near an edge the other side is taken.
+        let labels = [(self.p1, "p_{1}", false), (self.p2, "p_{2}", true)];
+        for (point, name, below) in labels {
             let Some((time_s, ratio)) = point else { continue };
-            panel.markers(&mut drawing, &[time_s], &[ratio], Marker::Circle, 2.2, Ink::BLACK, None);
-            if let Some((x, y)) = panel.at(time_s, ratio).filter(|&at| panel.holds(at)) {
-                // Below and to the right of the point nothing runs: all three lines rise or are flat.
-                let beside = last.is_some_and(|(lx, ly): (f32, f32)| {
-                    (lx - x).abs() < 14.0 && (ly - y).abs() < 12.0
-                });
-                let shift = if beside { 16.0 } else { 5.0 };
-                let right = panel.right - x > 30.0;
-                let at = (if right { x + shift } else { x - 4.0 }, y + 4.0);
-                let anchor = if right { Anchor::TOP_LEFT } else { Anchor::BOTTOM_RIGHT };
-                drawing.text(
-                    name,
-                    7.5,
-                    if right { at } else { (at.0, y - 4.0) },
-                    anchor,
-                    Ink::BLACK,
-                );
-                last = Some((x, y));
+            let ink = Ink::BLACK;
+            panel.markers(&mut drawing, &[time_s], &[ratio], Marker::Circle, 2.2, ink, None);
+            let place = panel.at(time_s, ratio).filter(|&at| panel.holds(at));
+            if let Some((x, y)) = place {
+                let room = 16.0;
+                let fits = if below {
+                    x + room < panel.right && y + room < panel.bottom
+                } else {
+                    x - room > panel.left && y - room > panel.top
+                };
+                if below == fits {
+                    drawing.text(name, 7.5, (x + 4.5, y + 4.0), Anchor::TOP_LEFT, ink);
+                } else if x - room > panel.left {
+                    drawing.text(name, 7.5, (x - 3.5, y - 4.5), Anchor::BOTTOM_RIGHT, ink);
+                }
             }
         }
         Ok(drawing)

@@ -35,7 +35,10 @@ impl ResidualsFigure {
                 Swatch::Point { marker: Marker::Circle, fill: Ink::WHITE, outline },
             ),
             ("±2σ of the noise".to_owned(), Swatch::Band(ink.with_opacity(0.25))),
-            ("±95 % if white".to_owned(), Swatch::Line(Pen::dashed(Ink::GREY, 0.8, &[1.2, 1.4]))),
+            (
+                "95 % if uncorrelated".to_owned(),
+                Swatch::Line(Pen::dashed(Ink::GREY, 0.8, &[1.2, 1.4])),
+            ),
         ];
         let top = header(&mut drawing, &self.title, &entries);
 

@@ -44,7 +44,7 @@ fn around(values: &[f64], width: f64) -> Band {
 }
 
 /// All figures with `n` observations over `end_s` seconds, with short or with long names.
-pub fn figures(
+pub(super) fn figures(
     n: usize,
     end_s: f64,
     long_names: bool,
