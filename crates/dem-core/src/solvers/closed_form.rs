@@ -41,7 +41,8 @@ impl PairSolver for ClosedForm {
         let report = self.contact_ratios(scene, law, times_s, overlap)?;
         let last = scene.final_overlap().sqrt();
         for (x, p) in overlap.iter_mut().zip(plastic_overlap) {
-            *x = if *x == last { scene.final_overlap() } else { *x * *x };
+            // Squaring must not lead below the start or past the end by rounding.
+            *x = if *x == last { scene.final_overlap() } else { (*x * *x).max(scene.x0()) };
             *p = scene.law().equilibrium_plastic_overlap(*x);
         }
         Ok(report)

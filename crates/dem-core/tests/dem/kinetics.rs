@@ -40,6 +40,10 @@ fn closed_form_is_off_the_quadrature_of_the_rate_by_more_than_rounding() {
             let mut expected = Vec::new();
             for i in 0..40 {
                 let share = (f64::from(i) / 40.0).powi(3);
+                // At x0 itself the map is still at rest: any time up to the rest is right.
+                if kinetics == Kinetics::RegimeMap && i == 0 {
+                    continue;
+                }
                 let x = scene.x0() + share * (0.999 * scene.final_overlap() - scene.x0());
                 times.push(reference_time(&scene, kinetics, &sintering, x));
                 expected.push(x.sqrt());
@@ -58,7 +62,8 @@ fn closed_form_is_off_the_quadrature_of_the_rate_by_more_than_rounding() {
                 assert!((a - b).abs() < 1e-13, "{kinetics} at {t}: {a} against {b}");
                 let back =
                     time_to_contact_ratio(&scene, kinetics, &sintering, *a).expect("below phi");
-                assert!((back - t).abs() <= 1e-11 * t, "{kinetics}: time {back} against {t}");
+                let rounding = 1e-11 * t + 1e-15 * sintering.tau_s;
+                assert!((back - t).abs() <= rounding, "{kinetics}: time {back} against {t}");
             }
         }
     }

@@ -64,11 +64,11 @@ impl Step {
         self.start + fraction * (c1 + rest * (c2 + fraction * (c3 + rest * c4)))
     }
 
-    /// Error estimate of the continuous extension: a quarter of what its highest term contributes at
-    /// most, which is the error of the extension of one order less.
+    /// Error estimate of the continuous extension: what its highest term contributes at most, which
+    /// is the error of the extension of one order less.
     #[inline]
     pub(super) fn dense_error(&self) -> f64 {
-        self.extension[3].abs() / 64.0
+        self.extension[3].abs() / 16.0
     }
 
     /// `y` at the end of the step.

@@ -26,6 +26,14 @@ pub struct QuasiStatic {
 /// with the overlap) and stretching adds them up over few steps.
 const STEP_SHARE: f64 = 0.25;
 
+/// By how much the sum of the estimates of the steps is enlarged: at loose tolerances the steps of
+/// zipping are too long for the embedded estimates to be taken at their word.
+const CAUTION: f64 = 4.0;
+
+/// A step is at most so much longer than the one before: in the power law of zipping longer ones
+/// leave the range where the error estimate means anything.
+const LARGEST_GROWTH: f64 = 2.0;
+
 impl QuasiStatic {
     /// # Errors
     ///
@@ -73,13 +81,16 @@ impl QuasiStatic {
         let switch = run.coefficients.switch;
         let mut ended = true;
         if K::HAS_SWITCH && run.overlap < switch {
-            ended = run.piece(switch.min(end), K::rate_before_switch::<f64>)?;
+            let (numerator, denominator) = K::rate_after_switch(&run.coefficients, switch);
+            let speed_after =
+                if switch < end { numerator / denominator * 0.5 / switch.sqrt() } else { 0.0 };
+            ended = run.piece(switch.min(end), speed_after, K::rate_before_switch::<f64>)?;
         }
         if ended && run.overlap < end {
             // What the law only approaches counts as reached when it is too near to be seen.
             let near_limit = law.limit_overlap() - 1e-3 * self.tolerance;
             if run.overlap < near_limit {
-                ended = run.piece(end.min(near_limit), K::rate_after_switch::<f64>)?;
+                ended = run.piece(end.min(near_limit), 0.0, K::rate_after_switch::<f64>)?;
             }
             if ended {
                 run.rest_at(end.min(law.limit_overlap()).max(run.overlap));
@@ -93,7 +104,7 @@ impl QuasiStatic {
             kind: SolverKind::QuasiStatic,
             steps: run.steps,
             force_evaluations: run.evaluations,
-            error_estimate: Some(run.step_errors + run.dense_error),
+            error_estimate: Some(CAUTION * run.step_errors + run.dense_error),
             stop: if ended { StopReason::Coalesced } else { StopReason::LastObservation },
             quasi_static_lag: Some(lag::estimate(scene, law, overlap)),
         })
@@ -137,9 +148,13 @@ impl<F: FnMut(usize, f64, f64)> Run<'_, F> {
 
     /// Integrates one smooth piece of the rate up to the overlap `until`; false where the last
     /// observation comes first.
+    ///
+    /// `speed_after` is `d(a/R)/dt` behind that: an error of the time at which slow zipping ends is
+    /// an error of a/R as large as fast stretching makes it.
     fn piece(
         &mut self,
         until: f64,
+        speed_after: f64,
         rate: impl Fn(&RateCoefficients<f64>, f64) -> (f64, f64),
     ) -> Result<bool, SolveError> {
         let Some(&last_s) = self.times_s.last() else { return Ok(false) };
@@ -182,14 +197,16 @@ impl<F: FnMut(usize, f64, f64)> Run<'_, F> {
             let step = Step::take(&slope, p, start_slope, step_s);
             self.steps += 1;
             self.evaluations += 6;
-            // da/R = dx/(2 a/R), and dx/dp is at most 1.
+            // da/R = dx/(2 a/R), and dx/dp is at most 1; what is below rounding is no error.
             let in_ratio = 0.5 / contact.equilibrium_overlap(p).sqrt();
-            let (error, dense) = (in_ratio * step.error, in_ratio * step.dense_error());
+            let seen = |error: f64| if error <= 1e-15 * p { 0.0 } else { error };
+            let error = seen(step.error) * in_ratio.max(speed_after / step.end_slope());
+            let dense = seen(step.dense_error()) * in_ratio;
             let accepted = error <= step_tolerance && dense <= tolerance; // not so where NaN
             let growth = if error > 0.0 || dense > 0.0 {
                 0.9 * (step_tolerance / error).powf(0.2).min((tolerance / dense).sqrt().sqrt())
             } else {
-                5.0
+                LARGEST_GROWTH
             };
             if !accepted {
                 step_s *= if growth.is_finite() { growth.clamp(0.1, 0.9) } else { 0.1 };
@@ -197,12 +214,23 @@ impl<F: FnMut(usize, f64, f64)> Run<'_, F> {
             }
             self.step_errors += error;
             self.dense_error = self.dense_error.max(dense);
-            let crossing = (step.end() >= until_plastic).then(|| step.crossing(until_plastic));
-            let taken_s = crossing.unwrap_or(1.0) * step_s;
+            let crosses = step.end() >= until_plastic;
+            let taken_s = if crosses {
+                // The dense output says where about; two shorter steps say it to their own order.
+                let mut taken_s = step.crossing(until_plastic) * step_s;
+                for _ in 0..2 {
+                    let shorter = Step::take(&slope, p, start_slope, taken_s);
+                    taken_s += (until_plastic - shorter.end()) / shorter.end_slope();
+                    self.evaluations += 6;
+                }
+                taken_s.clamp(0.0, step_s)
+            } else {
+                step_s
+            };
             while let Some(time) = self.next_time_s() {
                 let ahead_s = time - self.now_s - since_s;
                 // The last step ends on the last time only up to rounding.
-                let last = crossing.is_none() && since_s + step_s >= left_s;
+                let last = !crosses && since_s + step_s >= left_s;
                 if ahead_s > taken_s && !last {
                     break;
                 }
@@ -212,7 +240,7 @@ impl<F: FnMut(usize, f64, f64)> Run<'_, F> {
                 self.overlap = contact.equilibrium_overlap(p);
                 self.observe_present();
             }
-            if crossing.is_some() {
+            if crosses {
                 self.now_s += since_s + taken_s;
                 self.rest_at(until);
                 return Ok(true);
@@ -220,7 +248,7 @@ impl<F: FnMut(usize, f64, f64)> Run<'_, F> {
             since_s += step_s;
             p = step.end();
             start_slope = step.end_slope();
-            step_s = (step_s * growth.clamp(0.2, 5.0)).min(left_s - since_s);
+            step_s = (step_s * growth.clamp(0.2, LARGEST_GROWTH)).min(left_s - since_s);
         }
         Ok(false)
     }

@@ -65,10 +65,7 @@ fn run_lanes<K: Kinetic>(
 ) -> Vec<Result<SolveReport, SolveError>> {
     let mut results: Vec<_> = sinterings.iter().map(|_| Err(SolveError::NoTimes)).collect();
     let mut waiting = sinterings.iter().enumerate();
-    let mut start = Pair::start(scene, solver.from_contact);
-    let idle = RateCoefficients { switch: 0.0, zipping: 0.0, stretching: 0.0 };
-    Scheme::<f64>::new(scene, solver.step_s, &idle).set_off(&mut start);
-
+    let start = Pair::start(scene, solver.from_contact);
     let mut pairs = Pair::splat(&start);
     let nothing = F64x8::splat(0.0);
     let mut coefficients =
@@ -80,8 +77,11 @@ fn run_lanes<K: Kinetic>(
                 let Some((index, sintering)) = waiting.next() else { break };
                 match K::new(scene, sintering) {
                     Ok(law) => {
-                        coefficients.set_lane(i, &law.coefficients());
-                        pairs.set_lane(i, &start);
+                        let scheme = Scheme::new(scene, solver.step_s, &law.coefficients());
+                        let mut pair = start;
+                        scheme.set_off::<K>(&mut pair);
+                        coefficients.set_lane(i, &scheme.coefficients);
+                        pairs.set_lane(i, &pair);
                         *lane = Some(Curve { index, clock: Clock::new(solver, scene, times_s) });
                     }
                     Err(error) => results[index] = Err(error),

@@ -59,7 +59,7 @@ impl Verlet {
     ) -> Result<SolveReport, SolveError> {
         let scheme = Scheme::<f64>::new(scene, self.step_s, &law.coefficients());
         let mut pair = Pair::start(scene, self.from_contact);
-        scheme.set_off(&mut pair);
+        scheme.set_off::<K>(&mut pair);
         let mut clock = pair::Clock::new(self, scene, times_s);
         while let Some(steps) = clock.steps_to_event() {
             for _ in 0..steps {

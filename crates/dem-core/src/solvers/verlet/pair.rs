@@ -148,9 +148,10 @@ impl<L: Lanes> Scheme<L> {
         let middle_plastic = p + half * (p - pair.plastic_before);
         let kappa = one + self.stiffening * middle_plastic;
         let squared = kappa * kappa;
-        let n = n * squared;
         let d = d * (squared - self.stiffening * self.adhesion);
-        let hn = self.step_s * n;
+        let growing = self.step_s * n * squared;
+        // Growth, forth or back, stops at full coalescence.
+        let (hn, _) = L::choose_pair(p, self.end_plastic, || (growing, d), || (L::splat(0.0), d));
         let softened = pair.stiffness - self.stiffening * (x - p);
         let z = hn * softened * self.inverse_adhesion; // times d
         let damped = self.damping * drift;
@@ -186,8 +187,18 @@ impl<L: Lanes> Scheme<L> {
 
 impl Scheme<f64> {
     /// Gives the first drift to a pair at rest.
-    pub(super) fn set_off(&self, pair: &mut Pair<f64>) {
-        pair.drift = self.kick * self.adhesion * (1.0 - pair.driving);
+    ///
+    /// At the singular start the driving factor falls from 1 to nearly 0 within a time `h/z` that
+    /// may be far below the step. The first half kick takes its mean over the half step,
+    /// `D (1 - exp(-z/2))/(z/2)`: with D itself the pair would set off half a step late, an error of
+    /// first order.
+    pub(super) fn set_off<K: Kinetic>(&self, pair: &mut Pair<f64>) {
+        let (n, d) = K::rate_fraction(&self.coefficients, self.start);
+        let softened = pair.stiffness - self.stiffening * (pair.overlap - pair.plastic);
+        let factor = self.law.equilibrium_factor(pair.plastic);
+        let half_z = 0.5 * self.step_s * n / d * factor * softened * self.inverse_adhesion;
+        let mean = if half_z > 0.0 { -(-half_z).exp_m1() / half_z } else { 1.0 };
+        pair.drift = self.kick * self.adhesion * (1.0 - pair.driving * mean);
     }
 
     /// Redoes the end of a step with the force of the branch that holds.
