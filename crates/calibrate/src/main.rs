@@ -1,2 +1,36 @@
-//! The command `calibrate`.
-fn main() {}
+//! The command `calibrate`: parses the command line, calls what it names, and turns failures into
+//! exit codes.
+
+use std::io::Write as _;
+use std::process::ExitCode;
+
+use calibrate::args::{Args, Command, SHORT_HELP};
+use calibrate::error::Failure;
+use calibrate::{check, inspect, run, simulate};
+use clap::{CommandFactory as _, Parser as _};
+
+fn main() -> ExitCode {
+    let args = Args::parse();
+    if args.is_empty() && std::env::args_os().len() == 1 {
+        eprintln!("{SHORT_HELP}");
+        return ExitCode::from(2);
+    }
+    match dispatch(&args) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => failure.report(),
+    }
+}
+
+fn dispatch(args: &Args) -> Result<(), Failure> {
+    match &args.command {
+        None => run::run(&args.run),
+        Some(Command::Simulate(args)) => simulate::run(args),
+        Some(Command::Inspect(args)) => inspect::run(args),
+        Some(Command::Check(args)) => check::run(args, inspect::understand),
+        Some(Command::Completions(args)) => {
+            let mut script = Vec::new();
+            clap_complete::generate(args.shell, &mut Args::command(), "calibrate", &mut script);
+            Ok(std::io::stdout().lock().write_all(&script)?)
+        }
+    }
+}

@@ -1,0 +1,77 @@
+//! The best Frenkel curve: least squares in tau_s, the one-parameter model that the paper compares with.
+
+use dem_core::Kinetics;
+use smc_calib::SimError;
+
+use crate::model::NeckGrowth;
+
+/// The sintering time \[s\] of the Frenkel curve (at the plan's phi) with the least sum of squares.
+///
+/// The sum has several minima in tau_s, as curves leave and join the plateau: a scan of ten decades
+/// around the last observation, then golden-section search in the best bracket, to 1e-10 in ln tau_s.
+///
+/// # Errors
+///
+/// [`SimError`] where no curve can be computed.
+pub fn best_tau_s(model: &NeckGrowth, observed: &[f64]) -> Result<f64, SimError> {
+    const SCAN: usize = 400;
+    let frenkel = model.with_kinetics(Kinetics::Frenkel);
+    let mut curve = vec![0.0; observed.len()];
+    let mut cost = |ln_tau: f64| -> Result<f64, SimError> {
+        let sintering = dem_core::Sintering { c1: 1.0, tau_s: ln_tau.exp(), delta_c: 1.0 };
+        frenkel.curve(&sintering, &mut curve)?;
+        Ok(observed.iter().zip(&curve).map(|(o, c)| (o - c) * (o - c)).sum())
+    };
+    let last = model.times_s().last().copied().unwrap_or(1.0).max(f64::MIN_POSITIVE);
+    let centre = last.ln();
+    let half_width = 5.0 * std::f64::consts::LN_10;
+    let step = 2.0 * half_width / SCAN as f64;
+    let at = |k: usize| centre - half_width + step * k as f64;
+    let mut best = (0, f64::INFINITY);
+    for k in 0..=SCAN {
+        let value = cost(at(k))?;
+        if value < best.1 {
+            best = (k, value);
+        }
+    }
+    let (mut lower, mut upper) = (at(best.0) - step, at(best.0) + step);
+    let ratio = (5f64.sqrt() - 1.0) / 2.0;
+    let (mut left, mut right) =
+        (upper - ratio * (upper - lower), lower + ratio * (upper - lower));
+    let (mut at_left, mut at_right) = (cost(left)?, cost(right)?);
+    while upper - lower > 1e-10 {
+        if at_left <= at_right {
+            (upper, right, at_right) = (right, left, at_left);
+            left = upper - ratio * (upper - lower);
+            at_left = cost(left)?;
+        } else {
+            (lower, left, at_left) = (left, right, at_right);
+            right = lower + ratio * (upper - lower);
+            at_right = cost(right)?;
+        }
+    }
+    Ok((0.5 * (lower + upper)).exp())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::args::Args;
+    use crate::plan::Planned;
+    use clap::Parser;
+
+    fn model(material: &str) -> NeckGrowth {
+        let args = Args::parse_from(["calibrate", "--material", material]);
+        NeckGrowth::of(&Planned::from_args(&args.run).expect("a plan").plan).expect("a model")
+    }
+
+    #[test]
+    fn exact_frenkel_data_give_back_their_sintering_time() {
+        let model = model("pa12");
+        let mut data = vec![0.0; model.times_s().len()];
+        let sintering = dem_core::Sintering { c1: 1.0, tau_s: 3.25, delta_c: 1.0 };
+        model.with_kinetics(Kinetics::Frenkel).curve(&sintering, &mut data).expect("a curve");
+        let tau = best_tau_s(&model, &data).expect("a fit");
+        assert!((tau / 3.25 - 1.0).abs() < 1e-6, "{tau}");
+    }
+}

@@ -1,0 +1,58 @@
+//! Numbers as a person reads them.
+
+/// `digits` significant digits: plain from 0.001 up to 10 000, else with a power of ten (`2.14e-4`).
+#[must_use]
+pub fn significant(value: f64, digits: usize) -> String {
+    let digits = digits.max(1);
+    if value == 0.0 || !value.is_finite() {
+        return value.to_string();
+    }
+    // The exponent after rounding: 9.996 at three digits is 10.0, not 9.100.
+    let scientific = format!("{value:.*e}", digits - 1);
+    let exponent: i32 = scientific
+        .split_once('e')
+        .and_then(|(_, exponent)| exponent.parse().ok())
+        .unwrap_or_default();
+    if (-3..4).contains(&exponent) {
+        let decimals = (digits as i32 - 1 - exponent).max(0) as usize;
+        format!("{value:.decimals$}")
+    } else {
+        scientific
+    }
+}
+
+/// Decimals so that a standard error shows its first two digits: `86.3368` with an error of 0.0012; at least
+/// `least` of them.
+#[must_use]
+pub fn with_error(value: f64, error: f64, least: usize) -> String {
+    let decimals = if error > 0.0 && error.is_finite() {
+        (1.0 - error.log10().floor()).clamp(0.0, 9.0) as usize
+    } else {
+        least
+    };
+    format!("{value:.*}", decimals.max(least))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_read_as_a_person_writes_them() {
+        assert_eq!(significant(0.070_912, 3), "0.0709");
+        assert_eq!(significant(2.1447e-4, 3), "2.14e-4");
+        assert_eq!(significant(9.996, 3), "10.0");
+        assert_eq!(significant(9_999.6, 3), "1.00e4");
+        assert_eq!(significant(1234.0, 3), "1234");
+        assert_eq!(significant(-3.809_52, 3), "-3.81");
+        assert_eq!(significant(0.0, 3), "0");
+        assert_eq!(significant(f64::INFINITY, 3), "inf");
+    }
+
+    #[test]
+    fn errors_decide_the_decimals() {
+        assert_eq!(with_error(86.336_84, 0.0012, 2), "86.3368");
+        assert_eq!(with_error(86.336_84, 0.0, 2), "86.34");
+        assert_eq!(with_error(86.336_84, 30.0, 1), "86.3");
+    }
+}

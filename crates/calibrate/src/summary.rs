@@ -1,0 +1,179 @@
+//! The closing summary of a run: what was found, how good the fit is, whether to trust it, where the files are.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use serde::Serialize;
+
+use crate::figures::KHAT_LIMIT;
+use crate::number::{significant, with_error};
+use crate::posterior_file::PosteriorFile;
+
+/// Fewest effective samples that a 95 % interval is read from without a warning.
+const ENOUGH: f64 = 400.0;
+
+/// Whether the sampler's own diagnostics let the result be trusted.
+#[must_use]
+pub fn trusted(file: &PosteriorFile) -> bool {
+    file.is_posterior
+        && file.khat < KHAT_LIMIT
+        && file.ess.importance >= ENOUGH
+        && file.log_evidence.agree
+}
+
+/// The summary as text, about ten lines. `seconds` is how long the inference took, where it has just run.
+#[must_use]
+pub fn text(file: &PosteriorFile, seconds: Option<f64>, out: Option<&Path>) -> String {
+    let plan = &file.plan;
+    let mut text = String::new();
+    let took = seconds.map_or_else(String::new, |s| format!(" in {} s", significant(s, 2)));
+    let _ = writeln!(
+        text,
+        "{}: {} kinetics, {} observations, {} simulations ({}){took}",
+        plan.title,
+        plan.kinetics,
+        plan.experiment.time_s.len(),
+        file.counters.simulations,
+        plan.solver.name,
+    );
+    if !file.is_posterior {
+        let _ = writeln!(text, "  NOT A POSTERIOR: noise tuned to a wished-for sample size");
+    }
+    for (place, summary) in file.parameters.iter().enumerate() {
+        let si = &summary.in_si;
+        let mut line = format!(
+            "  {:<8} {:>9} {:<9} 95 % {} .. {}",
+            summary.parameter.name,
+            significant(si.median, 3),
+            if summary.parameter.unit == "1" { "" } else { &summary.parameter.unit },
+            significant(si.eti95.lower, 3),
+            significant(si.eti95.upper, 3),
+        );
+        if let Some(paper) = &file.paper
+            && let Some(Some(percentile)) = paper.percentile_si.get(place)
+            && let Some(at) =
+                ["c1", "tau_s", "delta_c"].iter().position(|name| *name == summary.parameter.name)
+        {
+            let _ = write!(
+                line,
+                "; paper {} ({percentile:.0}th percentile)",
+                significant(paper.si[at], 3)
+            );
+        }
+        if summary.information_gain_bits < 0.5 {
+            let _ = write!(line, "; NOT INFORMED ({:.2} bits)", summary.information_gain_bits);
+        }
+        let _ = writeln!(text, "{line}");
+    }
+    if !file.printed.is_empty() {
+        let medians: Vec<String> = file
+            .printed
+            .iter()
+            .map(|printed| match printed.paper {
+                Some(paper) => format!(
+                    "{} {} (paper {})",
+                    printed.name,
+                    significant(printed.median, 3),
+                    significant(paper, 3)
+                ),
+                None => format!("{} {}", printed.name, significant(printed.median, 3)),
+            })
+            .collect();
+        let _ = writeln!(text, "  as printed in Table 3: {}", medians.join(", "));
+    }
+    let fit = &file.fit;
+    let paper = fit
+        .paper
+        .map_or_else(String::new, |error| format!(", paper {}", significant(error.rmse, 2)));
+    let noise = file.sigma.map_or_else(String::new, |sigma| {
+        format!("; noise sigma {}", significant(sigma.median, 2))
+    });
+    let _ = writeln!(
+        text,
+        "  fit: RMSE of a/R {} (MAP){paper}, best Frenkel {}{noise}",
+        significant(fit.map.rmse, 2),
+        significant(fit.frenkel.rmse, 2),
+    );
+    if let Some(knee) = &file.knee {
+        let _ = writeln!(
+            text,
+            "  knee: a/R {} at {} s (95 % {} .. {} s){}",
+            significant(knee.contact_ratio.median, 3),
+            significant(knee.time_s.median, 3),
+            significant(knee.time_s.eti95[0], 3),
+            significant(knee.time_s.eti95[1], 3),
+            if knee.probability < 0.995 {
+                format!(", with probability {:.2}", knee.probability)
+            } else {
+                String::new()
+            },
+        );
+    }
+    let _ = writeln!(
+        text,
+        "  trust: {}; {:.0} effective samples, k-hat {:.2} (limit {KHAT_LIMIT}), log evidence {} +- {}",
+        if trusted(file) { "yes" } else { "NO" },
+        file.ess.importance,
+        file.khat,
+        with_error(file.log_evidence.value, file.log_evidence.se, 3),
+        significant(file.log_evidence.se, 2),
+    );
+    for line in &file.advice {
+        let _ = writeln!(text, "  careful: {line}");
+    }
+    if let Some(out) = out {
+        let _ = writeln!(
+            text,
+            "  files: {}/ (posterior.json, table.md, samples.csv, draws.csv, fit.png, corner.png, ...)",
+            out.display()
+        );
+    }
+    text
+}
+
+/// The summary as JSON: the same facts for a program to read.
+#[derive(Debug, Serialize)]
+struct Short<'a> {
+    name: &'a str,
+    kinetics: &'a str,
+    is_posterior: bool,
+    trusted: bool,
+    parameters: &'a [smc_calib::ParameterSummary],
+    printed: &'a [crate::posterior_file::PrintedParameter],
+    paper: &'a Option<crate::posterior_file::PaperComparison>,
+    sigma: &'a Option<smc_calib::SigmaSummary>,
+    fit: &'a crate::posterior_file::Fit,
+    knee: &'a Option<crate::posterior_file::KneeSummary>,
+    log_evidence: &'a smc_calib::Evidence,
+    ess: &'a smc_calib::EffectiveSampleSize,
+    khat: f64,
+    advice: &'a [String],
+    out: Option<String>,
+}
+
+/// The summary as JSON.
+///
+/// # Errors
+///
+/// None in practice: the summary is plain data.
+pub fn json(file: &PosteriorFile, out: Option<&Path>) -> Result<String, serde_json::Error> {
+    let PosteriorFile { parameters, printed, paper, sigma, fit, knee, log_evidence, ess, .. } =
+        file;
+    serde_json::to_string_pretty(&Short {
+        name: &file.plan.name,
+        kinetics: &file.plan.kinetics,
+        is_posterior: file.is_posterior,
+        trusted: trusted(file),
+        parameters,
+        printed,
+        paper,
+        sigma,
+        fit,
+        knee,
+        log_evidence,
+        ess,
+        khat: file.khat,
+        advice: &file.advice,
+        out: out.map(|path| path.display().to_string()),
+    })
+}
