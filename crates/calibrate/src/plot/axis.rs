@@ -8,6 +8,8 @@ pub(super) const TICK_SIZE: f32 = 7.0;
 const GAP: f32 = 4.0;
 /// Values beyond this are not drawn: their range would overflow.
 const LARGEST: f64 = 1e300;
+/// Sizes below this are as good as zero.
+const SMALLEST: f64 = 1e-290;
 /// The relative width of a range is at least this, so that ticks differ in double precision.
 const LEAST_SPAN: f64 = 1e-12;
 
@@ -85,14 +87,14 @@ impl Axis {
             Scale::Log | Scale::Exponent => size.max(1.0) * LEAST_SPAN,
             Scale::Count => 1.0,
         };
-        let pad = if span > least {
+        let pad = if span > least.max(SMALLEST) {
             span * margin
         } else {
             match scale {
-                Scale::Linear if size > 0.0 => size * 0.05,
+                Scale::Linear if size > SMALLEST => size * 0.05,
                 Scale::Linear => 0.5,
-                Scale::Log | Scale::Exponent => 0.3,
-                Scale::Count => 0.6,
+                Scale::Log | Scale::Exponent => (size * 1e-3).max(0.3),
+                Scale::Count => (size * 1e-3).max(0.6),
             }
         };
         axis.low -= pad;
@@ -168,7 +170,10 @@ impl Axis {
     }
 
     fn logarithmic(&self, length: f32, direction: Direction, most: usize) -> Ticks {
-        let (first, last) = (self.low.ceil() as i64, self.high.floor() as i64);
+        if self.low.abs().max(self.high.abs()) > 1000.0 {
+            return self.of_logarithm().ticks(length, direction);
+        }
+        let (first, last) = ((self.low - 1e-9).ceil() as i64, (self.high + 1e-9).floor() as i64);
         if last > first
             && let Some(ticks) = self.decades(first, last, length, direction)
         {
@@ -177,12 +182,7 @@ impl Axis {
         // Less than a decade or two: round values within it.
         let (low, high) = (10_f64.powf(self.low), 10_f64.powf(self.high));
         if low < 1e-290 || high > 1e290 {
-            return Axis {
-                scale: Scale::Linear,
-                name: format!("log_{{10}} {}", self.name),
-                ..self.clone()
-            }
-            .ticks(length, direction);
+            return self.of_logarithm().ticks(length, direction);
         }
         let numbers = Numbers::new(low, high, Step::at_least(low), &self.unit);
         let mut best: Option<Ticks> = None;
@@ -228,6 +228,12 @@ impl Axis {
             ticks.minor = self.within_decades(first, last);
         }
         ticks
+    }
+
+    /// The axis of the logarithm itself, for what no power of ten in double precision reaches.
+    fn of_logarithm(&self) -> Axis {
+        let name = format!("log_{{10}} {}", self.name);
+        Axis { scale: Scale::Linear, name, unit: String::new(), ..self.clone() }
     }
 
     /// Powers of ten at a stride that leaves room, two of them if any stride gives two.
@@ -374,8 +380,8 @@ impl Numbers {
             numbers.offset_text = offset_text(numbers.offset, unit_step.log10().round() as i32);
         }
         let reach = (low - numbers.offset).abs().max((high - numbers.offset).abs());
-        let exponent = Step::at_least(reach / 9.99).exponent;
-        if !(-2..=3).contains(&exponent) || (exponent < -1 && unit == "s") {
+        let exponent = (reach.max(1e-305).log10() + 1e-9).floor() as i32;
+        if !(-2..=3).contains(&exponent) || (exponent < 0 && unit == "s") {
             let engineering = exponent.div_euclid(3) * 3;
             match prefix(unit, engineering).filter(|_| numbers.offset == 0.0) {
                 Some(prefix) => {
@@ -392,7 +398,10 @@ impl Numbers {
 
     fn labels(&self, low: f64, high: f64) -> Vec<(f64, String)> {
         let step = self.step.value();
-        let (first, last) = ((low / step - 1e-9).ceil(), (high / step + 1e-9).floor());
+        // A tick at the very end stays although its place is rounded.
+        let slack = |steps: f64| 1e-9 + 4.0 * f64::EPSILON * steps.abs();
+        let (first, last) = (low / step, high / step);
+        let (first, last) = ((first - slack(first)).ceil(), (last + slack(last)).floor());
         let count = ((last - first).max(-1.0) as usize + 1).min(100);
         (0..count)
             .map(|i| {

@@ -4,7 +4,7 @@ use super::axis::{Axis, Scale};
 use super::drawing::{Drawing, Ink, Pen};
 use super::header::{Swatch, header};
 use super::palette::Marker;
-use super::panel::{Spec, layout};
+use super::panel::{Panel, Spec, layout};
 use super::{Columns, PlotError, Role, Width};
 
 /// One model of a [`CompareFigure`].
@@ -61,7 +61,7 @@ impl CompareFigure {
             "measured".to_owned(),
             Swatch::Point { marker: Marker::Circle, fill: Ink::WHITE, outline },
         )];
-        let few = self.time_s.len() <= 120;
+        let few = !Panel::dense(&self.time_s);
         entries.extend(self.curves.iter().map(|c| {
             let swatch = if few {
                 Swatch::LineAndPoint { pen: c.role.pen(), marker: c.role.marker() }
@@ -124,16 +124,18 @@ impl CompareFigure {
         }
         residual.across(&mut drawing, 0.0, Pen::solid(Ink::GREY, 0.5));
         for (curve, values) in self.curves.iter().zip(&residuals) {
-            let thin = Pen { width: 0.6, ..curve.role.pen() };
-            residual.line(&mut drawing, &self.time_s, values, thin);
+            let (ink, xs) = (curve.role.ink(), &self.time_s);
             if few {
+                residual.line(&mut drawing, xs, values, Pen { width: 0.6, ..curve.role.pen() });
+                residual.markers(&mut drawing, xs, values, curve.role.marker(), 1.3, ink, None);
+            } else {
                 residual.markers(
                     &mut drawing,
-                    &self.time_s,
+                    xs,
                     values,
-                    curve.role.marker(),
-                    1.3,
-                    curve.role.ink(),
+                    Marker::Dot,
+                    0.5,
+                    ink.with_opacity(0.5),
                     None,
                 );
             }

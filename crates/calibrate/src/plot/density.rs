@@ -28,7 +28,7 @@ impl Bins {
 
     /// First and last bin within the support.
     fn inner(&self) -> (usize, usize) {
-        let first = self.of(self.support.0).unwrap_or(0);
+        let first = self.of(self.support.0 + self.width() * 1e-6).unwrap_or(0);
         let last = self.of(self.support.1 - self.width() * 1e-6).unwrap_or(self.count - 1);
         (first.min(last), last)
     }

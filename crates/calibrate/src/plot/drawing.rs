@@ -86,7 +86,6 @@ pub(super) struct TextBox {
         expect(dead_code, reason = "tests hold texts apart by their bounds and name the culprit")
     )]
     pub(super) text: String,
-    #[cfg_attr(not(test), expect(dead_code, reason = "tests hold texts apart by their bounds"))]
     pub(super) bounds: Rect,
 }
 

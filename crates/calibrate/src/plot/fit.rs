@@ -4,7 +4,7 @@ use super::axis::{Axis, Scale};
 use super::drawing::{Drawing, Ink, Pen};
 use super::header::{Swatch, header};
 use super::palette::Marker;
-use super::panel::{Spec, layout};
+use super::panel::{Panel, Spec, layout};
 use super::{Band, Columns, PlotError, Role, Width};
 
 /// Where zipping hands over to stretching: the contact ratio a_ve/R, with a central interval.
@@ -142,13 +142,18 @@ impl FitFigure {
         let panels = layout(&mut drawing, top, 8.0, &[(height, vec![Some(Spec::new(x, y))])]);
         let Some(panel) = panels.into_iter().flatten().flatten().next() else { return Ok(drawing) };
 
+        if Panel::dense(&self.time_s) {
+            panel.data(&mut drawing, &self.time_s, &self.contact_ratio);
+        }
         for (band, ink, _) in &bands {
             panel.band(&mut drawing, &self.grid_s, &band.lower, &band.upper, *ink);
         }
         for (values, role, _) in &curves {
             panel.line(&mut drawing, &self.grid_s, values, role.pen());
         }
-        panel.data(&mut drawing, &self.time_s, &self.contact_ratio);
+        if !Panel::dense(&self.time_s) {
+            panel.data(&mut drawing, &self.time_s, &self.contact_ratio);
+        }
         if let Some(knee) = self.paper_knee {
             let at = crossing(&self.grid_s, &self.paper, knee).unwrap_or(f64::NAN);
             let ink = Role::Paper.ink();

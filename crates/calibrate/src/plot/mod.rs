@@ -114,6 +114,11 @@ pub trait Figure {
     ///
     /// [`PlotError::Length`] if columns do not match, [`PlotError::TooMany`] if the figure has more panels than fit.
     fn render(&self, width: Width) -> Result<Picture, PlotError>;
+
+    /// The picture before it is encoded, which tests look into.
+    #[cfg(test)]
+    #[allow(private_interfaces, reason = "compiled for the tests of this module only")]
+    fn drawing(&self, width: Width) -> Result<drawing::Drawing, PlotError>;
 }
 
 macro_rules! figures {
@@ -121,6 +126,12 @@ macro_rules! figures {
         $(impl Figure for $figure {
             fn render(&self, width: Width) -> Result<Picture, PlotError> {
                 self.draw(width)?.finish()
+            }
+
+            #[cfg(test)]
+            #[allow(private_interfaces, reason = "compiled for the tests of this module only")]
+            fn drawing(&self, width: Width) -> Result<drawing::Drawing, PlotError> {
+                self.draw(width)
             }
         })*
     };

@@ -11,10 +11,12 @@ use super::text::{self, Anchor};
 pub(super) const TITLE_SIZE: f32 = 7.5;
 /// Smallest size a title is shrunk to before it is cut.
 const LEAST_SIZE: f32 = 5.5;
+/// So many measurements get a marker with an outline each.
+const FEW: usize = 120;
 const TICK_LENGTH: f32 = 2.5;
 const EDGE: f32 = 4.0;
 /// How far a tick label may stand out beyond its panel.
-const OVERHANG: f32 = 7.0;
+const OVERHANG: f32 = 10.0;
 const AXIS_PEN: Pen = Pen::solid(Ink::BLACK, 0.6);
 const MINOR_PEN: Pen = Pen::solid(Ink::BLACK, 0.4);
 
@@ -112,6 +114,7 @@ pub(super) fn layout(
                 lefts[0] = lefts[0].max(spec.left_room(*other_height));
             }
         }
+        lefts[0] = lefts[0].max(OVERHANG);
         let taken: f32 =
             lefts.iter().sum::<f32>() + gap * (columns - 1) as f32 + 2.0 * EDGE + OVERHANG - EDGE;
         let width = ((drawing.width - taken) / columns as f32).max(10.0);
@@ -137,7 +140,14 @@ pub(super) fn layout(
             x += width + gap;
         }
         panels.push(row);
-        let bottom = cells.iter().flatten().map(Spec::bottom_room).fold(0.0, f32::max);
+        // Labels may hang into an empty cell below.
+        let below =
+            rows.get(index + 1).map(|(_, cells)| cells).filter(|below| below.len() == columns);
+        let crowded = |column: usize| below.is_none_or(|below| below[column].is_some());
+        let bottom = (0..columns)
+            .filter(|&column| crowded(column))
+            .filter_map(|column| cells[column].as_ref().map(Spec::bottom_room))
+            .fold(0.0, f32::max);
         y += height + bottom + if index + 1 < rows.len() { gap.min(8.0) } else { EDGE - 2.0 };
     }
     drawing.height = y;
@@ -385,10 +395,15 @@ impl Panel {
         }
     }
 
+    /// Whether so many measurements belong below the curves rather than above.
+    pub(super) fn dense(xs: &[f64]) -> bool {
+        xs.len() > FEW
+    }
+
     /// Measurements: open circles, smaller and without outline where there are many.
     pub(super) fn data(&self, drawing: &mut Drawing, xs: &[f64], ys: &[f64]) {
         let ink = super::Role::Data.ink();
-        if xs.len() <= 120 {
+        if xs.len() <= FEW {
             self.markers(
                 drawing,
                 xs,
@@ -424,6 +439,29 @@ impl Panel {
             }
         }
         drawing.stroke(path.finish(), pen);
+    }
+
+    /// Writes a label into the panel if it fits there and touches no other text.
+    pub(super) fn label(
+        &self,
+        drawing: &mut Drawing,
+        text: &str,
+        at: (f32, f32),
+        anchor: Anchor,
+    ) -> bool {
+        let Some(bounds) = text::outline(text, TITLE_SIZE, at, anchor).map(|path| path.bounds())
+        else {
+            return false;
+        };
+        let inside = bounds.left() > self.left + 1.0
+            && bounds.right() < self.right
+            && bounds.top() > self.top
+            && bounds.bottom() < self.bottom - 1.0;
+        let free = drawing.texts.iter().all(|other| other.bounds.intersect(&bounds).is_none());
+        if inside && free {
+            drawing.text(text, TITLE_SIZE, at, anchor, Ink::BLACK);
+        }
+        inside && free
     }
 
     /// A line across the whole panel.

@@ -99,23 +99,20 @@ impl RegimeMapFigure {
         }
         panel.data(&mut drawing, &self.data_time_s, &self.data_ratio);
         // Above p1 on the left and below p2 on the right nothing runs; near an edge the other side is taken.
-        let labels = [(self.p1, "p_{1}", false), (self.p2, "p_{2}", true)];
-        for (point, name, below) in labels {
+        let below = ((4.5, 4.0), Anchor::TOP_LEFT);
+        let above = ((-3.5, -4.5), Anchor::BOTTOM_RIGHT);
+        for (point, name, sides) in
+            [(self.p1, "p_{1}", [above, below]), (self.p2, "p_{2}", [below, above])]
+        {
             let Some((time_s, ratio)) = point else { continue };
             let ink = Ink::BLACK;
             panel.markers(&mut drawing, &[time_s], &[ratio], Marker::Circle, 2.2, ink, None);
-            let place = panel.at(time_s, ratio).filter(|&at| panel.holds(at));
-            if let Some((x, y)) = place {
-                let room = 16.0;
-                let fits = if below {
-                    x + room < panel.right && y + room < panel.bottom
-                } else {
-                    x - room > panel.left && y - room > panel.top
-                };
-                if below == fits {
-                    drawing.text(name, 7.5, (x + 4.5, y + 4.0), Anchor::TOP_LEFT, ink);
-                } else if x - room > panel.left {
-                    drawing.text(name, 7.5, (x - 3.5, y - 4.5), Anchor::BOTTOM_RIGHT, ink);
+            let Some((x, y)) = panel.at(time_s, ratio).filter(|&at| panel.holds(at)) else {
+                continue;
+            };
+            for ((dx, dy), anchor) in sides {
+                if panel.label(&mut drawing, name, (x + dx, y + dy), anchor) {
+                    break;
                 }
             }
         }

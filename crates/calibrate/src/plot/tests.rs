@@ -1,1 +1,370 @@
+use proptest::prelude::*;
 
+use super::axis::{Axis, Direction, Scale, TICK_SIZE, Ticks};
+use super::drawing::Drawing;
+use super::*;
+
+const ACROSS: Direction = Direction::Across { overhang: 10.0 };
+
+fn ticks(scale: Scale, low: f64, high: f64, length: f32) -> Ticks {
+    Axis::holding("q", "s", scale, [low, high], 0.0).ticks(length, ACROSS)
+}
+
+fn labels(ticks: &Ticks) -> Vec<&str> {
+    ticks.labelled.iter().map(|(_, label)| label.as_str()).collect()
+}
+
+#[test]
+fn linear_ticks_are_round_numbers_with_as_many_decimals_as_the_step() {
+    let ticks = ticks(Scale::Linear, 0.0, 1.26, 200.0);
+    assert_eq!(labels(&ticks), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0", "1.2"]);
+    let places: Vec<f64> = ticks.labelled.iter().map(|(c, _)| *c).collect();
+    assert_eq!(places, [0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2].map(|v: f64| (v * 5.0).round() * 0.2));
+}
+
+#[test]
+fn small_times_get_an_si_prefix() {
+    let ticks = ticks(Scale::Linear, 0.0, 0.03, 200.0);
+    assert_eq!(labels(&ticks), ["0", "5", "10", "15", "20", "25", "30"]);
+    assert_eq!(ticks.unit, " (ms)");
+}
+
+#[test]
+fn large_numbers_without_a_prefix_get_a_power() {
+    let axis = Axis::holding("n", "", Scale::Linear, [0.0, 3e30], 0.0);
+    let ticks = axis.ticks(200.0, ACROSS);
+    assert_eq!(ticks.unit, " (10^{30})");
+    assert_eq!(labels(&ticks), ["0.0", "0.5", "1.0", "1.5", "2.0", "2.5", "3.0"]);
+}
+
+#[test]
+fn what_close_labels_share_is_taken_off() {
+    let ticks = ticks(Scale::Linear, 1.000_000_1, 1.000_000_2, 200.0);
+    assert_eq!(ticks.name, "q − 1.0000001");
+    assert_eq!(ticks.unit, " (10^{−7} s)");
+    assert_eq!(labels(&ticks), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
+}
+
+#[test]
+fn decades_are_labelled_as_powers_of_ten() {
+    let axis = ticks(Scale::Log, 1e-3, 1e2, 200.0);
+    assert_eq!(labels(&axis), ["10^{−3}", "10^{−2}", "10^{−1}", "10^{0}", "10^{1}", "10^{2}"]);
+    let exponents = ticks(Scale::Exponent, -3.0, 2.0, 200.0);
+    assert_eq!(exponents.labelled, axis.labelled);
+    let wide = ticks(Scale::Log, 1e-30, 1e30, 200.0);
+    assert!((3..=9).contains(&wide.labelled.len()), "{:?}", labels(&wide));
+}
+
+#[test]
+fn less_than_two_decades_are_labelled_with_numbers() {
+    let ticks = ticks(Scale::Log, 0.15, 9.0, 200.0);
+    assert_eq!(labels(&ticks), ["0.2", "0.3", "0.5", "1", "2", "3", "5"]);
+}
+
+#[test]
+fn counts_have_no_fractions() {
+    let ticks = Axis::holding("n", "", Scale::Count, [0.0, 2.0], 0.0).ticks(200.0, ACROSS);
+    assert_eq!(labels(&ticks), ["0", "1", "2"]);
+}
+
+#[test]
+fn scripts_are_shorter_than_text_and_markup_takes_no_room() {
+    assert_eq!(text::length("a_{}b", 7.0), text::length("ab", 7.0));
+    assert!(text::length("C_{1}", 7.0) < text::length("C1", 7.0));
+    let raised = text::length("10", 10.0) + text::length("−3", 7.2);
+    assert!((text::length("10^{−3}", 10.0) - raised).abs() < 1e-4);
+    assert!(text::length("file_name", 7.0) > text::length("filename", 7.0));
+}
+
+#[test]
+fn a_shortened_text_fits_and_never_shows_markup() {
+    for room in 1..80 {
+        let short = text::shortened("k_{max} of 10^{−3}", 7.0, room as f32);
+        assert!(text::length(&short, 7.0) <= room as f32);
+        assert_eq!(short.matches('{').count(), short.matches('}').count(), "{short}");
+    }
+}
+
+/// The figures of every kind, at both widths, with few and many observations and with long names.
+fn every_drawing() -> Vec<(String, Drawing)> {
+    let mut drawings = Vec::new();
+    for (n, end_s, long_names) in [
+        (0, 1.0, false),
+        (1, 1.0, false),
+        (2, 3e-12, true),
+        (5, 0.13, true),
+        (50, 6.1, false),
+        (50, 8.2e7, true),
+    ] {
+        for (name, figure) in synthetic::figures(n, end_s, long_names) {
+            for width in [Width::Column, Width::Full] {
+                let drawing = figure.drawing(width).expect("the columns match");
+                drawings.push((format!("{name} with {n} observations, {width:?}"), drawing));
+            }
+        }
+    }
+    drawings
+}
+
+/// Panics, naming both, if two texts touch or one leaves the canvas.
+fn assert_texts_are_apart(name: &str, drawing: &Drawing) {
+    for (i, one) in drawing.texts.iter().enumerate() {
+        let b = one.bounds;
+        assert!(
+            b.left() >= 0.0
+                && b.top() >= 0.0
+                && b.right() <= drawing.width
+                && b.bottom() <= drawing.height,
+            "{name}: `{}` at {b:?} leaves the canvas of {} x {}",
+            one.text,
+            drawing.width,
+            drawing.height
+        );
+        for other in &drawing.texts[..i] {
+            let o = other.bounds;
+            let apart = b.left() > o.right()
+                || o.left() > b.right()
+                || b.top() > o.bottom()
+                || o.top() > b.bottom();
+            assert!(apart, "{name}: `{}` at {b:?} and `{}` at {o:?} overlap", one.text, other.text);
+        }
+    }
+}
+
+#[test]
+fn no_text_overlaps_another_or_leaves_the_canvas() {
+    for (name, drawing) in every_drawing() {
+        assert!(drawing.texts.len() >= 3, "{name} has lost its texts");
+        assert_texts_are_apart(&name, &drawing);
+    }
+}
+
+#[test]
+fn texts_are_of_a_size_that_can_be_read_in_print() {
+    const { assert!(TICK_SIZE >= 7.0) };
+}
+
+#[test]
+fn the_same_figure_gives_the_same_bytes() {
+    let render = || {
+        synthetic::figures(20, 6.1, false)
+            .into_iter()
+            .map(|(_, figure)| figure.render(Width::Column).expect("the columns match"))
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(render(), render());
+}
+
+/// Checks a document of one element per line, as the writer makes them, against the rules of XML.
+fn assert_well_formed(svg: &str) {
+    let lines: Vec<&str> = svg.lines().collect();
+    assert!(lines[0].starts_with("<svg ") && lines[0].ends_with("\">"), "{}", lines[0]);
+    assert_eq!(lines[lines.len() - 1], "</svg>");
+    for line in &lines[1..lines.len() - 1] {
+        let inner = line
+            .strip_prefix('<')
+            .and_then(|l| l.strip_suffix("/>"))
+            .expect("one element per line");
+        let (element, mut attributes) = inner.split_once(' ').expect("an element with attributes");
+        assert!(["path", "rect"].contains(&element), "{line}");
+        let mut seen = Vec::new();
+        while !attributes.trim().is_empty() {
+            let (key, rest) = attributes.trim_start().split_once("=\"").expect("key=\"");
+            let (value, rest) = rest.split_once('"').expect("a closing quote");
+            assert!(
+                !value.contains(['<', '>']) && !value.contains("NaN") && !value.contains("inf"),
+                "{line}"
+            );
+            for entity in value.split('&').skip(1) {
+                assert!(
+                    ["amp;", "lt;", "gt;", "quot;"].iter().any(|e| entity.starts_with(e)),
+                    "{line}"
+                );
+            }
+            assert!(!seen.contains(&key), "{key} twice in {line}");
+            seen.push(key);
+            attributes = rest;
+        }
+    }
+}
+
+#[test]
+fn svg_is_well_formed_whatever_the_names() {
+    let mut figure =
+        WorkPrecisionFigure { title: "<&\"'> \u{1} ]]> 漢".to_owned(), ..Default::default() };
+    figure.cost_name = "a < b & c".to_owned();
+    assert_well_formed(&figure.render(Width::Full).expect("nothing to mismatch").svg);
+    for (_, figure) in synthetic::figures(5, 6.1, true) {
+        assert_well_formed(&figure.render(Width::Column).expect("the columns match").svg);
+    }
+}
+
+#[test]
+fn a_png_has_the_size_of_the_column_at_300_dots_per_inch() {
+    let picture = RegimeMapFigure::default().render(Width::Column).expect("nothing to mismatch");
+    let reader =
+        png::Decoder::new(std::io::Cursor::new(&picture.png)).read_info().expect("a PNG file");
+    let info = reader.info();
+    assert_eq!(info.width, 1004);
+    assert_eq!(info.pixel_dims.map(|d| d.xppu), Some(11811));
+    assert!(picture.svg.contains("width=\"85.00mm\""));
+}
+
+#[test]
+fn columns_that_do_not_match_are_named() {
+    let figure =
+        FitFigure { time_s: vec![1.0, 2.0], contact_ratio: vec![0.1], ..Default::default() };
+    let message = figure.render(Width::Column).expect_err("one ratio for two times").to_string();
+    assert_eq!(
+        message,
+        "figure fit: `contact_ratio` has 1 values where 2 are needed; give one per time"
+    );
+    let corner =
+        CornerFigure { parameters: vec![CornerParameter::default(); 6], ..Default::default() };
+    assert!(matches!(
+        corner.render(Width::Full),
+        Err(PlotError::TooMany { found: 6, most: 5, .. })
+    ));
+}
+
+#[test]
+fn contours_enclose_what_is_above_the_level_and_holes_wind_the_other_way() {
+    // A ring of ones around an empty middle.
+    let mut mass = vec![0.0; 49];
+    for y in 1..6 {
+        for x in 1..6 {
+            mass[y * 7 + x] = if (2..5).contains(&x) && (2..5).contains(&y) { 0.0 } else { 1.0 };
+        }
+    }
+    let area = |outline: &[(f64, f64)]| -> f64 {
+        let next = outline.iter().cycle().skip(1);
+        outline.iter().zip(next).map(|(a, b)| a.0 * b.1 - b.0 * a.1).sum::<f64>() / 2.0
+    };
+    let mut areas: Vec<f64> = density::contours(&mass, 7, 0.5).iter().map(|o| area(o)).collect();
+    areas.sort_by(f64::total_cmp);
+    // A square of side 5 with its corners cut, and a hole of side 3 with its corners cut.
+    assert_eq!(areas, [-(9.0 - 0.5), 25.0 - 0.5]);
+}
+
+#[test]
+fn a_marginal_integrates_to_one_and_stays_flat_up_to_the_bounds_of_the_prior() {
+    let bins = density::Bins { low: -0.1, high: 1.1, count: 120, support: (0.0, 1.0) };
+    let draws: Vec<f64> = (0..10_000).map(|i| (f64::from(i) + 0.5) / 10_000.0).collect();
+    let density = density::marginal(&bins, &draws, |_| 1.0, 0.05);
+    let mass: f64 = density.iter().map(|d| d * bins.width()).sum();
+    assert!((mass - 1.0).abs() < 1e-9, "{mass}");
+    for (i, d) in density.iter().enumerate() {
+        let inside = (0.0..1.0).contains(&bins.centre(i));
+        assert!((d - f64::from(u8::from(inside))).abs() < 0.02, "{d} at {}", bins.centre(i));
+    }
+}
+
+#[test]
+fn a_level_holds_its_share_of_a_normal_density() {
+    // Half of a normal density lies above 0.7966 of its height (|z| < 0.6745).
+    let mass: Vec<f64> =
+        (-4000..=4000).map(|i| (-0.5 * (f64::from(i) / 1000.0).powi(2)).exp()).collect();
+    assert!((density::level_holding(&mass, 0.5) - 0.796_6).abs() < 1e-3);
+}
+
+fn any_number() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        4 => -10.0..10.0_f64,
+        2 => (-300.0..300.0_f64).prop_map(|e| 10_f64.powf(e)),
+        1 => (-300.0..300.0_f64).prop_map(|e| -(10_f64.powf(e))),
+        1 => prop_oneof![Just(0.0), Just(f64::NAN), Just(f64::INFINITY), Just(f64::MIN), Just(f64::MAX), Just(5e-324)],
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]
+
+    #[test]
+    fn ticks_lie_within_the_axis_and_apart(a in any_number(), b in any_number(), length in 20.0..450.0_f32) {
+        for scale in [Scale::Linear, Scale::Log, Scale::Exponent, Scale::Count] {
+            for direction in [ACROSS, Direction::Up] {
+                let axis = Axis::holding("q", "m", scale, [a, b], 0.03);
+                let ticks = axis.ticks(length, direction);
+                prop_assert!(axis.low < axis.high);
+                let slack = (axis.high - axis.low) * 1e-6;
+                let along = |c: f64| ((c - axis.low) / (axis.high - axis.low)) as f32 * length;
+                for pair in ticks.labelled.windows(2) {
+                    prop_assert!(pair[0].1 != pair[1].1, "{:?} {:?}", (a, b, scale), ticks);
+                    let room = match direction {
+                        Direction::Up => TICK_SIZE,
+                        Direction::Across { .. } => pair.iter().map(|(_, l)| text::length(l, TICK_SIZE) / 2.0).sum(),
+                    };
+                    prop_assert!(along(pair[1].0) - along(pair[0].0) >= room, "{:?} {:?}", (a, b, scale), ticks);
+                }
+                for (c, label) in &ticks.labelled {
+                    prop_assert!((axis.low - slack..=axis.high + slack).contains(c), "{label} at {c} in {axis:?}");
+                }
+            }
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 40, ..ProptestConfig::default() })]
+
+    #[test]
+    fn no_numbers_make_a_figure_panic_or_its_texts_overlap(
+        xs in prop::collection::vec(any_number(), 0..8),
+        shift in any_number(),
+        log in any::<bool>(),
+    ) {
+        let ys: Vec<f64> = xs.iter().rev().map(|x| x * shift).collect();
+        let band = Band { lower: ys.clone(), upper: xs.clone() };
+        let mut sorted = xs.clone();
+        sorted.sort_by(f64::total_cmp);
+        let parameter = CornerParameter {
+            log10: log, draws: xs.clone(), prior: xs.iter().copied().zip(ys.iter().copied()).collect(),
+            paper: ys.first().copied(), map: Some(shift), ..Default::default()
+        };
+        let other = CornerParameter { draws: ys.clone(), log10: false, ..parameter.clone() };
+        let recursion = RecursionParameter {
+            median: ys.clone(), interval50: band.clone(), interval95: band.clone(), paper: Some(shift), log10: log,
+            ..Default::default()
+        };
+        let stage = |i: usize| ConvergenceStage {
+            simulations: sorted[i], beta: ys[i], ess: xs[i], log_evidence: ys[i], log_evidence_error: xs[i],
+            components: xs[i], k_hat: ys[i],
+        };
+        let curve = NamedCurve { name: "m".into(), role: Role::Series(9), curve: ys.clone(), at_data: xs.clone() };
+        let series = WorkPrecisionSeries {
+            name: "m".into(), role: Role::Map, cost: xs.clone(), error: ys.clone(), band: band.clone(),
+        };
+        let figures: Vec<Box<dyn Figure>> = vec![
+            Box::new(FitFigure {
+                time_s: xs.clone(), contact_ratio: ys.clone(), grid_s: sorted.clone(), mean: ys.clone(),
+                band50: band.clone(), band90: band.clone(), predictive90: band.clone(), map: xs.clone(),
+                paper: ys.clone(), frenkel: xs.clone(), knee: Some(Knee { ratio: shift, lower: 0.0, upper: shift }),
+                paper_knee: Some(shift), log_time: log, title: "t".into(),
+            }),
+            Box::new(CornerFigure { parameters: vec![parameter, other], weights: ys.clone(), title: String::new() }),
+            Box::new(RecursionFigure {
+                control: sorted.clone(), log_control: log, parameters: vec![recursion], ess: xs.clone(), ..Default::default()
+            }),
+            Box::new(ConvergenceFigure {
+                stages: (0..xs.len()).map(stage).collect(), k_hat_limit: shift, ess_target: Some(shift), title: String::new(),
+            }),
+            Box::new(ResidualsFigure {
+                time_s: sorted.clone(), residual: ys.clone(), sigma: shift, log_time: log, title: String::new(),
+            }),
+            Box::new(RegimeMapFigure {
+                grid_s: sorted.clone(), a0: shift, a1: ys.clone(), a2: xs.clone(), p1: Some((shift, 0.1)),
+                p2: Some((0.1, shift)), final_ratio: Some(shift), data_time_s: xs.clone(), data_ratio: ys.clone(), title: String::new(),
+            }),
+            Box::new(CompareFigure {
+                time_s: sorted.clone(), contact_ratio: ys.clone(), grid_s: sorted.clone(), curves: vec![curve],
+                log_time: log, title: String::new(),
+            }),
+            Box::new(WorkPrecisionFigure { series: vec![series], guide_slope: Some(shift), ..Default::default() }),
+        ];
+        for (i, figure) in figures.iter().enumerate() {
+            let drawing = figure.drawing(Width::Column).expect("the columns match");
+            assert_texts_are_apart(&format!("figure {i}"), &drawing);
+            assert_well_formed(&drawing.finish().expect("it fits into memory").svg);
+        }
+    }
+}
