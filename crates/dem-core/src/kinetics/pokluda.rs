@@ -1,7 +1,9 @@
 //! Frenkel's balance at constant volume.
 
+use std::sync::LazyLock;
+
 use super::{Kinetic, RateCoefficients};
-use crate::lanes::Lanes;
+use crate::lanes::{F64x8, Lanes, WIDTH};
 use crate::{PairScene, Sintering, SolveError};
 
 /// Pokluda's law: surface tension does the work of viscous flow while two equal spheres keep their
@@ -67,14 +69,59 @@ impl Pokluda {
         contact_ratio: &mut [f64],
     ) {
         let scale = self.rate_per_s / TIME_SCALE;
-        for (ratio, time) in contact_ratio.iter_mut().zip(times_s) {
-            let overlap = if self.start_integral.is_finite() {
-                overlap_of(neck_shape_at(self.start_integral + (time - start_s) * scale))
-            } else {
-                self.start
-            };
-            *ratio = overlap.max(self.start).min(self.end).sqrt();
+        // Rounding must not make a neck shrink.
+        let mut before = self.start;
+        for (ratios, times) in contact_ratio.chunks_mut(WIDTH).zip(times_s.chunks(WIDTH)) {
+            let mut decays = F64x8::splat(0.0);
+            for (decay, time) in decays.0.iter_mut().zip(times) {
+                *decay = (-(self.start_integral + (time - start_s) * scale)).exp();
+            }
+            let overlaps = OVERLAP.at(decays);
+            for (ratio, overlap) in ratios.iter_mut().zip(overlaps.0) {
+                before = overlap.clamp(before, self.end.max(before));
+                *ratio = before.min(self.end).sqrt();
+            }
         }
+    }
+}
+
+/// The overlap as a function of the decay `exp(-F(w))`, which falls exponentially in time, from
+/// [`LARGEST_DECAY`] without a neck to 0 for the merged pair.
+///
+/// The function is analytic; its nearest singularity, at `w = 0`, is so far away that the terms of
+/// its Chebyshev series fall 5.6 times each: these are exact to rounding.
+static OVERLAP: LazyLock<Series> = LazyLock::new(|| {
+    let angle = |k: usize| std::f64::consts::PI * (k as f64 + 0.5) / TERMS as f64;
+    let values: [f64; TERMS] = std::array::from_fn(|k| {
+        let decay = 0.5 * LARGEST_DECAY * (1.0 + angle(k).cos());
+        overlap_of(neck_shape_at(-decay.ln()))
+    });
+    Series(std::array::from_fn(|j| {
+        let sum: f64 =
+            values.iter().enumerate().map(|(k, value)| value * (j as f64 * angle(k)).cos()).sum();
+        sum * if j == 0 { 1.0 } else { 2.0 } / TERMS as f64
+    }))
+});
+
+const TERMS: usize = 24;
+
+/// A little above `exp(-F(4^(-1/3)))`.
+const LARGEST_DECAY: f64 = 1.273;
+
+/// A Chebyshev series on `0..LARGEST_DECAY`.
+struct Series([f64; TERMS]);
+
+impl Series {
+    /// Clenshaw's recurrence, for several arguments at once.
+    #[inline]
+    fn at(&self, decays: F64x8) -> F64x8 {
+        let z = decays * F64x8::splat(2.0 / LARGEST_DECAY) - F64x8::splat(1.0);
+        let twice = z + z;
+        let (mut b1, mut b2) = (F64x8::splat(0.0), F64x8::splat(0.0));
+        for &coefficient in self.0[1..].iter().rev() {
+            (b1, b2) = (twice * b1 - b2 + F64x8::splat(coefficient), b1);
+        }
+        z * b1 - b2 + F64x8::splat(self.0[0])
     }
 }
 

@@ -170,8 +170,7 @@ pub struct SolveReport {
     pub steps: u64,
     /// Evaluations of the contact law, or of the growth law where there is no force.
     pub force_evaluations: u64,
-    /// Estimated largest error of a/R at the observations, where the solver has one; a bound in
-    /// practice for tolerances of 1e-4 and below.
+    /// Estimated largest error of a/R at the observations, where the solver has one.
     pub error_estimate: Option<f64>,
     /// Why it ended.
     pub stop: StopReason,

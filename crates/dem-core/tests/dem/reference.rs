@@ -41,7 +41,7 @@ fn pokluda(x: f64) -> f64 {
         (t.sin() * (4.0 / ((1.0 + c).powi(2) * (2.0 - c))).cbrt()).powi(2)
     };
     let (mut low, mut high) = (1e-9, PI / 2.0);
-    for _ in 0..200 {
+    for _ in 0..64 {
         let middle = 0.5 * (low + high);
         if overlap(middle) < x { low = middle } else { high = middle }
     }

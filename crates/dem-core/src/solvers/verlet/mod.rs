@@ -12,9 +12,19 @@ use pair::{Pair, Scheme};
 /// Newton's law for the relative coordinate of the pair, by velocity Verlet, with the plastic overlap
 /// integrated implicitly within each step: see the source of this module's `pair` for the scheme.
 ///
-/// Second order in the step while the rate is smooth; across the bend of the rate at the knee, which
-/// falls inside a step, the error is of first order in the step there. The rate is driven by
-/// the whole contact force without adhesion, damping included.
+/// Second order in the step where the step resolves the relaxation of the contact,
+/// `alpha/(kappa rate)`; about order 1.5 over the singular start of zipping, where no step does
+/// (1e-4 of a/R for PS at 0.02 t_c); first order once across the bend of the rate at the knee, which
+/// falls inside a step. The rate is driven by the whole contact force without adhesion,
+/// damping included.
+///
+/// # Speed
+///
+/// A single curve waits for its own last step. From one new plastic overlap to the next the chain of
+/// dependent operations is 13 additions or multiplications, the square root and the division of the
+/// zipping rate, and two comparisons: with 3 cycles for each of the first, 20 and 13 for the others,
+/// about 75 cycles, which is 25 ns at 3 GHz; 26 ns are measured. Only other curves can fill the
+/// wait: [`verlet_batch`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Verlet {
     step_s: f64,

@@ -24,9 +24,6 @@
 //!    sign for any z, so that the singular start neither overshoots nor chatters.
 //! 3. force at (x1, p1) by the contact law, and kick with trapezoidal damping: with
 //!    `N = h^2 omega^2 (alpha - f1)/2` and `beta = (h c/2)/(1 + h c/2)`, `V1 = (V + N)(1 - beta)`.
-//!
-//! The longest chain of dependent operations from one step to the next is 13 additions or
-//! multiplications and one division; see [`Verlet`](super::Verlet) for what that comes to.
 
 use super::Verlet;
 use crate::kinetics::RateCoefficients;

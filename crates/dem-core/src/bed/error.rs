@@ -1,0 +1,195 @@
+//! What can be wrong with a bed, and with a run of it.
+
+use thiserror::Error;
+
+use crate::{SceneError, SolveError};
+
+/// A bed that cannot be made, or a run of it that cannot be finished.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum BedError {
+    /// A field is outside its range.
+    #[error("{field} = {value}: {remedy}")]
+    Field {
+        /// The field, as it is called in the scene file.
+        field: String,
+        /// Its value.
+        value: String,
+        /// What to do about it.
+        remedy: &'static str,
+    },
+    /// The scene file is not TOML, misses a field, or has one that is not known.
+    #[error("{place}: {message}")]
+    File {
+        /// File and line.
+        place: String,
+        /// What is wrong and what would be right.
+        message: String,
+    },
+    /// The material and its contact law do not go together.
+    #[error("material: {0}")]
+    Material(#[from] SceneError),
+    /// The sintering parameters cannot be used.
+    #[error("sintering: {0}")]
+    Sintering(#[from] SolveError),
+    /// Two particles overlap before anything has happened.
+    #[error(
+        "particles {first} and {second} overlap by {overlap} effective radii at the start, more than the adhesive \
+         contact's {allowed}: move them apart"
+    )]
+    OverlappingStart {
+        /// One particle, by its place in the scene.
+        first: usize,
+        /// The other.
+        second: usize,
+        /// Overlap in effective radii.
+        overlap: f64,
+        /// The largest overlap that a scene may start with, in effective radii.
+        allowed: f64,
+    },
+    /// A particle is outside the box.
+    #[error(
+        "particle {particle} at {position_m:?} m with radius {radius_m} m reaches out of the box along axis {axis}: \
+         move it inside or enlarge box.size_m"
+    )]
+    OutsideBox {
+        /// The particle, by its place in the scene.
+        particle: usize,
+        /// Its centre.
+        position_m: [f64; 3],
+        /// Its radius.
+        radius_m: f64,
+        /// 0, 1 or 2.
+        axis: usize,
+    },
+    /// A periodic side is so short that a particle could touch two images of another.
+    #[error(
+        "box.size_m[{axis}] = {size_m} m is periodic and shorter than twice the reach of the neighbour list, {needed_m} m: \
+         enlarge the box or take more particles"
+    )]
+    PeriodicSideTooShort {
+        /// 0, 1 or 2.
+        axis: usize,
+        /// Its length.
+        size_m: f64,
+        /// What it must exceed.
+        needed_m: f64,
+    },
+    /// The time step is not stable for the contacts that there are.
+    #[error(
+        "step of {step_s} s at t = {time_s} s is at or above the stability limit {limit_s} s of a particle with \
+         {contacts} contacts: lower step_over_collision_time below {}",
+        step_over_collision_time * limit_s / step_s
+    )]
+    UnstableStep {
+        /// The step.
+        step_s: f64,
+        /// The setting that gave it.
+        step_over_collision_time: f64,
+        /// What the step must stay below.
+        limit_s: f64,
+        /// Contacts of the particle that decides.
+        contacts: usize,
+        /// When.
+        time_s: f64,
+    },
+    /// A particle moved further in one step than the neighbour list can follow, or nowhere at all.
+    #[error(
+        "at t = {time_s} s a particle moves {displacement_m} m in one step, more than the {allowed_m} m that the neighbour \
+         list allows: lower the starting velocities or step_over_collision_time"
+    )]
+    RunAway {
+        /// When.
+        time_s: f64,
+        /// How far.
+        displacement_m: f64,
+        /// How far it may.
+        allowed_m: f64,
+    },
+    /// A packing of the wished density was not found.
+    #[error(
+        "a random packing of relative density {wished} was not reached: {particles} particles jam at about {reached}; \
+         wish for less, or use a lattice"
+    )]
+    PackingDensity {
+        /// What was wished for.
+        wished: f64,
+        /// What was reached without overlaps.
+        reached: f64,
+        /// Number of particles.
+        particles: usize,
+    },
+    /// The contacts are too soft for the weight they carry.
+    #[error(
+        "material.k1_n_per_m = {k1}: the load at the bottom of the bed, {load_over_adhesion} of the adhesive force fa = 1e-3 K1 R, \
+         is not small against it; a K1 of {needed_k1} N/m brings it to {allowed}"
+    )]
+    TooSoftForGravity {
+        /// The loading stiffness.
+        k1: f64,
+        /// Load on a bottom contact over fa.
+        load_over_adhesion: f64,
+        /// The largest ratio allowed.
+        allowed: f64,
+        /// A stiffness that would do.
+        needed_k1: f64,
+    },
+    /// Mass scaling has made inertia felt.
+    #[error(
+        "at t = {time_s} s the inertial number {inertial_number} exceeds inertial_number_limit = {limit}: lower mass_scaling, \
+         or use mode = \"quasi-static\""
+    )]
+    Inertia {
+        /// When.
+        time_s: f64,
+        /// The inertial number.
+        inertial_number: f64,
+        /// Its limit.
+        limit: f64,
+    },
+    /// The quasi-static mode found no force balance.
+    #[error(
+        "no force balance at t = {time_s} s after {iterations} iterations: residual force {residual} of the adhesive force, \
+         wanted {wanted}; raise max_work, or use mode = \"dynamic\""
+    )]
+    NoBalance {
+        /// When.
+        time_s: f64,
+        /// Iterations spent.
+        iterations: u64,
+        /// What was reached.
+        residual: f64,
+        /// What was wanted.
+        wanted: f64,
+    },
+    /// The run used all the work it was allowed.
+    #[error("max_work = {max_work} steps were used up at t = {time_s} s: raise max_work")]
+    WorkLimit {
+        /// The limit.
+        max_work: u64,
+        /// Time reached.
+        time_s: f64,
+    },
+    /// A checkpoint cannot be read.
+    #[error("checkpoint: {0}")]
+    Checkpoint(&'static str),
+}
+
+pub(crate) fn field(
+    field: impl Into<String>,
+    value: impl std::fmt::Display,
+    remedy: &'static str,
+) -> BedError {
+    BedError::Field { field: field.into(), value: value.to_string(), remedy }
+}
+
+/// Refuses what is not within the bounds, NaN included.
+pub(crate) fn within(
+    name: &str,
+    value: f64,
+    low: f64,
+    high: f64,
+    remedy: &'static str,
+) -> Result<(), BedError> {
+    if (low..=high).contains(&value) { Ok(()) } else { Err(field(name, value, remedy)) }
+}

@@ -1,0 +1,215 @@
+//! First half of a step: the forces of the pairs.
+//!
+//! Every pair is computed once, by itself, from the positions of its two particles and its own
+//! memory, and leaves its force in its own place: whoever computes it, the bits are the same.
+
+use std::marker::PhantomData;
+use std::ops::Range;
+
+use super::contact::{Growth, LawConstants, Memory, Scheme};
+use super::friction::Slider;
+use super::material::ContactConstants;
+use super::neighbours::{NeighbourList, image_of, index_of};
+use super::vec3::{Vec3, ZERO, add, cross, dot, scale, sub};
+
+/// What the pairs of a scene pay for, known to the compiler.
+pub(crate) trait PairFeatures {
+    /// Whether pairs see each other across periodic sides.
+    const IMAGES: bool;
+    /// Whether all particles have one radius.
+    const EQUAL: bool;
+    /// Whether there is friction, and with it rotation.
+    const FRICTION: bool;
+    /// How the plastic overlap grows.
+    type G: Growth;
+}
+
+/// The features, one by one.
+pub(crate) struct Pays<const IMAGES: bool, const EQUAL: bool, const FRICTION: bool, G>(
+    PhantomData<G>,
+);
+
+impl<const IMAGES: bool, const EQUAL: bool, const FRICTION: bool, G: Growth> PairFeatures
+    for Pays<IMAGES, EQUAL, FRICTION, G>
+{
+    const IMAGES: bool = IMAGES;
+    const EQUAL: bool = EQUAL;
+    const FRICTION: bool = FRICTION;
+    type G = G;
+}
+
+/// What all pairs read.
+pub(crate) struct PairInput<'a> {
+    pub(crate) list: &'a NeighbourList,
+    pub(crate) position: &'a [Vec3],
+    pub(crate) velocity: &'a [Vec3],
+    pub(crate) spin: &'a [Vec3],
+    pub(crate) radius: &'a [f64],
+    /// The vectors to the images of the box.
+    pub(crate) shifts: &'a [Vec3; 32],
+    pub(crate) law: LawConstants,
+    pub(crate) k1: f64,
+    pub(crate) step_s: f64,
+    /// Of all pairs, where all radii are equal.
+    pub(crate) scheme: Scheme,
+    /// Sum of two radii, where all are equal.
+    pub(crate) diameter: f64,
+    /// Of each pair, where the radii differ.
+    pub(crate) constants: &'a [ContactConstants],
+    pub(crate) slider: Slider,
+}
+
+/// What the pairs of some particles write, each in its place.
+pub(crate) struct PairOutput<'a> {
+    pub(crate) memory: &'a mut [Memory],
+    pub(crate) plastic_before: &'a mut [f64],
+    pub(crate) force: &'a mut [Vec3],
+    pub(crate) spring: &'a mut [Vec3],
+    pub(crate) torque: &'a mut [Vec3],
+}
+
+impl<'a> PairOutput<'a> {
+    fn split_at(self, at: usize) -> (Self, Self) {
+        fn split<T>(values: &mut [T], at: usize) -> (&mut [T], &mut [T]) {
+            let at = at.min(values.len());
+            values.split_at_mut(at)
+        }
+        let (memory, memory_after) = split(self.memory, at);
+        let (plastic_before, plastic_before_after) = split(self.plastic_before, at);
+        let (force, force_after) = split(self.force, at);
+        let (spring, spring_after) = split(self.spring, at);
+        let (torque, torque_after) = split(self.torque, at);
+        (
+            Self { memory, plastic_before, force, spring, torque },
+            Self {
+                memory: memory_after,
+                plastic_before: plastic_before_after,
+                force: force_after,
+                spring: spring_after,
+                torque: torque_after,
+            },
+        )
+    }
+}
+
+/// The pass for the features.
+pub(crate) fn pair_forces<F: PairFeatures>(
+    input: &PairInput<'_>,
+    output: PairOutput<'_>,
+    rows: Range<usize>,
+    grain: usize,
+) {
+    if rows.len() > grain {
+        let middle = rows.start + rows.len() / 2;
+        let pairs = input.list.start[middle] - input.list.start[rows.start];
+        let (before, after) = output.split_at(pairs as usize);
+        rayon::join(
+            || pair_forces::<F>(input, before, rows.start..middle, grain),
+            || pair_forces::<F>(input, after, middle..rows.end, grain),
+        );
+        return;
+    }
+    rows_forces::<F>(input, output, rows);
+}
+
+fn rows_forces<F: PairFeatures>(
+    input: &PairInput<'_>,
+    output: PairOutput<'_>,
+    rows: Range<usize>,
+) {
+    let offset = input.list.start[rows.start] as usize;
+    let PairOutput { memory, plastic_before, force, spring, torque } = output;
+    let equal_squared = input.diameter * input.diameter;
+    let mut nothing = 0.0;
+    for i in rows {
+        let position = input.position[i];
+        for k in input.list.row(i) {
+            let entry = input.list.other[k];
+            let at = k - offset;
+            let j = index_of(entry);
+            let mut d = sub(position, input.position[j]);
+            if F::IMAGES {
+                d = add(d, input.shifts[image_of(entry)]);
+            }
+            let squared = dot(d, d);
+            let memory = &mut memory[at];
+            let (reach, reach_squared) = if F::EQUAL {
+                (input.diameter, equal_squared)
+            } else {
+                let reach = input.radius[i] + input.radius[j];
+                (reach, reach * reach)
+            };
+            if squared > reach_squared {
+                if memory.is_contact() {
+                    *memory = Memory::APART;
+                    force[at] = ZERO;
+                    if F::FRICTION {
+                        spring[at] = ZERO;
+                        torque[at] = ZERO;
+                    }
+                }
+                continue;
+            }
+            let local;
+            let scheme = if F::EQUAL {
+                &input.scheme
+            } else {
+                local = Scheme::new(&input.constants[k], input.k1, input.step_s);
+                &local
+            };
+            let distance = squared.sqrt();
+            let overlap = (reach - distance) * scheme.inverse_radius;
+            if !memory.is_contact() {
+                touch(input, scheme, i, j, d, reach, overlap, memory);
+            }
+            let before = if F::G::GROWS { &mut plastic_before[at] } else { &mut nothing };
+            scheme.advance::<F::G>(&input.law, overlap, memory, before);
+            let along = -memory.pull * scheme.force_scale / distance;
+            let mut total = scale(d, along);
+            if F::FRICTION {
+                let normal = scale(d, 1.0 / distance);
+                let arm = distance / (input.radius[i] + input.radius[j]);
+                let turning = add(
+                    scale(input.spin[i], input.radius[i] * arm),
+                    scale(input.spin[j], input.radius[j] * arm),
+                );
+                let relative =
+                    add(sub(input.velocity[i], input.velocity[j]), cross(normal, turning));
+                let law = &input.law.law;
+                let pressing =
+                    (law.adhesion - memory.pull + law.kc * overlap) * scheme.force_scale;
+                let tangential = input.slider.force(
+                    &mut spring[at],
+                    normal,
+                    relative,
+                    pressing,
+                    scheme.damping * input.step_s * input.k1,
+                    input.step_s,
+                );
+                total = add(total, tangential);
+                torque[at] = scale(cross(normal, tangential), -arm);
+            }
+            force[at] = total;
+        }
+    }
+}
+
+/// A contact that this step has made: what it remembers of the time before.
+#[cold]
+#[inline(never)]
+#[allow(clippy::too_many_arguments, reason = "a cold corner of the loop above")]
+fn touch(
+    input: &PairInput<'_>,
+    scheme: &Scheme,
+    i: usize,
+    j: usize,
+    d: Vec3,
+    reach: f64,
+    overlap: f64,
+    memory: &mut Memory,
+) {
+    let moved = scale(sub(input.velocity[i], input.velocity[j]), input.step_s);
+    let before = sub(d, moved);
+    let before = (reach - dot(before, before).sqrt()) * scheme.inverse_radius;
+    *memory = scheme.touching(&input.law, before.min(0.0), overlap);
+}

@@ -1,0 +1,192 @@
+//! What the particles are made of, and the constants of a contact that follow from it.
+
+use super::error::{BedError, within};
+use crate::kinetics::{RateCoefficients, WithLaw, with_law};
+use crate::{ContactLaw, Damping, Kinetic, Kinetics, PairScene, PairSpec, Sintering, SolveError};
+
+/// Friction after S. Luding, Granular Matter 10 (2008) 235: a tangential spring xi with a slider and a
+/// dashpot,
+///
+/// ```text
+/// f_t = -k_t xi - gamma_t v_t   while |f_t| <= mu (f_ep - gamma_n v_n + Kc delta),
+/// ```
+///
+/// and on the slider, at that limit, the spring is shortened to fit. The limit counts from the lowest
+/// force that the contact can carry: an adhesive contact holds tangentially though nothing presses it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Friction {
+    /// Coefficient of friction mu, 0 to 10.
+    pub coefficient: f64,
+    /// Tangential stiffness over K1, up to 1; 2/7 gives a tangential period equal to the normal one.
+    pub tangential_stiffness_over_k1: f64,
+    /// Tangential dissipation over the normal one, 0 to 1.
+    pub tangential_damping_over_normal: f64,
+}
+
+impl Friction {
+    pub(crate) fn check(&self) -> Result<(), BedError> {
+        within("friction.coefficient", self.coefficient, 0.0, 10.0, "use 0 to 10")?;
+        within(
+            "friction.tangential_stiffness_over_k1",
+            self.tangential_stiffness_over_k1,
+            1e-6,
+            1.0,
+            "use 1e-6 to 1; 2/7 is usual",
+        )?;
+        within(
+            "friction.tangential_damping_over_normal",
+            self.tangential_damping_over_normal,
+            0.0,
+            1.0,
+            "use 0 to 1",
+        )
+    }
+}
+
+/// How contacts grow: the kinetics, its parameters, and the radius these were calibrated at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Growing {
+    /// The law.
+    pub kinetics: Kinetics,
+    /// Its parameters.
+    pub sintering: Sintering,
+    /// The radius that `tau_s` belongs to \[m\].
+    pub calibrated_radius_m: f64,
+}
+
+/// The material of all particles of a bed: the pair of the calibration at other radii.
+///
+/// The contact law is dimensionless and the same for all contacts. What depends on the radius is
+/// evaluated for the effective radius `R = 2 Ri Rj/(Ri + Rj)` of a contact, and `2 Ri` at a wall.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Material {
+    spec: PairSpec,
+    law: ContactLaw,
+}
+
+impl Material {
+    /// # Errors
+    ///
+    /// [`BedError::Material`] as for a pair.
+    pub fn new(spec: PairSpec) -> Result<Self, BedError> {
+        Ok(Self { law: *spec.build()?.law(), spec })
+    }
+
+    /// The pair that this material was described by.
+    #[must_use]
+    pub fn spec(&self) -> &PairSpec {
+        &self.spec
+    }
+
+    /// The contact law in units of the effective radius and of K1 times it.
+    #[must_use]
+    pub fn law(&self) -> &ContactLaw {
+        &self.law
+    }
+
+    /// Loading stiffness K1 \[N/m\].
+    #[must_use]
+    pub fn k1_n_per_m(&self) -> f64 {
+        self.spec.k1
+    }
+
+    /// The pair of equal particles with a given radius.
+    ///
+    /// # Errors
+    ///
+    /// [`BedError::Material`], for instance where a contact of that radius would start coalesced.
+    pub fn pair_of_radius(&self, radius_m: f64) -> Result<PairScene, BedError> {
+        let mut spec = self.spec;
+        spec.powder.radius_m = radius_m;
+        Ok(spec.build()?)
+    }
+
+    /// Normal dissipation over effective mass, `c = gamma_n/m_eff` \[1/s\].
+    pub(crate) fn dissipation(&self, effective_mass_kg: f64) -> f64 {
+        match self.spec.damping {
+            Damping::Restitution(e) => {
+                let log = e.ln();
+                -2.0 * log
+                    * (self.spec.k1 / effective_mass_kg
+                        / (std::f64::consts::PI.powi(2) + log * log))
+                        .sqrt()
+            }
+            Damping::Coefficient(gamma_n) => gamma_n / effective_mass_kg,
+        }
+    }
+
+    /// The constants of a contact of two particles (masses with their mass scaling).
+    pub(crate) fn contact(
+        &self,
+        growing: Option<&Growing>,
+        (radius_i, mass_i): (f64, f64),
+        (radius_j, mass_j): (f64, f64),
+    ) -> Result<ContactConstants, BedError> {
+        let radius = 2.0 * radius_i * radius_j / (radius_i + radius_j);
+        let effective_mass = mass_i * mass_j / (mass_i + mass_j);
+        let pair = self.pair_of_radius(radius)?;
+        let rate = match growing {
+            Some(growing) => rate_at_radius(&pair, growing)?,
+            None => NO_RATE,
+        };
+        Ok(ContactConstants {
+            radius,
+            frequency_squared: self.spec.k1 / effective_mass,
+            dissipation: self.dissipation(effective_mass),
+            start: pair.x0(),
+            rate,
+        })
+    }
+
+    /// The constants of a contact with a wall, which does not grow.
+    pub(crate) fn wall_contact(&self, radius: f64, mass: f64) -> ContactConstants {
+        ContactConstants {
+            radius: 2.0 * radius,
+            frequency_squared: self.spec.k1 / mass,
+            dissipation: self.dissipation(mass),
+            start: self.law.adhesion,
+            rate: NO_RATE,
+        }
+    }
+}
+
+const NO_RATE: RateCoefficients<f64> =
+    RateCoefficients { switch: 0.0, zipping: 0.0, stretching: 0.0 };
+
+/// The growth law of a pair of another radius than the calibrated one.
+fn rate_at_radius(
+    pair: &PairScene,
+    growing: &Growing,
+) -> Result<RateCoefficients<f64>, SolveError> {
+    struct Coefficients<'a> {
+        pair: &'a PairScene,
+        sintering: Sintering,
+    }
+    impl WithLaw for Coefficients<'_> {
+        type Output = Result<RateCoefficients<f64>, SolveError>;
+        fn run<K: Kinetic>(self) -> Self::Output {
+            Ok(K::new(self.pair, &self.sintering)?.coefficients())
+        }
+    }
+    let sintering = if pair.radius_m() == growing.calibrated_radius_m {
+        growing.sintering
+    } else {
+        growing.sintering.at_radius(growing.calibrated_radius_m, pair.radius_m())
+    };
+    with_law(growing.kinetics, Coefficients { pair, sintering })
+}
+
+/// What a contact is computed with, besides the contact law. SI.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ContactConstants {
+    /// Effective radius.
+    pub(crate) radius: f64,
+    /// `omega^2 = K1/m_eff`.
+    pub(crate) frequency_squared: f64,
+    /// `c = gamma_n/m_eff`.
+    pub(crate) dissipation: f64,
+    /// Overlap x0 of the adhesive contact, in effective radii.
+    pub(crate) start: f64,
+    /// Growth of the overlap.
+    pub(crate) rate: RateCoefficients<f64>,
+}
