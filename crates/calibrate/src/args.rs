@@ -39,7 +39,7 @@ Built-in materials: ps, pa12, peek.";
 #[command(
     name = "calibrate",
     version,
-    about,
+    override_usage = "calibrate --material <NAME> [OPTIONS]\n       calibrate --experiment <FILE> [--prior <FILE>] [OPTIONS]\n       calibrate <COMMAND>",
     after_help = AFTER_HELP,
     args_conflicts_with_subcommands = true,
     subcommand_negates_reqs = true,
@@ -159,7 +159,7 @@ pub struct RunArgs {
 const SIMULATE_EXAMPLES: &str = "\
 Examples:
   calibrate simulate --material pa12 --table3
-  calibrate simulate --material pa12 --c1 1.2e-6 --tau-s 3.8 --delta-c 9.5e-8 --t-end 10 --points 50
+  calibrate simulate --material pa12 --c1 1.2e-5 --tau-s 3.8 --delta-c 9.5e-8 --t-end 10 --points 50
   calibrate simulate --material ps --table3 --solver verlet --from-contact --out ps.csv
 
 The curve goes to standard output (or --out) as CSV: time_s, overlap_m, plastic_overlap_m, contact_ratio.

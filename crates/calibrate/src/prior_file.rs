@@ -140,7 +140,7 @@ impl PriorFile {
         let owned = |key| Ok::<_, InputError>(fields.text(key)?.map(|at| at.value.to_owned()));
         let title = owned("title")?;
         let source = owned("source")?;
-        let mut read = |parameter: ParameterName| match fields.table(parameter.name())? {
+        let read = |parameter: ParameterName| match fields.table(parameter.name())? {
             Some(table) => prior(parameter, &table).map(Some),
             None => Ok(None),
         };

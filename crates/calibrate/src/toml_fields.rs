@@ -29,6 +29,13 @@ impl<'i> Document<'i> {
         Ok(Self { name, text, root })
     }
 
+    /// Names of the fields at the top, in the file's order.
+    pub(crate) fn keys(&self) -> Vec<&str> {
+        let mut keys: Vec<_> = self.root.get_ref().keys().collect();
+        keys.sort_by_key(|key| key.span().start);
+        keys.into_iter().map(|key| key.get_ref().as_ref()).collect()
+    }
+
     /// The fields at the top.
     pub(crate) fn top(&self) -> Fields<'_> {
         Fields {

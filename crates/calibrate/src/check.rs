@@ -1,0 +1,240 @@
+//! `calibrate check FILE...`: what the program understands of a file, or what is wrong with it.
+
+use std::io::Write as _;
+use std::path::Path;
+
+use smc_calib::PriorSpec;
+
+use crate::args::CheckArgs;
+use crate::error::{Failure, InputError, Mistake};
+use crate::experiment::{Experiment, is_toml};
+use crate::observation_table::ObservationTable;
+use crate::prior_file::{ParameterName, PriorFile};
+use crate::toml_fields::Document;
+use crate::{material::Material, text_file};
+
+/// What is understood of a file: a headline, details, and warnings.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Understood {
+    /// What it is, on one line.
+    pub headline: String,
+    /// What it says, a line each.
+    pub details: Vec<String>,
+    /// What is allowed and yet worth saying.
+    pub warnings: Vec<String>,
+}
+
+/// Checks every file and says what it is; goes on after a mistake, so that all are reported.
+///
+/// `posterior` reads a saved posterior.
+///
+/// # Errors
+///
+/// [`Failure::InputReported`] where a file had a mistake, which has been printed by then.
+pub fn run(
+    args: &CheckArgs,
+    posterior: impl Fn(&Path) -> Result<Understood, InputError>,
+) -> Result<(), Failure> {
+    let mut right = true;
+    for file in &args.files {
+        match file_at(file, &posterior) {
+            Ok(understood) => {
+                let mut out = std::io::stdout().lock();
+                if !args.quiet {
+                    writeln!(out, "{}: ok, {}", file.display(), understood.headline)?;
+                    for detail in &understood.details {
+                        writeln!(out, "  {detail}")?;
+                    }
+                }
+                for warning in &understood.warnings {
+                    eprintln!("warning: {warning}");
+                }
+            }
+            Err(error) => {
+                right = false;
+                eprintln!("error: {error}");
+            }
+        }
+    }
+    if right { Ok(()) } else { Err(Failure::InputReported) }
+}
+
+/// Checks one file, of the kind that its name and contents say.
+///
+/// # Errors
+///
+/// [`InputError`] with place, value and remedy.
+pub fn file_at(
+    path: &Path,
+    posterior: impl Fn(&Path) -> Result<Understood, InputError>,
+) -> Result<Understood, InputError> {
+    let extension = path.extension().map(|extension| extension.to_ascii_lowercase());
+    if is_toml(path) {
+        let name = path.display().to_string();
+        let text = text_file::read(path)?;
+        return match toml_kind(&name, &text)? {
+            TomlKind::Prior => PriorFile::read(path).map(|priors| of_priors(&priors)),
+            TomlKind::Experiment => Experiment::read(path).map(|experiment| of(&experiment)),
+        };
+    }
+    if path.is_dir() || extension.as_deref().is_some_and(|extension| extension == "json") {
+        return posterior(path);
+    }
+    let table = ObservationTable::read(path)?;
+    Ok(Understood {
+        headline: format!("an observation table with {}", of_table(&table)),
+        details: Vec::new(),
+        warnings: few_points(&table, 3).into_iter().collect(),
+    })
+}
+
+enum TomlKind {
+    Experiment,
+    Prior,
+}
+
+fn toml_kind(name: &str, text: &str) -> Result<TomlKind, InputError> {
+    let document = Document::parse(name, text)?;
+    let keys = document.keys();
+    let any_of = |names: &[&str]| keys.iter().any(|key| names.contains(key));
+    if any_of(&["table", "material", "powder"]) {
+        Ok(TomlKind::Experiment)
+    } else if any_of(&ParameterName::ALL.map(ParameterName::name)) {
+        Ok(TomlKind::Prior)
+    } else {
+        let found = if keys.is_empty() {
+            "an empty file".to_owned()
+        } else {
+            format!("the fields {}", keys.join(", "))
+        };
+        Err(InputError::new(
+            name,
+            if keys.is_empty() { Mistake::Empty } else { Mistake::MissingField },
+        )
+        .found(found)
+        .expected(
+            "an experiment (table, and material or [powder]) or priors ([c1], [tau_s], [delta_c])",
+        )
+        .help("see experiments/example-my-powder.toml and priors/example-my-powder.toml"))
+    }
+}
+
+fn of_table(table: &ObservationTable) -> String {
+    let [first, last] = table.span_s();
+    let low = table.contact_ratio.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = table.contact_ratio.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let points = table.len();
+    format!(
+        "{points} point{}, {first} to {last} s, a/R {low} to {high}{}",
+        if points == 1 { "" } else { "s" },
+        if table.sigma.is_some() { ", with sigma" } else { "" }
+    )
+}
+
+/// The warning that the prior decides, where there are fewer points than parameters.
+#[must_use]
+pub fn few_points(table: &ObservationTable, parameters: usize) -> Option<String> {
+    let points = table.len();
+    (points < parameters).then(|| {
+        format!(
+            "{points} observation{} for {parameters} parameters: the prior decides what the data cannot",
+            if points == 1 { "" } else { "s" }
+        )
+    })
+}
+
+fn of(experiment: &Experiment) -> Understood {
+    let powder = experiment.powder;
+    let mut details = vec![format!(
+        "powder    {}: R = {} um, E = {} GPa, gamma = {} mN/m, rho = {} kg/m3",
+        experiment.material.map_or("own", Material::title),
+        short(powder.radius_m * 1e6),
+        short(powder.youngs_modulus_pa * 1e-9),
+        short(powder.surface_tension_n_per_m * 1e3),
+        short(powder.density_kg_per_m3)
+    )];
+    let reason = experiment.final_contact_ratio_reason.as_deref();
+    details.push(format!(
+        "phi       {}{}",
+        short(experiment.final_contact_ratio),
+        reason.map_or_else(String::new, |reason| format!(" ({reason})"))
+    ));
+    details.push(format!("table     {}: {}", experiment.table_name, of_table(&experiment.table)));
+    let mut warnings = experiment.warnings();
+    // A window without observations was refused on reading.
+    if let Ok(used) = experiment.observations(None) {
+        if let Some([start, end]) = experiment.window_s {
+            details.push(format!("window    {start} to {end} s: {} points", used.len()));
+        }
+        warnings.extend(few_points(&used, 3));
+    }
+    if let Some(source) = &experiment.source {
+        details.push(format!("source    {source}"));
+    }
+    let title = experiment.title.as_deref();
+    Understood {
+        headline: format!(
+            "the experiment {}{}",
+            experiment.name,
+            title.map_or_else(String::new, |title| format!(", {title}"))
+        ),
+        details,
+        warnings,
+    }
+}
+
+fn of_priors(priors: &PriorFile) -> Understood {
+    let mut details = Vec::new();
+    for parameter in ParameterName::ALL {
+        if let Some(prior) = priors.get(parameter) {
+            details.push(format!(
+                "{:<9} {} [{}]",
+                parameter.name(),
+                describe(prior.spec()),
+                parameter.unit()
+            ));
+        }
+    }
+    let mut warnings = Vec::new();
+    if priors.c1.is_none() || priors.delta_c.is_none() {
+        warnings.push(format!(
+            "{}: without [c1] and [delta_c] only --kinetics frenkel and pokluda can be calibrated",
+            priors.file_name
+        ));
+    }
+    Understood { headline: format!("priors for {} parameters", details.len()), details, warnings }
+}
+
+/// A prior on one line.
+#[must_use]
+pub fn describe(prior: &PriorSpec) -> String {
+    match *prior {
+        PriorSpec::Uniform { lower, upper } => {
+            format!("uniform {} to {}", short(lower), short(upper))
+        }
+        PriorSpec::LogUniform { lower, upper } => {
+            format!("log-uniform {} to {}", short(lower), short(upper))
+        }
+        PriorSpec::Normal { mean, sd } => format!("normal {} +- {}", short(mean), short(sd)),
+        PriorSpec::LogNormal { median, sd_log10 } => {
+            format!("log-normal, median {}, sd {} decades", short(median), short(sd_log10))
+        }
+        PriorSpec::TruncatedNormal { mean, sd, lower, upper } => format!(
+            "normal {} +- {} between {} and {}",
+            short(mean),
+            short(sd),
+            short(lower),
+            short(upper)
+        ),
+    }
+}
+
+/// A number without the noise of its last bits.
+fn short(value: f64) -> String {
+    let rounded: f64 = format!("{value:.5e}").parse().unwrap_or(value);
+    if rounded == 0.0 || (1e-3..1e6).contains(&rounded.abs()) {
+        format!("{rounded}")
+    } else {
+        format!("{rounded:e}")
+    }
+}

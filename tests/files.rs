@@ -1,0 +1,97 @@
+//! The files in `experiments/` and `priors/`, held against the program that reads them.
+
+use std::fs;
+
+use calibrate::experiment::{BUILT_IN_NAMES, Experiment};
+use calibrate::material::Material;
+use calibrate::observation_table::ObservationTable;
+use calibrate::prior_file::PriorFile;
+
+use crate::sandbox::{Sandbox, root};
+
+#[test]
+fn every_file_of_the_repository_is_read_without_complaint() {
+    let mut files = 0;
+    for folder in ["experiments", "priors"] {
+        for entry in fs::read_dir(root().join(folder)).expect("the folder") {
+            let path = entry.expect("an entry").path();
+            let ran = Sandbox::new().run_args(&["check", path.to_str().expect("UTF-8")]);
+            ran.succeeded();
+            assert_eq!(ran.stderr, "", "{}", path.display());
+            files += 1;
+        }
+    }
+    assert_eq!(files, 14, "a new file needs no change here but this number");
+}
+
+#[test]
+fn built_in_experiments_are_the_files_of_the_repository() {
+    for name in BUILT_IN_NAMES {
+        let from_file = Experiment::read(&root().join(format!("experiments/{name}.toml")));
+        let from_file = from_file.expect("a description");
+        let built_in = Experiment::built_in(name).expect("built in");
+        assert_eq!(from_file.table, built_in.table);
+        assert_eq!(from_file.powder, built_in.powder);
+        assert_eq!(from_file.name, built_in.name);
+    }
+    for material in Material::ALL {
+        let from_file = PriorFile::read(&root().join(format!("priors/{material}.toml")));
+        let from_file = from_file.expect("priors");
+        let built_in = PriorFile::of_material(material).expect("built in");
+        assert_eq!((from_file.c1, from_file.tau_s), (built_in.c1, built_in.tau_s));
+        assert_eq!((from_file.delta_c, from_file.phi), (built_in.delta_c, built_in.phi));
+    }
+}
+
+#[test]
+fn the_tables_are_the_published_measurements() {
+    for (name, rows, first, last) in [
+        ("ps-r30", 44, [0.0070, 0.204], [1.0651, 1.035]),
+        ("pa12-r32", 30, [0.0, 0.0], [15.0, 1.260]),
+        ("pa12-r30", 30, [0.0, 0.0], [15.0, 1.290]),
+        ("peek-450pf-r25", 26, [2.96, 0.339], [78.06, 1.336]),
+    ] {
+        let table = Experiment::built_in(name).expect("built in").table;
+        let row = |place: usize| [table.time_s[place], table.contact_ratio[place]];
+        assert_eq!((table.len(), row(0), row(rows - 1)), (rows, first, last), "{name}");
+    }
+}
+
+#[test]
+fn spreadsheet_dialects_read_to_the_same_table() {
+    let sandbox = Sandbox::new();
+    let plain = "time_s,contact_ratio\n0.5,0.4\n1,0.6\n";
+    sandbox.write("plain.csv", plain);
+    sandbox.write("bom.csv", format!("\u{feff}{}", plain.replace('\n', "\r\n")));
+    sandbox.write("semicolon.csv", plain.replace(',', ";"));
+    sandbox.write("spaces.txt", plain.replace(',', "   "));
+    let read = |name: &str| ObservationTable::read(&sandbox.path().join(name)).expect(name);
+    for name in ["bom.csv", "semicolon.csv", "spaces.txt"] {
+        assert_eq!(read(name), read("plain.csv"), "{name}");
+    }
+}
+
+#[test]
+fn fewer_points_than_parameters_is_a_warning() {
+    let sandbox = Sandbox::new();
+    sandbox.write("two.csv", "time_s,contact_ratio\n0.5,0.4\n1,0.6\n");
+    let ran = sandbox.run("check two.csv");
+    ran.succeeded();
+    assert!(ran.stderr.contains("warning: 2 observations for 3 parameters"), "{}", ran.stderr);
+}
+
+#[test]
+fn completions_version_and_help_are_there() {
+    let sandbox = Sandbox::new();
+    for shell in ["bash", "zsh", "fish"] {
+        let ran = sandbox.run(&format!("completions {shell}"));
+        ran.succeeded();
+        assert!(ran.stdout.contains("kinetics"), "{shell}");
+    }
+    let version = sandbox.run("--version");
+    assert_eq!(version.succeeded().stdout, format!("calibrate {}\n", env!("CARGO_PKG_VERSION")));
+    let help = sandbox.run("--help").stdout;
+    for word in ["--material", "simulate", "16384", "Examples:", "--window"] {
+        assert!(help.contains(word), "{word} is not in\n{help}");
+    }
+}
