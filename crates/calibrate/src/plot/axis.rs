@@ -103,7 +103,7 @@ impl Axis {
     }
 
     /// The same axis, starting at a value where that is below all others.
-    pub(super) fn from_value(mut self, value: f64) -> Axis {
+    pub(super) fn starting_at(mut self, value: f64) -> Axis {
         if let Some(c) = self.coordinate(value).filter(|&c| c < self.high) {
             self.low = c;
         }
@@ -381,7 +381,7 @@ impl Numbers {
         }
         let reach = (low - numbers.offset).abs().max((high - numbers.offset).abs());
         let exponent = (reach.max(1e-305).log10() + 1e-9).floor() as i32;
-        if !(-2..=3).contains(&exponent) || (exponent < 0 && unit == "s") {
+        if !(-2..=4).contains(&exponent) || (exponent < 0 && unit == "s") {
             let engineering = exponent.div_euclid(3) * 3;
             match prefix(unit, engineering).filter(|_| numbers.offset == 0.0) {
                 Some(prefix) => {

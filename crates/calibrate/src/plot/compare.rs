@@ -80,7 +80,7 @@ impl CompareFigure {
             self.time_s.iter().chain(&self.grid_s).copied(),
             0.02,
         );
-        let x = if self.log_time { x } else { x.from_value(0.0) };
+        let x = if self.log_time { x } else { x.starting_at(0.0) };
         let all = self
             .curves
             .iter()
@@ -88,7 +88,7 @@ impl CompareFigure {
             .chain(&self.contact_ratio)
             .copied()
             .chain([0.0]);
-        let y = Axis::holding("contact ratio a/R", "", Scale::Linear, all, 0.04).from_value(0.0);
+        let y = Axis::holding("contact ratio a/R", "", Scale::Linear, all, 0.04).starting_at(0.0);
         let residuals: Vec<Vec<f64>> = self
             .curves
             .iter()

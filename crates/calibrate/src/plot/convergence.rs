@@ -60,7 +60,7 @@ impl ConvergenceFigure {
         let top = header(&mut drawing, &self.title, &entries);
 
         let x = Axis::holding("simulations", "", Scale::Linear, spent.iter().copied(), 0.03)
-            .from_value(0.0);
+            .starting_at(0.0);
         let y = |name: &str, unit: &str, scale, values: Vec<f64>| {
             Axis::holding(name, unit, scale, values, 0.08)
         };

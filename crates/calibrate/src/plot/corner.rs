@@ -226,7 +226,7 @@ fn marginal(drawing: &mut Drawing, panel: &Panel, prepared: &Prepared, p: &Corne
 /// The part of a curve between two abscissae, ends interpolated.
 fn between(xs: &[f64], ys: &[f64], low: f64, high: f64) -> Option<(Vec<f64>, Vec<f64>)> {
     let (first, last) = (*xs.first()?, *xs.last()?);
-    if !(low <= high) || high < first || low > last {
+    if low.is_nan() || high < first || low > last {
         return None;
     }
     let (low, high) = (low.max(first), high.min(last));

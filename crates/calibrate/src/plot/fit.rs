@@ -117,7 +117,7 @@ impl FitFigure {
         let scale = if self.log_time { Scale::Log } else { Scale::Linear };
         let times = self.time_s.iter().chain(&self.grid_s).copied();
         let x = Axis::holding("time t", "s", scale, times, 0.02);
-        let x = if self.log_time { x } else { x.from_value(0.0) };
+        let x = if self.log_time { x } else { x.starting_at(0.0) };
         // Data, mean and bands set the range; a comparison curve may leave it, as Frenkel's does.
         let own =
             [&self.contact_ratio, &self.mean, &self.map, &self.band90.lower, &self.band90.upper];
@@ -134,7 +134,7 @@ impl FitFigure {
         );
         heights.push(0.0);
         let y =
-            Axis::holding("contact ratio a/R", "", Scale::Linear, heights, 0.04).from_value(0.0);
+            Axis::holding("contact ratio a/R", "", Scale::Linear, heights, 0.04).starting_at(0.0);
         let height = match width {
             Width::Column => 140.0,
             Width::Full => 230.0,

@@ -265,14 +265,14 @@ impl Panel {
         let mut pen_at: Option<(f32, f32)> = None;
         for (&x, &y) in xs.iter().zip(ys) {
             let here = self.at(x, y);
-            if let (Some(from), Some(to)) = (last, here) {
-                if let Some((a, b)) = self.cut(from, to) {
-                    if pen_at != Some(a) {
-                        path.move_to(a.0, a.1);
-                    }
-                    path.line_to(b.0, b.1);
-                    pen_at = Some(b);
+            if let (Some(from), Some(to)) = (last, here)
+                && let Some((a, b)) = self.cut(from, to)
+            {
+                if pen_at != Some(a) {
+                    path.move_to(a.0, a.1);
                 }
+                path.line_to(b.0, b.1);
+                pen_at = Some(b);
             }
             last = here;
         }
@@ -372,6 +372,7 @@ impl Panel {
     }
 
     /// Points that lie within the panel, filled with one ink and outlined with another.
+    #[expect(clippy::too_many_arguments, reason = "two columns and the look of a point")]
     pub(super) fn markers(
         &self,
         drawing: &mut Drawing,
@@ -431,11 +432,11 @@ impl Panel {
     ) {
         let mut path = PathBuilder::new();
         for ((&x, &low), &high) in xs.iter().zip(lower).zip(upper) {
-            if let (Some(a), Some(b)) = (self.at(x, low), self.at(x, high)) {
-                if let Some((a, b)) = self.cut(a, b) {
-                    path.move_to(a.0, a.1);
-                    path.line_to(b.0, b.1);
-                }
+            if let (Some(a), Some(b)) = (self.at(x, low), self.at(x, high))
+                && let Some((a, b)) = self.cut(a, b)
+            {
+                path.move_to(a.0, a.1);
+                path.line_to(b.0, b.1);
             }
         }
         drawing.stroke(path.finish(), pen);

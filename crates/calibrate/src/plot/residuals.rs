@@ -44,7 +44,7 @@ impl ResidualsFigure {
 
         let scale = if self.log_time { Scale::Log } else { Scale::Linear };
         let x = Axis::holding("time t", "s", scale, self.time_s.iter().copied(), 0.02);
-        let x = if self.log_time { x } else { x.from_value(0.0) };
+        let x = if self.log_time { x } else { x.starting_at(0.0) };
         let residuals = self.residual.iter().copied().chain([2.2 * sigma, -2.2 * sigma]);
         let y = Axis::holding("residual of a/R", "", Scale::Linear, residuals, 0.05);
 

@@ -165,7 +165,7 @@ pub(super) fn figures(
         ess: (0..n).map(|i| 16384.0 / (1.0 + 0.1 * i as f64) + 20.0).collect(),
     };
     let stages = (1..=8)
-        .map(|i| f64::from(i))
+        .map(f64::from)
         .map(|i| ConvergenceStage {
             simulations: 1024.0 * i + if i > 7.0 { 8192.0 } else { 0.0 },
             beta: (i / 5.0).powi(2).min(1.0),

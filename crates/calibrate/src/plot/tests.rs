@@ -4,6 +4,8 @@ use super::axis::{Axis, Direction, Scale, TICK_SIZE, Ticks};
 use super::drawing::Drawing;
 use super::*;
 
+/// Enough to find what has been found so far, in a second.
+const CASES: u32 = 40;
 const ACROSS: Direction = Direction::Across { overhang: 10.0 };
 
 fn ticks(scale: Scale, low: f64, high: f64, length: f32) -> Ticks {
@@ -277,7 +279,7 @@ fn any_number() -> impl Strategy<Value = f64> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 10 * CASES, ..ProptestConfig::default() })]
 
     #[test]
     fn ticks_lie_within_the_axis_and_apart(a in any_number(), b in any_number(), length in 20.0..450.0_f32) {
@@ -305,7 +307,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 40, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: CASES, ..ProptestConfig::default() })]
 
     #[test]
     fn no_numbers_make_a_figure_panic_or_its_texts_overlap(

@@ -85,13 +85,14 @@ pub(super) fn shortened(text: &str, size: f32, room: f32) -> String {
         return text.to_owned();
     }
     let mut kept: Vec<char> = text.chars().collect();
-    while let Some(_cut) = kept.pop() {
+    while kept.pop().is_some() {
         // A script that is cut open is closed again by leaving its opening out.
         let mut start: String = kept.iter().collect();
-        if let Some(open) = start.rfind(['_', '^']).filter(|&at| start[at + 1..].starts_with('{')) {
-            if !start[open..].contains('}') {
-                start.truncate(open);
-            }
+        if let Some(open) = start.rfind(['_', '^'])
+            && start[open + 1..].starts_with('{')
+            && !start[open..].contains('}')
+        {
+            start.truncate(open);
         }
         let short = format!("{}…", start.trim_end());
         if length(&short, size) <= room {
