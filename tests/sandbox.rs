@@ -8,41 +8,41 @@ use assert_cmd::Command;
 use tempfile::TempDir;
 
 /// A folder that goes when the test ends.
-pub struct Sandbox {
+pub(crate) struct Sandbox {
     folder: TempDir,
 }
 
 /// What a run of the command did.
 #[derive(Debug)]
-pub struct Ran {
-    pub code: i32,
-    pub stdout: String,
-    pub stderr: String,
+pub(crate) struct Ran {
+    pub(crate) code: i32,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
 }
 
 impl Sandbox {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self { folder: tempfile::tempdir().expect("a temporary folder") }
     }
 
-    pub fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         self.folder.path()
     }
 
     /// Writes a file, with the folders it is in.
-    pub fn write(&self, name: &str, contents: impl AsRef<[u8]>) {
+    pub(crate) fn write(&self, name: &str, contents: impl AsRef<[u8]>) {
         let path = self.path().join(name);
         fs::create_dir_all(path.parent().expect("has a parent")).expect("a folder");
         fs::write(path, contents).expect("a file");
     }
 
     /// Runs `calibrate` here, with arguments separated by spaces.
-    pub fn run(&self, arguments: &str) -> Ran {
+    pub(crate) fn run(&self, arguments: &str) -> Ran {
         self.run_args(&arguments.split_whitespace().collect::<Vec<_>>())
     }
 
     /// Runs `calibrate` here.
-    pub fn run_args(&self, arguments: &[&str]) -> Ran {
+    pub(crate) fn run_args(&self, arguments: &[&str]) -> Ran {
         let output = Command::new(env!("CARGO_BIN_EXE_calibrate"))
             .current_dir(self.path())
             .args(arguments)
@@ -56,7 +56,7 @@ impl Sandbox {
     }
 
     /// Every file with its contents, to see that nothing changed.
-    pub fn snapshot(&self) -> BTreeMap<PathBuf, Vec<u8>> {
+    pub(crate) fn snapshot(&self) -> BTreeMap<PathBuf, Vec<u8>> {
         let mut files = BTreeMap::new();
         collect(self.path(), &mut files);
         files
@@ -78,14 +78,14 @@ fn collect(folder: &Path, files: &mut BTreeMap<PathBuf, Vec<u8>>) {
 impl Ran {
     /// The command did what it was asked.
     #[track_caller]
-    pub fn succeeded(&self) -> &Self {
+    pub(crate) fn succeeded(&self) -> &Self {
         assert_eq!(self.code, 0, "{self:#?}");
         self
     }
 
     /// The command refused with exit 2, one `error:`, and these words on standard error.
     #[track_caller]
-    pub fn refused(&self, words: &[&str]) -> &Self {
+    pub(crate) fn refused(&self, words: &[&str]) -> &Self {
         assert_eq!(self.code, 2, "{self:#?}");
         assert_eq!(self.stdout, "", "{self:#?}");
         assert!(self.stderr.starts_with("error: "), "{self:#?}");
@@ -98,6 +98,6 @@ impl Ran {
 }
 
 /// The root of the repository.
-pub fn root() -> PathBuf {
+pub(crate) fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().expect("the repository")
 }

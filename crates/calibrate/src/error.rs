@@ -76,15 +76,15 @@ pub struct InputError {
     /// The kind of mistake.
     pub mistake: Mistake,
     /// File or option.
-    pub source_name: String,
+    pub source_name: Box<str>,
     /// Line in the file, from 1.
     pub line: Option<usize>,
     /// Column or field, as in "column contact_ratio".
-    pub field: Option<String>,
+    pub field: Option<Box<str>>,
     /// What was seen.
-    pub found: Option<String>,
+    pub found: Option<Box<str>>,
     /// What was expected.
-    pub expected: Option<String>,
+    pub expected: Option<Box<str>>,
     /// What to do, in order of likelihood.
     pub help: Vec<String>,
 }
@@ -92,10 +92,10 @@ pub struct InputError {
 impl InputError {
     /// An error in a file or an option, with nothing else known yet.
     #[must_use]
-    pub fn new(source_name: impl Into<String>, mistake: Mistake) -> Self {
+    pub fn new(source_name: impl AsRef<str>, mistake: Mistake) -> Self {
         Self {
             mistake,
-            source_name: source_name.into(),
+            source_name: source_name.as_ref().into(),
             line: None,
             field: None,
             found: None,
@@ -114,28 +114,28 @@ impl InputError {
     /// In a column of a table.
     #[must_use]
     pub fn in_column(mut self, name: impl fmt::Display) -> Self {
-        self.field = Some(format!("column {name}"));
+        self.field = Some(format!("column {name}").into());
         self
     }
 
     /// In a field of a TOML or JSON file.
     #[must_use]
     pub fn in_field(mut self, name: impl fmt::Display) -> Self {
-        self.field = Some(format!("field {name}"));
+        self.field = Some(format!("field {name}").into());
         self
     }
 
     /// What was seen, as it is to be shown.
     #[must_use]
     pub fn found(mut self, found: impl fmt::Display) -> Self {
-        self.found = Some(shortened(&found.to_string()));
+        self.found = Some(shortened(&found.to_string()).into());
         self
     }
 
     /// What was expected.
     #[must_use]
     pub fn expected(mut self, expected: impl fmt::Display) -> Self {
-        self.expected = Some(expected.to_string());
+        self.expected = Some(expected.to_string().into());
         self
     }
 

@@ -259,9 +259,9 @@ impl Experiment {
         })?;
         if let Some(At { value: window, line }) = window {
             check_window(&table, &table_name, window).map_err(|error| InputError {
-                source_name: file.to_owned(),
+                source_name: file.into(),
                 line: Some(line),
-                field: Some("field window_s".to_owned()),
+                field: Some("field window_s".into()),
                 ..error
             })?;
         }
@@ -295,6 +295,16 @@ impl Experiment {
             }
             None => Ok(self.table.clone()),
         }
+    }
+
+    /// The window that [`observations`](Self::observations) keeps, as a plan records it: an end that was
+    /// left open is that of the table.
+    #[must_use]
+    pub fn fitted_window(&self, window_s: Option<[f64; 2]>) -> Option<[f64; 2]> {
+        let last = self.table.span_s()[1];
+        window_s
+            .or(self.window_s)
+            .map(|[start, end]| [start, if end.is_finite() { end } else { last }])
     }
 
     /// What is allowed and yet worth saying.
@@ -432,12 +442,40 @@ fn particles(fields: &Fields<'_>) -> Result<(Option<Material>, Powder), InputErr
             let surface_tension_n_per_m = scaled(&own, SURFACE_TENSION)?
                 .ok_or_else(|| missing("surface_tension_n_per_m", "0.035"))?;
             let density_kg_per_m3 = scaled(&own, DENSITY)?.unwrap_or(paper::DENSITY_KG_PER_M3);
-            own.finish()?;
+            own.finish().map_err(misplaced)?;
             Ok((
                 None,
                 Powder { radius_m, youngs_modulus_pa, surface_tension_n_per_m, density_kg_per_m3 },
             ))
         }
+    }
+}
+
+/// In TOML whatever follows `[powder]` belongs to it: the most likely reason for a field there that
+/// belongs to the top.
+fn misplaced(error: InputError) -> InputError {
+    const TOP: [&str; 11] = [
+        "name",
+        "title",
+        "material",
+        "table",
+        "measured_radius_m",
+        "temperature_k",
+        "final_contact_ratio",
+        "final_contact_ratio_reason",
+        "window_s",
+        "source",
+        "powder",
+    ];
+    let field = error.field.as_deref().and_then(|field| field.strip_prefix("field powder."));
+    match field.filter(|field| TOP.contains(field)).map(str::to_owned) {
+        Some(field) => InputError {
+            help: vec![format!(
+                "move {field} above the line [powder]: what follows that belongs to it"
+            )],
+            ..error
+        },
+        None => error,
     }
 }
 
@@ -516,6 +554,10 @@ mod tests {
         assert_eq!(experiment.table_name, "t.csv");
         assert_eq!(experiment.observations(None).expect("all").len(), 3);
         assert_eq!(experiment.observations(Some([0.5, 1.5])).expect("one").len(), 1);
+        let open = Some([0.5, f64::INFINITY]);
+        assert_eq!(experiment.observations(open).expect("two").len(), 2);
+        assert_eq!(experiment.fitted_window(open), Some([0.5, 2.0]));
+        assert_eq!(experiment.fitted_window(None), None);
     }
 
     #[test]
@@ -569,6 +611,12 @@ mod tests {
                 "known",
             ),
             (format!("radius_m = 2e-5\n{powder}"), Mistake::Conflict, None, "move radius_m"),
+            (
+                format!("{powder}radius_m = 2e-5\nwindow_s = [0, 1]\n"),
+                Mistake::UnknownField,
+                Some(6),
+                "move window_s above the line [powder]",
+            ),
             (format!("powder = 3\n{ps}"), Mistake::WrongType, Some(1), "a table [powder]"),
         ] {
             let error = parse(&text).expect_err(&text);

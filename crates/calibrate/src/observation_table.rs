@@ -429,7 +429,7 @@ impl Cell<'_> {
             .error(Mistake::OutOfRange)
             .found(&self.text)
             .expected("a/R between 0 and 2 (merged spheres have 1.26)");
-        Err(if value <= 100.0 * LARGEST_CONTACT_RATIO && value >= 10.0 {
+        Err(if (10.0..=100.0 * LARGEST_CONTACT_RATIO).contains(&value) {
             error.help("in percent? divide by 100; in micrometres? divide by the particle radius")
         } else {
             error.help("contact_ratio is neck radius over particle radius, not over diameter")
