@@ -25,11 +25,11 @@ pub struct NamedCurve {
 pub struct CompareFigure {
     /// Heading; empty for none.
     pub title: String,
-    /// Times of the measurements [s].
+    /// Times of the measurements (s).
     pub time_s: Vec<f64>,
     /// Measured contact ratios a/R, one per time.
     pub contact_ratio: Vec<f64>,
-    /// Times of the curves [s], increasing.
+    /// Times of the curves (s), increasing.
     pub grid_s: Vec<f64>,
     /// The models, in the order of the legend.
     pub curves: Vec<NamedCurve>,

@@ -23,11 +23,11 @@ pub struct Knee {
 pub struct FitFigure {
     /// Heading, for example the material; empty for none.
     pub title: String,
-    /// Times of the measurements [s].
+    /// Times of the measurements (s).
     pub time_s: Vec<f64>,
     /// Measured contact ratios a/R, one per time.
     pub contact_ratio: Vec<f64>,
-    /// Times at which the curves are given [s], increasing.
+    /// Times at which the curves are given (s), increasing.
     pub grid_s: Vec<f64>,
     /// Posterior mean of the curve, one per grid time (empty: not drawn, as for every curve and band here).
     pub mean: Vec<f64>,

@@ -13,7 +13,7 @@ use super::{Columns, PlotError, Role, Width};
 pub struct RegimeMapFigure {
     /// Heading; empty for none.
     pub title: String,
-    /// Times of the lines [s], positive and increasing.
+    /// Times of the lines (s), positive and increasing.
     pub grid_s: Vec<f64>,
     /// a0/R (eq. 3), a constant.
     pub a0: f64,
@@ -21,13 +21,13 @@ pub struct RegimeMapFigure {
     pub a1: Vec<f64>,
     /// a2/R (eq. 5), one per grid time.
     pub a2: Vec<f64>,
-    /// p1 = (time [s], a/R), where a0 meets a1.
+    /// p1 = (time (s), a/R), where a0 meets a1.
     pub p1: Option<(f64, f64)>,
-    /// p2 = (time [s], a/R), where a1 meets a2.
+    /// p2 = (time (s), a/R), where a1 meets a2.
     pub p2: Option<(f64, f64)>,
     /// a/R at which growth stops; drawn as a line.
     pub final_ratio: Option<f64>,
-    /// Measurements to lay over the map: times [s]; may be empty.
+    /// Measurements to lay over the map: times (s); may be empty.
     pub data_time_s: Vec<f64>,
     /// Measurements to lay over the map: a/R.
     pub data_ratio: Vec<f64>,

@@ -12,7 +12,7 @@ use super::{Columns, PlotError, Role, Width};
 pub struct ResidualsFigure {
     /// Heading; empty for none.
     pub title: String,
-    /// Times of the measurements [s], increasing.
+    /// Times of the measurements (s), increasing.
     pub time_s: Vec<f64>,
     /// Measurement minus model (a/R), one per time.
     pub residual: Vec<f64>,
