@@ -18,6 +18,8 @@ fn table_is_refused(table: impl AsRef<[u8]>, words: &[&str]) {
     sandbox.run("check my.toml").refused(&words);
     sandbox.run("simulate --experiment my.toml --table3 --out new.csv").refused(&words);
     sandbox.run("simulate --material ps --experiment my.csv --table3").refused(&words);
+    sandbox.run("--material ps --experiment my.csv").refused(&words);
+    sandbox.run("--experiment my.toml --dry-run").refused(&words);
     assert_eq!(sandbox.snapshot(), before);
 }
 
@@ -29,6 +31,7 @@ fn description_is_refused(description: &str, words: &[&str]) {
     let before = sandbox.snapshot();
     sandbox.run("check my.toml").refused(words);
     sandbox.run("simulate --experiment my.toml --table3 --out new.csv").refused(words);
+    sandbox.run("--experiment my.toml").refused(words);
     assert_eq!(sandbox.snapshot(), before);
 }
 
@@ -36,7 +39,12 @@ fn description_is_refused(description: &str, words: &[&str]) {
 fn prior_is_refused(prior: &str, words: &[&str]) {
     let sandbox = Sandbox::new();
     sandbox.write("p.toml", prior);
+    let before = sandbox.snapshot();
     sandbox.run("check p.toml").refused(words);
+    if !prior.is_empty() {
+        sandbox.run("--material ps --prior p.toml").refused(words);
+    }
+    assert_eq!(sandbox.snapshot(), before);
 }
 
 #[test]
@@ -191,6 +199,53 @@ fn output_that_cannot_be_written_is_refused_and_existing_files_stay() {
             .refused(&[out, "--out"]);
     }
     assert_eq!(sandbox.snapshot(), before);
+}
+
+#[test]
+fn results_go_nowhere_near_what_is_not_a_run() {
+    let sandbox = Sandbox::new();
+    sandbox.write("file", "mine");
+    sandbox.write("thesis/chapter1.tex", "mine");
+    // As a run that was cut off by a full disk of old would have left it.
+    sandbox.write("cut/posterior.json", "{\"schema_version\": 1, \"plan\": {\"na");
+    let before = sandbox.snapshot();
+    sandbox.run("--material ps --out file").refused(&["file: found a file", "--out"]);
+    sandbox.run("--material ps --out file/results").refused(&["file/results", "--out"]);
+    sandbox.run("--material ps --out thesis").refused(&["thesis", "no posterior.json", "--out"]);
+    sandbox.run("--material ps --out cut").refused(&["cut", "not whole", "--out"]);
+    assert_eq!(sandbox.snapshot(), before);
+}
+
+#[test]
+fn a_main_job_that_lacks_something_says_what() {
+    let sandbox = Sandbox::new();
+    sandbox.write("t.csv", TABLE);
+    let own = "table = \"t.csv\"\n[powder]\nradius_m = 2e-5\nyoungs_modulus_pa = 1.6e9\n\
+               surface_tension_n_per_m = 0.03\n";
+    sandbox.write("own.toml", own);
+    sandbox.write("tau.toml", PRIOR);
+    let before = sandbox.snapshot();
+    sandbox.run("--quiet").refused(&["--material", "--experiment"]);
+    sandbox.run("--experiment own.toml").refused(&["--prior", "priors/example-my-powder.toml"]);
+    sandbox.run("--experiment t.csv").refused(&["t.csv", "bare table", "--material"]);
+    sandbox.run("--material ps --prior tau.toml").refused(&["tau.toml", "[c1]", "frenkel"]);
+    sandbox.run("--material ps --prior no.toml").refused(&["no.toml: no such file"]);
+    sandbox.run("--material ps --prior t.csv").refused(&["t.csv", "priors in TOML"]);
+    sandbox.run("--material ps --window 5:9").refused(&["--window: found 5:9", "1.0651 s"]);
+    sandbox.run("--material ps --window 9:5").refused(&["--window", "5:9"]);
+    sandbox.run("--material ps --noise fixed:table").refused(&["--noise", "column sigma"]);
+    sandbox.run("--material pa12 --noise fixed-relative:0.1").refused(&["--noise", "time_s = 0"]);
+    assert_eq!(sandbox.snapshot(), before);
+}
+
+#[test]
+fn a_truncated_posterior_is_refused_by_inspect_and_check() {
+    let sandbox = Sandbox::new();
+    sandbox.write("posterior.json", "{\"schema_version\": 1, \"plan\": {\"na");
+    sandbox.run("inspect posterior.json").refused(&["posterior.json, line 1", "cut off"]);
+    sandbox.run("inspect .").refused(&["posterior.json", "line 1"]);
+    sandbox.run("check posterior.json").refused(&["posterior.json", "line 1"]);
+    sandbox.run("inspect no.json").refused(&["no.json: no such file"]);
 }
 
 #[test]

@@ -74,11 +74,11 @@ impl ObservationTable {
         let mut last_line = header_line;
         for (line, row) in lines {
             let fields = separator.split(row);
-            let cell = |name_of: &str, value: &str| Cell {
+            let cell = |name_of: &'static str, value| Cell {
                 source: name,
                 line,
-                column: name_of.to_owned(),
-                text: value.to_owned(),
+                column: name_of,
+                text: value,
                 separator,
             };
             if fields.len() != columns.count {
@@ -192,8 +192,8 @@ pub fn parse_times(name: &str, text: &str) -> Result<Vec<f64>, InputError> {
         let cell = Cell {
             source: name,
             line,
-            column: "time_s".to_owned(),
-            text: unquoted(row).to_owned(),
+            column: "time_s",
+            text: unquoted(row),
             separator: Separator::Comma,
         };
         let time = cell.not_negative()?;
@@ -333,14 +333,14 @@ fn unknown_column(name: &str, line: usize, column: &str, header: &[&str]) -> Inp
 struct Cell<'a> {
     source: &'a str,
     line: usize,
-    column: String,
-    text: String,
+    column: &'a str,
+    text: &'a str,
     separator: Separator,
 }
 
 impl Cell<'_> {
     fn error(&self, mistake: Mistake) -> InputError {
-        InputError::new(self.source, mistake).at_line(self.line).in_column(&self.column)
+        InputError::new(self.source, mistake).at_line(self.line).in_column(self.column)
     }
 
     fn number(&self, expected: &str) -> Result<f64, InputError> {
@@ -368,7 +368,7 @@ impl Cell<'_> {
         } else {
             Err(self
                 .error(Mistake::NotFinite)
-                .found(&self.text)
+                .found(self.text)
                 .expected(expected)
                 .help("remove the row if nothing was measured"))
         }
@@ -378,7 +378,7 @@ impl Cell<'_> {
         let expected = "a number >= 0";
         let value = self.number(expected)?;
         if value < 0.0 {
-            let error = self.error(Mistake::Negative).found(&self.text).expected(expected);
+            let error = self.error(Mistake::Negative).found(self.text).expected(expected);
             return Err(if self.column == "time_s" {
                 error.help("times count from first contact; remove or shift what comes before it")
             } else {
@@ -397,7 +397,7 @@ impl Cell<'_> {
         let mistake = if value < 0.0 { Mistake::Negative } else { Mistake::OutOfRange };
         Err(self
             .error(mistake)
-            .found(&self.text)
+            .found(self.text)
             .expected(expected)
             .help("sigma is the standard deviation of contact_ratio; no measurement is exact"))
     }
@@ -427,7 +427,7 @@ impl Cell<'_> {
         }
         let error = self
             .error(Mistake::OutOfRange)
-            .found(&self.text)
+            .found(self.text)
             .expected("a/R between 0 and 2 (merged spheres have 1.26)");
         Err(if (10.0..=100.0 * LARGEST_CONTACT_RATIO).contains(&value) {
             error.help("in percent? divide by 100; in micrometres? divide by the particle radius")
