@@ -183,7 +183,7 @@ impl Drawing {
         Ok(bytes)
     }
 
-    fn svg(&self) -> String {
+    pub(super) fn svg(&self) -> String {
         let mut svg = String::with_capacity(64 * 1024);
         let (width_mm, height_mm) = (self.width / POINTS_PER_MM, self.height / POINTS_PER_MM);
         let _ = write!(
