@@ -93,7 +93,8 @@ pub struct RunArgs {
     #[arg(short, long, value_name = "FILE", help_heading = "What to calibrate")]
     pub prior: Option<PathBuf>,
 
-    /// Fit only the observations from T0 to T1 [s]; either may be left out, as in 0.5: [default: all]
+    /// Fit only the observations from T0 to T1, in seconds; either may be left out, as in 0.5:
+    /// [default: all]
     #[arg(long, value_name = "T0:T1", value_parser = parse_window, allow_hyphen_values = true, help_heading = "What to calibrate")]
     pub window: Option<[f64; 2]>,
 
@@ -181,15 +182,15 @@ pub struct SimulateArgs {
     #[arg(long, value_name = "A/R", value_parser = parse_phi, allow_negative_numbers = true, help_heading = "Particles")]
     pub phi: Option<f64>,
 
-    /// Fluidity C1 [1/(Pa s)]
+    /// Fluidity C1, in 1/(Pa s)
     #[arg(long, value_name = "C1", value_parser = parse_positive, allow_negative_numbers = true, help_heading = "Sintering")]
     pub c1: Option<f64>,
 
-    /// Sintering time tau_s [s]
+    /// Sintering time tau_s, in s
     #[arg(long, value_name = "S", value_parser = parse_positive, allow_negative_numbers = true, help_heading = "Sintering")]
     pub tau_s: Option<f64>,
 
-    /// Cut-off distance of the adhesive traction delta_c [m]
+    /// Cut-off distance of the adhesive traction delta_c, in m
     #[arg(long, value_name = "M", value_parser = parse_positive, allow_negative_numbers = true, help_heading = "Sintering")]
     pub delta_c: Option<f64>,
 
@@ -221,7 +222,7 @@ pub struct SimulateArgs {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["t_end", "points"], help_heading = "Times")]
     pub times: Option<PathBuf>,
 
-    /// Last time of the curve [s] [default: the last observation's]
+    /// Last time of the curve, in s [default: the last observation's]
     #[arg(long, value_name = "S", value_parser = parse_positive, allow_negative_numbers = true, help_heading = "Times")]
     pub t_end: Option<f64>,
 
