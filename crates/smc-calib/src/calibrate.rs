@@ -1,6 +1,14 @@
-//! The calibration as a whole.
+//! The calibration as a whole: checks, stages, summary.
 
-use crate::{CalibrateError, Posterior, Problem, Settings, StageRecord};
+use crate::estimate::Estimator;
+use crate::marginal::mean_and_sd;
+use crate::mixture::Proposal;
+use crate::noise::Likelihood;
+use crate::pool::{effective_sample_size, exponentiate};
+use crate::sampler::{Sampler, record};
+use crate::summary::{Run, summarise};
+use crate::target::CurveTarget;
+use crate::{CalibrateError, Noise, Posterior, Problem, Settings, StageRecord, StopReason, psis};
 use std::ops::ControlFlow;
 
 /// Watches a run, and may end it.
@@ -16,15 +24,189 @@ impl Observer for () {
     }
 }
 
-/// Calibrates.
+/// Infers the parameters of a problem.
 ///
 /// # Errors
-/// See [`CalibrateError`].
+/// See [`CalibrateError`]: a problem or settings that do not fit together, a simulator that cannot run, too many
+/// failures, zero evidence, or an observer that ended the run before anything could be said.
 pub fn calibrate(
     problem: &Problem<'_>,
     settings: &Settings,
     observer: &mut dyn Observer,
 ) -> Result<Posterior, CalibrateError> {
-    let _ = (settings, observer);
-    Err(CalibrateError::ZeroEvidence { simulations: problem.parameters.len() })
+    let likelihood = check(problem, settings)?;
+    let target = CurveTarget::new(problem, &likelihood, settings.samples);
+    let mut sampler = Sampler::new(&target, settings);
+    let sizes = sampler.schedule();
+    let tuned = match problem.noise {
+        Noise::EssTarget { share } => Some(share),
+        _ => None,
+    };
+    let sizes = if tuned.is_some() { equal_stages(settings) } else { sizes };
+    let mut stages: Vec<StageRecord> = Vec::new();
+    let mut stop = StopReason::BudgetSpent;
+    for (i, n) in sizes.iter().enumerate() {
+        let proposal = match (i, tuned) {
+            (0, _) => Proposal::prior(sampler.pool.d),
+            (_, None) => sampler.refit(*n),
+            (_, Some(share)) => sampler.refit_tuned(share),
+        };
+        sampler.stage(*n, proposal)?;
+        let pool = &sampler.pool;
+        if pool.failed as f64 > settings.max_failed_share * pool.len() as f64 {
+            return Err(CalibrateError::TooManyFailures {
+                failed: pool.failed,
+                simulations: pool.len(),
+                commonest: pool.failures().first().map_or_else(String::new, |f| f.cause.clone()),
+            });
+        }
+        let last = i + 1 == sizes.len();
+        let record = stage_record(
+            &sampler,
+            problem,
+            tuned,
+            last,
+            stages.last().map_or(0, |s| s.failed_total),
+        );
+        let wish = if tuned.is_none() && i > 0 && !last {
+            reached(&record, &sampler, settings)
+        } else {
+            None
+        };
+        stages.push(record.record);
+        let stopped = observer.stage(&stages[stages.len() - 1]).is_break();
+        if let Some(reason) = wish {
+            stop = reason;
+            break;
+        }
+        if stopped && !last {
+            if stages[stages.len() - 1].ess < 2.0 {
+                return Err(CalibrateError::Interrupted { stages });
+            }
+            stop = StopReason::Interrupted;
+            break;
+        }
+    }
+    let (raw, ln_scale) = final_weights(&sampler, tuned);
+    if ln_scale == f64::NEG_INFINITY {
+        return Err(CalibrateError::ZeroEvidence { simulations: sampler.pool.len() });
+    }
+    summarise(Run {
+        problem,
+        settings,
+        target: &target,
+        likelihood: &likelihood,
+        sampler: &sampler,
+        raw,
+        ln_scale,
+        tuned: tuned.is_some(),
+        stages,
+        stop,
+    })
+}
+
+/// Stages of the tuned scheme: as many samples in each iteration.
+fn equal_stages(settings: &Settings) -> Vec<usize> {
+    let stages = settings.iterations.clamp(1, settings.samples);
+    (0..stages)
+        .map(|i| settings.samples / stages + usize::from(i < settings.samples % stages))
+        .collect()
+}
+
+/// Weights of the result and the log of the factor taken out of them.
+fn final_weights(sampler: &Sampler<'_>, tuned: Option<f64>) -> (Vec<f64>, f64) {
+    match tuned {
+        None => exponentiate(&sampler.ln_weights()),
+        Some(share) => exponentiate(&sampler.tuned_ln_weights(share)),
+    }
+}
+
+struct Staged {
+    record: StageRecord,
+    worst_mean_error: f64,
+}
+
+fn stage_record(
+    sampler: &Sampler<'_>,
+    problem: &Problem<'_>,
+    tuned: Option<f64>,
+    last: bool,
+    failed_before: usize,
+) -> Staged {
+    let pool = &sampler.pool;
+    let (raw, ln_scale) = final_weights(sampler, tuned);
+    let stage = sampler.proposals.len() - 1;
+    let (simulations, proposal) = &sampler.proposals[stage];
+    let mut record = StageRecord {
+        stage,
+        last,
+        simulations: *simulations,
+        total: pool.len(),
+        failed: pool.failed - failed_before,
+        failed_total: pool.failed,
+        beta: sampler.beta,
+        ess: effective_sample_size(&raw),
+        log_evidence: f64::MIN,
+        log_evidence_se: f64::MAX,
+        khat: psis::khat(&raw),
+        means: Vec::new(),
+        sds: Vec::new(),
+        proposal: record(proposal),
+    };
+    let mut worst_mean_error = f64::INFINITY;
+    if ln_scale > f64::NEG_INFINITY {
+        let estimator = Estimator::new(pool, raw, ln_scale, sampler.replicates);
+        (record.log_evidence, record.log_evidence_se) = estimator.log_evidence();
+        worst_mean_error = 0.0;
+        for (j, p) in problem.parameters.iter().enumerate() {
+            let x: Vec<f64> = (0..pool.len())
+                .map(|i| {
+                    if estimator.weights[i] > 0.0 {
+                        p.prior.to_coordinate(p.prior.from_z(pool.z[i * pool.d + j]))
+                    } else {
+                        0.0
+                    }
+                })
+                .collect();
+            let (mean, mean_se, sd, _) = mean_and_sd(&x, &estimator);
+            worst_mean_error = worst_mean_error.max(mean_se / sd);
+            record.means.push(mean);
+            record.sds.push(sd);
+        }
+    }
+    Staged { record, worst_mean_error }
+}
+
+/// Whether a wish is fulfilled before the budget is spent.
+fn reached(staged: &Staged, sampler: &Sampler<'_>, settings: &Settings) -> Option<StopReason> {
+    // Weights that cannot be trusted fulfil nothing, nor do those of a flattened likelihood.
+    if staged.record.khat > 0.7 || sampler.beta < 1.0 {
+        return None;
+    }
+    if settings.ess_target.is_some_and(|wished| staged.record.ess >= wished) {
+        return Some(StopReason::EssReached);
+    }
+    if settings.mean_se_target.is_some_and(|wished| staged.worst_mean_error <= wished) {
+        return Some(StopReason::AccuracyReached);
+    }
+    None
+}
+
+/// Refuses what does not fit together.
+fn check(problem: &Problem<'_>, settings: &Settings) -> Result<Likelihood, CalibrateError> {
+    let d = problem.parameters.len();
+    if problem.simulator.parameters() != d || d == 0 {
+        return Err(CalibrateError::Parameters {
+            simulator: problem.simulator.parameters(),
+            problem: d,
+        });
+    }
+    if problem.simulator.observables() != problem.observations.len() {
+        return Err(CalibrateError::Observables {
+            simulator: problem.simulator.observables(),
+            observations: problem.observations.len(),
+        });
+    }
+    settings.check(d)?;
+    Ok(Likelihood::new(&problem.noise, &problem.observations)?)
 }

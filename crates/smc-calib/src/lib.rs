@@ -1,18 +1,36 @@
 //! Bayesian calibration of simulators.
 
 mod calibrate;
+mod density;
+mod em;
 mod error;
+mod estimate;
+mod map_search;
+mod marginal;
+mod mixture;
 mod noise;
 pub mod normal;
 mod observations;
+mod path;
+mod pool;
 mod posterior;
+mod predictive;
 mod prior;
 mod problem;
+pub mod psis;
+pub mod quadrature;
+mod residuals;
+mod sampler;
 mod settings;
 mod simulator;
+mod sobol;
+mod stream;
+mod summary;
+mod target;
 mod warning;
 
 pub use calibrate::{Observer, calibrate};
+pub use density::{DensitySummary, sample_density};
 pub use error::CalibrateError;
 pub use noise::{FixedSigma, Likelihood, Noise, NoiseError};
 pub use observations::{ObservationError, Observations};
@@ -21,8 +39,10 @@ pub use posterior::{
     MapPoint, MixtureRecord, Moments, ParameterSummary, PathParameter, PathPoint, Posterior,
     Residuals, Sample, SigmaSummary, StageRecord, StopReason,
 };
+pub use predictive::predictive_band;
 pub use prior::{Coordinate, Prior, PriorError, PriorSpec};
 pub use problem::{Parameter, Problem};
 pub use settings::Settings;
 pub use simulator::{FnSimulator, SimError, Simulator};
+pub use target::Target;
 pub use warning::Warning;

@@ -87,8 +87,8 @@ pub struct Likelihood {
 
 #[derive(Clone, Debug, PartialEq)]
 enum Kind {
-    /// nu0, nu0 s0^2, and the constant of the joint density.
-    Inferred { nu0: f64, sum0: f64, constant: f64 },
+    /// nu0, nu0 s0^2, the constant of the joint density and of that of every prefix of the observations.
+    Inferred { nu0: f64, sum0: f64, constant: f64, prefix: Vec<f64> },
     /// 1/sigma per observation and the constant.
     Fixed { inverse_sigma: Vec<f64>, constant: f64 },
     /// Sum of squares only.
@@ -120,7 +120,13 @@ impl Likelihood {
                 let constant = ln_gamma(0.5 * (nu0 + m))
                     - ln_gamma(0.5 * nu0)
                     - 0.5 * m * (std::f64::consts::PI * sum0).ln();
-                Kind::Inferred { nu0: *nu0, sum0, constant }
+                // The constant of one more observation: Gamma((nu+1)/2)/Gamma(nu/2)/sqrt(pi nu0 s0^2).
+                let ln_scale = 0.5 * (std::f64::consts::PI * sum0).ln();
+                let base = ln_gamma(0.5 * nu0);
+                let prefix = (1..=values.len())
+                    .map(|k| ln_gamma(0.5 * (nu0 + k as f64)) - base - k as f64 * ln_scale)
+                    .collect();
+                Kind::Inferred { nu0: *nu0, sum0, constant, prefix }
             }
             Noise::Fixed { sigma } => {
                 let sigma = match sigma {
@@ -160,7 +166,7 @@ impl Likelihood {
     /// ess-target: `-S/2`, to be divided by the tuned sigma^2.
     pub fn ln_joint(&self, outputs: &[f64]) -> f64 {
         match &self.kind {
-            Kind::Inferred { nu0, sum0, constant } => {
+            Kind::Inferred { nu0, sum0, constant, .. } => {
                 let s = self.sum_of_squares(outputs);
                 constant - 0.5 * (nu0 + self.values.len() as f64) * (s / sum0).ln_1p()
             }
@@ -213,6 +219,41 @@ impl Likelihood {
         }
     }
 
+    /// Log likelihood of the first 1, 2, .. observations: the running sums of [`Likelihood::recursion`], from
+    /// the joint density of each prefix (one logarithm per observation in place of three).
+    pub fn ln_cumulative(&self, outputs: &[f64], cumulative: &mut [f64]) {
+        match &self.kind {
+            Kind::Inferred { nu0, sum0, prefix, .. } => {
+                let (mut s, mut nu) = (0.0, *nu0);
+                for (((o, y), c), out) in
+                    outputs.iter().zip(&self.values).zip(prefix).zip(cumulative)
+                {
+                    s += (y - o) * (y - o);
+                    nu += 1.0;
+                    *out = c - 0.5 * nu * (1.0 + s / sum0).ln();
+                }
+            }
+            _ => {
+                let mut sum = 0.0;
+                self.recursion(outputs, |k, ln| {
+                    sum += ln;
+                    cumulative[k] = sum;
+                });
+            }
+        }
+    }
+
+    /// Sum of squared residuals that belongs to a joint log likelihood of inferred noise.
+    pub(crate) fn sum_of_squares_at(&self, ln_joint: f64) -> Option<f64> {
+        match &self.kind {
+            Kind::Inferred { nu0, sum0, constant, .. } => {
+                let nu = nu0 + self.values.len() as f64;
+                Some((sum0 * ((constant - ln_joint) * 2.0 / nu).exp_m1()).max(0.0))
+            }
+            _ => None,
+        }
+    }
+
     /// Sum of squared residuals.
     pub fn sum_of_squares(&self, outputs: &[f64]) -> f64 {
         outputs.iter().zip(&self.values).map(|(o, y)| (y - o) * (y - o)).sum()
@@ -227,6 +268,18 @@ impl Likelihood {
     pub fn inferred(&self) -> Option<(f64, f64)> {
         match self.kind {
             Kind::Inferred { nu0, sum0, .. } => Some((nu0, sum0)),
+            _ => None,
+        }
+    }
+
+    /// The standard deviation where it is known and the same for all observations.
+    pub fn common_sigma(&self) -> Option<f64> {
+        match &self.kind {
+            Kind::Fixed { inverse_sigma, .. }
+                if inverse_sigma.iter().all(|w| *w == inverse_sigma[0]) =>
+            {
+                Some(1.0 / inverse_sigma[0])
+            }
             _ => None,
         }
     }

@@ -280,7 +280,9 @@ pub struct StageRecord {
     pub total: usize,
     /// Failed simulations of this stage.
     pub failed: usize,
-    /// Power of the likelihood that the next proposal was fitted to.
+    /// Failed simulations so far.
+    pub failed_total: usize,
+    /// Power of the likelihood that this stage's proposal was fitted to; 0 for the prior.
     pub beta: f64,
     /// Effective sample size of all samples so far, at full likelihood.
     pub ess: f64,

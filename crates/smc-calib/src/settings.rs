@@ -1,5 +1,7 @@
 //! How a calibration is run.
 
+use crate::CalibrateError;
+use crate::sobol::MAX_DIMENSIONS;
 use serde::{Deserialize, Serialize};
 
 /// Settings of the sampler. The defaults were measured; see each field.
@@ -57,5 +59,48 @@ impl Default for Settings {
             draws: 4096,
             map_simulations: 400,
         }
+    }
+}
+
+impl Settings {
+    /// Refuses values outside their range, for a problem of `dimension` parameters.
+    pub(crate) fn check(&self, dimension: usize) -> Result<(), CalibrateError> {
+        let refuse =
+            |setting, value: f64, range| Err(CalibrateError::Setting { setting, value, range });
+        let within = |value: f64, lower: f64, upper: f64| value >= lower && value <= upper;
+        if dimension + 2 > MAX_DIMENSIONS {
+            return refuse("number of parameters", dimension as f64, "at most 19");
+        }
+        if !(1..=1 << 27).contains(&self.samples) {
+            return refuse("samples", self.samples as f64, "between 1 and 2^27");
+        }
+        if !(1..=1000).contains(&self.iterations) {
+            return refuse("iterations", self.iterations as f64, "between 1 and 1000");
+        }
+        if !(1..=256).contains(&self.replicates) {
+            return refuse("replicates", self.replicates as f64, "between 1 and 256");
+        }
+        if !within(self.final_share, 0.0, 1.0) {
+            return refuse("final_share", self.final_share, "between 0 and 1");
+        }
+        if !(self.tempering_share > 0.0 && self.tempering_share <= 1.0) {
+            return refuse("tempering_share", self.tempering_share, "above 0, at most 1");
+        }
+        if !(1..=64).contains(&self.max_components) {
+            return refuse("max_components", self.max_components as f64, "between 1 and 64");
+        }
+        if !within(self.widening, 1e-3, 1e3) {
+            return refuse("widening", self.widening, "between 0.001 and 1000");
+        }
+        if !within(self.degrees_of_freedom, 1.0, 1e6) {
+            return refuse("degrees_of_freedom", self.degrees_of_freedom, "between 1 and 10^6");
+        }
+        if !within(self.defensive_share, 1e-6, 1.0) {
+            return refuse("defensive_share", self.defensive_share, "between 10^-6 and 1");
+        }
+        if !within(self.max_failed_share, 0.0, 1.0) {
+            return refuse("max_failed_share", self.max_failed_share, "between 0 and 1");
+        }
+        Ok(())
     }
 }

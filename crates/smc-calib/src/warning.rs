@@ -1,5 +1,7 @@
 //! What a user should know before trusting a result.
 
+use crate::target::CurveTarget;
+use crate::{Noise, Posterior, PriorSpec, Problem};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -158,4 +160,126 @@ impl fmt::Display for Warning {
             ),
         }
     }
+}
+
+/// Everything that a finished run should warn about.
+pub(crate) fn warnings(
+    posterior: &Posterior,
+    problem: &Problem<'_>,
+    target: &CurveTarget<'_>,
+    failed: usize,
+) -> Vec<Warning> {
+    let mut list = Vec::new();
+    let simulations = posterior.counters.simulations;
+    if !posterior.is_posterior {
+        list.push(Warning::NotAPosterior);
+    }
+    let ess = posterior.ess.importance;
+    if ess < 400.0 {
+        list.push(Warning::FewEffectiveSamples { ess });
+    }
+    if posterior.is_posterior {
+        let over: Vec<_> = posterior.parameters.iter().filter(|p| p.khat > 0.7).collect();
+        if over.len() == posterior.parameters.len() {
+            list.push(Warning::HighKhat { parameter: None, khat: posterior.khat });
+        } else {
+            list.extend(over.iter().map(|p| Warning::HighKhat {
+                parameter: Some(p.parameter.name.clone()),
+                khat: p.khat,
+            }));
+        }
+        let e = &posterior.log_evidence;
+        if !e.agree {
+            list.push(Warning::EvidenceDisagrees {
+                pooled: e.value,
+                frozen: e.frozen_value,
+                se: e.se.hypot(e.frozen_se),
+            });
+        }
+        if posterior.stages.len() > 1 && posterior.stages[posterior.stages.len() - 1].beta < 1.0 {
+            list.push(Warning::BudgetTooSmall {
+                simulations,
+                reason: "the last proposal was still fitted to a flattened likelihood".to_owned(),
+            });
+        }
+        for p in &posterior.parameters {
+            if p.information_gain_bits < 0.1 {
+                list.push(Warning::NotInformed {
+                    parameter: p.parameter.name.clone(),
+                    bits: p.information_gain_bits,
+                });
+            }
+        }
+    }
+    let (m, d) = (problem.observations.len(), problem.parameters.len());
+    if m < d {
+        list.push(Warning::FewObservations { observations: m, parameters: d });
+    }
+    if m >= 8 && !posterior.residuals.independent {
+        list.push(Warning::ResidualsNotIndependent {
+            lag1: posterior.residuals.lag1,
+            runs_z: posterior.residuals.runs_z,
+        });
+    }
+    for (j, p) in problem.parameters.iter().enumerate() {
+        let (lower, upper) = p.prior.support();
+        let bounded = matches!(
+            p.prior.spec(),
+            PriorSpec::Uniform { .. }
+                | PriorSpec::LogUniform { .. }
+                | PriorSpec::TruncatedNormal { .. }
+        );
+        for (bound, sign) in [(lower, -1.0), (upper, 1.0)] {
+            // The outermost hundredth of the prior lies beyond 2.326.
+            let share: f64 = posterior
+                .samples
+                .iter()
+                .filter(|s| sign * s.z[j] > 2.326_347_874)
+                .map(|s| s.weight)
+                .sum();
+            if bounded && share > 0.1 {
+                list.push(Warning::AtPriorBound { parameter: p.name.clone(), bound, share });
+            }
+        }
+    }
+    for i in 0..d {
+        for j in 0..i {
+            let correlation = posterior.correlation[i][j];
+            if correlation.abs() > 0.995 {
+                list.push(Warning::NotSeparable {
+                    first: problem.parameters[j].name.clone(),
+                    second: problem.parameters[i].name.clone(),
+                    correlation,
+                });
+            }
+        }
+    }
+    if failed * 10 > simulations {
+        list.push(Warning::ManyFailures {
+            failed,
+            simulations,
+            commonest: posterior.failures.first().map_or_else(String::new, |f| f.cause.clone()),
+        });
+    }
+    let squares: f64 = match (&problem.noise, target.likelihood) {
+        (Noise::Inferred { s0, .. }, _) => {
+            posterior.residuals.values.iter().map(|r| (r / s0).powi(2)).sum()
+        }
+        (Noise::Fixed { .. }, l) => posterior
+            .residuals
+            .values
+            .iter()
+            .enumerate()
+            .map(|(i, r)| (r / l.fixed_sigma(i).unwrap_or(f64::INFINITY)).powi(2))
+            .sum(),
+        (Noise::EssTarget { .. }, _) => 0.0,
+    };
+    let ratio = (squares / m as f64).sqrt();
+    if ratio > 2.0 {
+        list.push(Warning::PoorFit { ratio });
+    }
+    if target.thinned {
+        list.push(Warning::PathThinned { kept: target.indices.len(), observations: m });
+    }
+    list
 }

@@ -1,0 +1,91 @@
+//! Sampling a plain log density: the sampler without a curve.
+
+use crate::estimate::Estimator;
+use crate::mixture::Proposal;
+use crate::pool::exponentiate;
+use crate::sampler::Sampler;
+use crate::target::Target;
+use crate::{CalibrateError, Counters, Evidence, Settings, psis};
+
+/// What the sampler knows about a log density over normal scores.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DensitySummary {
+    /// Means of the coordinates.
+    pub mean: Vec<f64>,
+    /// Their standard errors.
+    pub mean_se: Vec<f64>,
+    /// Standard deviations.
+    pub sd: Vec<f64>,
+    /// Their standard errors.
+    pub sd_se: Vec<f64>,
+    /// Log evidence.
+    pub log_evidence: Evidence,
+    /// Effective sample size of the importance weights.
+    pub ess: f64,
+    /// Largest Pareto shape over the weights and all coordinates.
+    pub khat: f64,
+    /// Number of components of each stage's proposal.
+    pub components: Vec<usize>,
+    /// Power of the likelihood of the last fit.
+    pub beta: f64,
+    /// Work done.
+    pub counters: Counters,
+}
+
+/// Samples a log density times a standard normal prior.
+///
+/// # Errors
+/// As [`crate::calibrate`].
+pub fn sample_density(
+    target: &dyn Target,
+    settings: &Settings,
+) -> Result<DensitySummary, CalibrateError> {
+    let mut sampler = Sampler::new(target, settings);
+    let sizes = sampler.schedule();
+    for (i, n) in sizes.iter().enumerate() {
+        let proposal = if i == 0 { Proposal::prior(sampler.pool.d) } else { sampler.refit(*n) };
+        sampler.stage(*n, proposal)?;
+    }
+    let ln_w = sampler.ln_weights();
+    let (raw, ln_scale) = exponentiate(&ln_w);
+    if ln_scale == f64::NEG_INFINITY {
+        return Err(CalibrateError::ZeroEvidence { simulations: sampler.pool.len() });
+    }
+    let ess = crate::pool::effective_sample_size(&raw);
+    let estimator = Estimator::new(&sampler.pool, raw.clone(), ln_scale, sampler.replicates);
+    let d = sampler.pool.d;
+    let mut khat = psis::khat(&raw);
+    let (mut mean, mut mean_se, mut sd, mut sd_se) = (vec![], vec![], vec![], vec![]);
+    for j in 0..d {
+        let x: Vec<f64> = sampler.pool.z.chunks_exact(d).map(|z| z[j]).collect();
+        let m = estimator.mean(|i| x[i]);
+        let v = estimator.mean(|i| (x[i] - m).powi(2));
+        let s = v.max(0.0).sqrt();
+        mean.push(m);
+        mean_se.push(estimator.standard_error(|i| x[i] - m));
+        sd.push(s);
+        sd_se.push(estimator.standard_error(|i| ((x[i] - m).powi(2) - v) / (2.0 * s)));
+        let tail: Vec<f64> = raw.iter().zip(&x).map(|(w, x)| w * (x - m).powi(2)).collect();
+        khat = khat.max(psis::khat(&tail));
+    }
+    let (value, se) = estimator.log_evidence();
+    let (frozen_value, frozen_se) = sampler.frozen_evidence();
+    Ok(DensitySummary {
+        mean,
+        mean_se,
+        sd,
+        sd_se,
+        log_evidence: Evidence {
+            value,
+            se,
+            frozen_value,
+            frozen_se,
+            agree: (value - frozen_value).abs() <= 3.0 * se.hypot(frozen_se),
+        },
+        ess,
+        khat,
+        components: sampler.proposals.iter().map(|p| p.1.components.len()).collect(),
+        beta: sampler.beta,
+        counters: sampler.counters,
+    })
+}

@@ -1,0 +1,384 @@
+//! Gaussian mixtures fitted to weighted samples by MAP-EM; the number of components by BIC.
+//!
+//! Everything happens in coordinates in which the weighted samples have mean zero and unit covariance, so
+//! that shrinkage and floors are relative to the spread of what is fitted.
+
+use crate::mixture::{cholesky, distance2, packed_inverse};
+use crate::stream::{Purpose, stream};
+use rand::RngExt;
+use rayon::prelude::*;
+
+/// Most distinct samples that a mixture is fitted to; more are resampled to this number.
+const MAX_POINTS: usize = 1024;
+/// Most EM iterations per fit.
+const MAX_ITERATIONS: usize = 60;
+/// EM ends when the mean log density rises by less than this in one iteration.
+const TOLERANCE: f64 = 2e-4;
+/// Least variance of a component, as a share of the pooled variance.
+const VARIANCE_FLOOR: f64 = 1e-7;
+
+/// One fitted Gaussian.
+#[derive(Clone, Debug)]
+pub(crate) struct Gaussian {
+    pub weight: f64,
+    pub mean: Vec<f64>,
+    /// Lower Cholesky factor of the covariance, row by row.
+    pub factor: Vec<f64>,
+}
+
+/// A fitted mixture and the work it took.
+#[derive(Clone, Debug)]
+pub(crate) struct Fit {
+    pub components: Vec<Gaussian>,
+    pub em_iterations: usize,
+    pub mixtures: usize,
+}
+
+/// Weighted points, whitened, with the map back.
+pub(crate) struct Cloud {
+    d: usize,
+    /// Whitened points, row by row.
+    points: Vec<f64>,
+    /// Weights, summing to one.
+    weights: Vec<f64>,
+    mean: Vec<f64>,
+    factor: Vec<f64>,
+    /// Effective number of samples behind the weights.
+    ess: f64,
+}
+
+impl Cloud {
+    /// Takes points (row by row) and weights of any scale; resamples where there are many.
+    pub(crate) fn new(
+        d: usize,
+        z: &[f64],
+        weights: &[f64],
+        seed: u64,
+        stage: usize,
+    ) -> Option<Self> {
+        let total: f64 = weights.iter().sum();
+        if !(total > 0.0 && total.is_finite()) {
+            return None;
+        }
+        let squares: f64 = weights.iter().map(|w| w * w).sum();
+        let ess = total * total / squares;
+        let n = weights.len();
+        let mut mean = vec![0.0; d];
+        for (w, z) in weights.iter().zip(z.chunks_exact(d)) {
+            if *w > 0.0 {
+                for (m, z) in mean.iter_mut().zip(z) {
+                    *m += w / total * z;
+                }
+            }
+        }
+        let mut cov = vec![0.0; d * d];
+        for (w, z) in weights.iter().zip(z.chunks_exact(d)) {
+            if *w > 0.0 {
+                for i in 0..d {
+                    for j in 0..=i {
+                        cov[i * d + j] += w / total * (z[i] - mean[i]) * (z[j] - mean[j]);
+                    }
+                }
+            }
+        }
+        let trace: f64 = (0..d).map(|i| cov[i * d + i]).sum();
+        for i in 0..d {
+            for j in 0..i {
+                cov[j * d + i] = cov[i * d + j];
+            }
+            cov[i * d + i] += 1e-12 * trace + 1e-18;
+        }
+        let factor = cholesky(&cov, d)?;
+        let inverse = packed_inverse(&factor, d);
+        let mut points = Vec::new();
+        let mut kept = Vec::new();
+        let mut push = |index: usize, weight: f64| {
+            let z = &z[index * d..(index + 1) * d];
+            let mut row = 0;
+            for i in 0..d {
+                points.push((0..=i).map(|j| inverse[row + j] * (z[j] - mean[j])).sum::<f64>());
+                row += i + 1;
+            }
+            kept.push(weight);
+        };
+        if n <= MAX_POINTS {
+            (0..n).filter(|i| weights[*i] > 0.0).for_each(|i| push(i, weights[i] / total));
+        } else {
+            // Systematic resampling; a sample drawn several times is kept once with that weight.
+            let step = 1.0 / MAX_POINTS as f64;
+            let mut next = step * stream(seed, Purpose::MixtureResample, stage, 0).random::<f64>();
+            let mut sum = 0.0;
+            for (i, weight) in weights.iter().enumerate() {
+                sum += weight / total;
+                let mut times = 0;
+                while next < sum {
+                    times += 1;
+                    next += step;
+                }
+                if times > 0 {
+                    push(i, f64::from(times) * step);
+                }
+            }
+            let kept_total: f64 = kept.iter().sum();
+            kept.iter_mut().for_each(|w| *w /= kept_total);
+        }
+        Some(Self { d, points, weights: kept, mean, factor, ess })
+    }
+
+    /// The mixture with the best BIC among one to `max_components` components.
+    pub(crate) fn fit(&self, max_components: usize, seed: u64, stage: usize) -> Fit {
+        let parameters = |k: usize| (k - 1 + k * self.d + k * self.d * (self.d + 1) / 2) as f64;
+        let most = max_components.min(self.weights.len()).max(1);
+        let (mut em_iterations, mut mixtures) = (0, 0);
+        let mut best: Option<(f64, Mixture)> = None;
+        let mut worse = 0;
+        let mut k = 1;
+        // Two sizes at a time, one for each of two threads; the order of the decisions is fixed.
+        while k <= most && worse < 2 {
+            let pair: Vec<(usize, Mixture, f64, usize)> = (k..=(k + 1).min(most))
+                .into_par_iter()
+                .map(|k| {
+                    let (mixture, ln, iterations) = self.em(self.start(k, seed, stage));
+                    (k, mixture, ln, iterations)
+                })
+                .collect();
+            for (k, mixture, ln, iterations) in pair {
+                em_iterations += iterations;
+                mixtures += 1;
+                let bic = -2.0 * self.ess * ln + parameters(k) * self.ess.max(1.0).ln();
+                match &best {
+                    Some((b, _)) if bic >= *b => worse += 1,
+                    _ => {
+                        worse = 0;
+                        best = Some((bic, mixture));
+                    }
+                }
+            }
+            k += 2;
+        }
+        let components = best.map_or_else(Vec::new, |(_, m)| self.unwhiten(&m));
+        Fit { components, em_iterations, mixtures }
+    }
+
+    /// K-means++ start: centres drawn in proportion to weight times squared distance, then a few Lloyd steps.
+    fn start(&self, k: usize, seed: u64, stage: usize) -> Mixture {
+        let (d, n) = (self.d, self.weights.len());
+        let mut rng = stream(seed, Purpose::MixtureStart, stage, k);
+        let mut centres: Vec<f64> = Vec::with_capacity(k * d);
+        let mut nearest = vec![f64::INFINITY; n];
+        let point = |i: usize| &self.points[i * d..(i + 1) * d];
+        let square =
+            |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
+        for c in 0..k {
+            let mass =
+                |i: usize, nearest: &[f64]| self.weights[i] * if c == 0 { 1.0 } else { nearest[i] };
+            let total: f64 = (0..n).map(|i| mass(i, &nearest)).sum();
+            let mut target = rng.random::<f64>() * total;
+            let mut chosen = 0;
+            for i in 0..n {
+                let m = mass(i, &nearest);
+                if m > 0.0 {
+                    chosen = i;
+                    if target < m {
+                        break;
+                    }
+                    target -= m;
+                }
+            }
+            centres.extend_from_slice(point(chosen));
+            for i in 0..n {
+                nearest[i] = nearest[i].min(square(point(i), point(chosen)));
+            }
+        }
+        let mut assigned = vec![0usize; n];
+        for _ in 0..5 {
+            for (i, a) in assigned.iter_mut().enumerate() {
+                let mut least = f64::INFINITY;
+                for c in 0..k {
+                    let m = square(point(i), &centres[c * d..(c + 1) * d]);
+                    if m < least {
+                        (least, *a) = (m, c);
+                    }
+                }
+            }
+            let mut sums = vec![0.0; k * (d + 1)];
+            for i in 0..n {
+                let row = &mut sums[assigned[i] * (d + 1)..(assigned[i] + 1) * (d + 1)];
+                for (s, x) in row.iter_mut().zip(point(i)) {
+                    *s += self.weights[i] * x;
+                }
+                row[d] += self.weights[i];
+            }
+            for c in 0..k {
+                let mass = sums[c * (d + 1) + d];
+                if mass > 0.0 {
+                    for j in 0..d {
+                        centres[c * d + j] = sums[c * (d + 1) + j] / mass;
+                    }
+                }
+            }
+        }
+        let mut responsibilities = vec![0.0; n * k];
+        for i in 0..n {
+            responsibilities[i * k + assigned[i]] = 1.0;
+        }
+        let mut mixture = Mixture {
+            k,
+            weights: vec![1.0 / k as f64; k],
+            means: centres,
+            factors: vec![0.0; k * d * d],
+        };
+        for c in 0..k {
+            for j in 0..d {
+                mixture.factors[c * d * d + j * d + j] = 1.0;
+            }
+        }
+        self.maximise(&mut mixture, &responsibilities);
+        mixture
+    }
+
+    /// EM to convergence; mean log density per unit weight and the number of iterations.
+    fn em(&self, mut mixture: Mixture) -> (Mixture, f64, usize) {
+        let mut responsibilities = vec![0.0; self.weights.len() * mixture.k];
+        let mut last = f64::NEG_INFINITY;
+        for iteration in 1..=MAX_ITERATIONS {
+            let ln = self.expect(&mixture, &mut responsibilities);
+            if mixture.k == 1 || ln - last < TOLERANCE || iteration == MAX_ITERATIONS {
+                return (mixture, ln, iteration);
+            }
+            last = ln;
+            self.maximise(&mut mixture, &responsibilities);
+        }
+        (mixture, last, MAX_ITERATIONS)
+    }
+
+    /// Responsibilities; mean log density.
+    fn expect(&self, mixture: &Mixture, responsibilities: &mut [f64]) -> f64 {
+        let (d, k) = (self.d, mixture.k);
+        let inverses: Vec<Vec<f64>> =
+            mixture.factors.chunks_exact(d * d).map(|f| packed_inverse(f, d)).collect();
+        let constants: Vec<f64> = (0..k)
+            .map(|c| {
+                let ln_det: f64 = (0..d).map(|j| mixture.factors[c * d * d + j * d + j].ln()).sum();
+                mixture.weights[c].ln() - ln_det - d as f64 * crate::normal::LN_SQRT_2PI
+            })
+            .collect();
+        let mut mean = 0.0;
+        for ((x, w), row) in
+            self.points.chunks_exact(d).zip(&self.weights).zip(responsibilities.chunks_exact_mut(k))
+        {
+            let mut largest = f64::NEG_INFINITY;
+            for c in 0..k {
+                row[c] = constants[c]
+                    - 0.5 * distance2(&inverses[c], &mixture.means[c * d..(c + 1) * d], x);
+                largest = largest.max(row[c]);
+            }
+            let mut sum = 0.0;
+            for r in row.iter_mut() {
+                *r = (*r - largest).exp();
+                sum += *r;
+            }
+            let inverse = 1.0 / sum;
+            row.iter_mut().for_each(|r| *r *= inverse);
+            mean += w * (largest + sum.ln());
+        }
+        mean
+    }
+
+    /// Weights, means and covariances from responsibilities, covariances shrunk towards a K-th of the cloud.
+    fn maximise(&self, mixture: &mut Mixture, responsibilities: &[f64]) {
+        let (d, k) = (self.d, mixture.k);
+        let pull = d as f64 + 2.0;
+        let target = (k as f64).powf(-2.0 / d as f64);
+        let packed = d * (d + 1) / 2;
+        // Moments about the previous centres, so that nothing cancels.
+        let width = 1 + d + packed;
+        let mut sums = vec![0.0; k * width];
+        for ((x, w), row) in
+            self.points.chunks_exact(d).zip(&self.weights).zip(responsibilities.chunks_exact(k))
+        {
+            for c in 0..k {
+                let r = w * row[c];
+                if r < 1e-14 {
+                    continue;
+                }
+                let m = &mixture.means[c * d..(c + 1) * d];
+                let s = &mut sums[c * width..(c + 1) * width];
+                s[0] += r;
+                let mut at = 1 + d;
+                for i in 0..d {
+                    let u = r * (x[i] - m[i]);
+                    s[1 + i] += u;
+                    for j in 0..=i {
+                        s[at] += u * (x[j] - m[j]);
+                        at += 1;
+                    }
+                }
+            }
+        }
+        for c in 0..k {
+            let s = &sums[c * width..(c + 1) * width];
+            let mass = s[0];
+            let samples = mass * self.ess;
+            // A sample's worth of weight for every component: none dies, none has weight zero.
+            mixture.weights[c] = (samples + 0.1) / (self.ess + 0.1 * k as f64);
+            if mass <= 1e-12 {
+                continue;
+            }
+            let shift: Vec<f64> = (0..d).map(|i| s[1 + i] / mass).collect();
+            let mut cov = vec![0.0; d * d];
+            let mut at = 1 + d;
+            for i in 0..d {
+                for j in 0..=i {
+                    let v = (s[at] / mass - shift[i] * shift[j]) * samples / (samples + pull);
+                    cov[i * d + j] = v;
+                    cov[j * d + i] = v;
+                    at += 1;
+                }
+                cov[i * d + i] += target * pull / (samples + pull) * SHRINK + VARIANCE_FLOOR;
+            }
+            for i in 0..d {
+                mixture.means[c * d + i] += shift[i];
+            }
+            if let Some(factor) = cholesky(&cov, d) {
+                mixture.factors[c * d * d..(c + 1) * d * d].copy_from_slice(&factor);
+            }
+        }
+    }
+
+    /// Back from whitened coordinates: means by the affine map, factors by the product of the two.
+    fn unwhiten(&self, mixture: &Mixture) -> Vec<Gaussian> {
+        let d = self.d;
+        (0..mixture.k)
+            .map(|c| {
+                let m = &mixture.means[c * d..(c + 1) * d];
+                let f = &mixture.factors[c * d * d..(c + 1) * d * d];
+                let mean = (0..d)
+                    .map(|i| {
+                        self.mean[i] + (0..=i).map(|j| self.factor[i * d + j] * m[j]).sum::<f64>()
+                    })
+                    .collect();
+                let mut factor = vec![0.0; d * d];
+                for i in 0..d {
+                    for j in 0..=i {
+                        factor[i * d + j] =
+                            (j..=i).map(|l| self.factor[i * d + l] * f[l * d + j]).sum();
+                    }
+                }
+                Gaussian { weight: mixture.weights[c], mean, factor }
+            })
+            .collect()
+    }
+}
+
+/// Weight of the shrinkage target's variance (1: the variance of a K-th of the cloud).
+const SHRINK: f64 = 1.0;
+
+/// A mixture in whitened coordinates.
+#[derive(Clone, Debug)]
+struct Mixture {
+    k: usize,
+    weights: Vec<f64>,
+    means: Vec<f64>,
+    factors: Vec<f64>,
+}

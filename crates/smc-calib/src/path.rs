@@ -1,0 +1,111 @@
+//! Recursive Bayes over the observations: what was known after each of them.
+//!
+//! `ln w_k = ln w_(k-1) + ln p(y_k | y_1 .. y_(k-1), theta)`, from the samples of the whole run; early on, when
+//! the posterior is still wide, few of them lie where the weight is, and the effective sample size says so.
+
+use crate::marginal::Marginal;
+use crate::noise::Likelihood;
+use crate::pool::{effective_sample_size, exponentiate};
+use crate::sampler::Sampler;
+use crate::target::CurveTarget;
+use crate::{PathParameter, PathPoint, Problem};
+use rayon::prelude::*;
+
+pub(crate) fn path(
+    problem: &Problem<'_>,
+    target: &CurveTarget<'_>,
+    sampler: &Sampler<'_>,
+    likelihood: &Likelihood,
+    coordinate: &[Vec<f64>],
+    marginals: &[Marginal<'_>],
+) -> Vec<PathPoint> {
+    let pool = &sampler.pool;
+    let n = pool.len();
+    let points = target.indices.len();
+    let ln_base = pool.ln_base();
+    // Log likelihood up to each kept observation, sample by sample.
+    let cumulative: Vec<f64> = if target.thinned {
+        pool.kept.chunks_exact(2 * points).flat_map(|row| row[points..].iter().copied()).collect()
+    } else {
+        let mut all = vec![0.0; n * points];
+        all.par_chunks_mut(points * 64).zip(pool.kept.par_chunks(points * 64)).for_each(
+            |(out, kept)| {
+                for (out, kept) in out.chunks_exact_mut(points).zip(kept.chunks_exact(points)) {
+                    likelihood.ln_cumulative(kept, out);
+                }
+            },
+        );
+        all
+    };
+    // The wide early posteriors need all samples in order, not only those that weigh at the end.
+    let orders: Vec<Vec<u32>> = coordinate
+        .par_iter()
+        .zip(marginals)
+        .map(|(x, _)| {
+            let mut order: Vec<u32> =
+                (0..n as u32).filter(|i| pool.ln_l[*i as usize].is_finite()).collect();
+            order.sort_unstable_by(|a, b| x[*a as usize].total_cmp(&x[*b as usize]).then(a.cmp(b)));
+            order
+        })
+        .collect();
+    (0..points)
+        .into_par_iter()
+        .map(|k| {
+            let ln: Vec<f64> = (0..n)
+                .map(|i| {
+                    if pool.ln_l[i].is_finite() {
+                        ln_base[i] + cumulative[i * points + k]
+                    } else {
+                        f64::NEG_INFINITY
+                    }
+                })
+                .collect();
+            let (w, top) = exponentiate(&ln);
+            let total: f64 = w.iter().sum();
+            let parameters = coordinate
+                .iter()
+                .zip(&orders)
+                .map(|(x, order)| {
+                    let mean =
+                        w.iter().zip(x).filter(|(w, _)| **w > 0.0).map(|(w, x)| w * x).sum::<f64>()
+                            / total;
+                    let variance = w
+                        .iter()
+                        .zip(x)
+                        .filter(|(w, _)| **w > 0.0)
+                        .map(|(w, x)| w * (x - mean) * (x - mean))
+                        .sum::<f64>()
+                        / total;
+                    let mut quantiles = [f64::NAN; 5];
+                    let probabilities = [0.05, 0.25, 0.5, 0.75, 0.95];
+                    let (mut sum, mut next) = (0.0, 0);
+                    for i in order {
+                        sum += w[*i as usize];
+                        while next < 5 && sum >= probabilities[next] * total {
+                            quantiles[next] = x[*i as usize];
+                            next += 1;
+                        }
+                    }
+                    // Rounding may leave the last one open.
+                    for q in &mut quantiles[next..] {
+                        *q = order.last().map_or(mean, |i| x[*i as usize]);
+                    }
+                    PathParameter {
+                        mean,
+                        sd: variance.max(0.0).sqrt(),
+                        median: quantiles[2],
+                        eti50: [quantiles[1], quantiles[3]],
+                        eti90: [quantiles[0], quantiles[4]],
+                    }
+                })
+                .collect();
+            PathPoint {
+                index: target.indices[k],
+                control: problem.observations.control()[target.indices[k]],
+                ess: effective_sample_size(&w),
+                log_evidence: top + (total / n as f64).ln(),
+                parameters,
+            }
+        })
+        .collect()
+}

@@ -1,0 +1,264 @@
+//! All samples so far, weighted against the mixture of all proposals so far.
+//!
+//! Balance heuristic: `w_i = prior(z_i) L(z_i) / sum_t (n_t/N) q_t(z_i)`, recomputed for every sample whenever a
+//! proposal joins, so that no simulation is thrown away and no weight stays frozen at its stage.
+
+use crate::mixture::Proposal;
+use crate::normal::LN_SQRT_2PI;
+use crate::target::Target;
+use crate::{Failure, SimError};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// Samples that one parallel task works on; fixed, so that sums do not depend on the number of threads.
+pub(crate) const CHUNK: usize = 256;
+
+/// All samples so far.
+pub(crate) struct Pool {
+    pub d: usize,
+    pub kept_width: usize,
+    /// Normal scores, row by row.
+    pub z: Vec<f64>,
+    /// Log likelihood, minus infinity where the simulation failed.
+    pub ln_l: Vec<f64>,
+    /// Kept numbers, row by row.
+    pub kept: Vec<f64>,
+    pub stage: Vec<u32>,
+    pub replicate: Vec<u32>,
+    /// Log prior density.
+    ln_prior: Vec<f64>,
+    /// sum_t n_t times the Student-t part of q_t.
+    student: Vec<f64>,
+    /// sum_t n_t times the prior's share of q_t.
+    prior_count: f64,
+    /// Causes of failures.
+    failures: BTreeMap<String, usize>,
+    pub failed: usize,
+    pub component_densities: usize,
+}
+
+impl Pool {
+    pub(crate) fn new(d: usize, kept_width: usize) -> Self {
+        Self {
+            d,
+            kept_width,
+            z: Vec::new(),
+            ln_l: Vec::new(),
+            kept: Vec::new(),
+            stage: Vec::new(),
+            replicate: Vec::new(),
+            ln_prior: Vec::new(),
+            student: Vec::new(),
+            prior_count: 0.0,
+            failures: BTreeMap::new(),
+            failed: 0,
+            component_densities: 0,
+        }
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.ln_l.len()
+    }
+
+    pub(crate) fn point(&self, i: usize) -> &[f64] {
+        &self.z[i * self.d..(i + 1) * self.d]
+    }
+
+    /// Simulates new samples, drawn from `proposals.last()`, and adds them.
+    ///
+    /// # Errors
+    /// The cause of the first fatal failure, in the order of the samples.
+    pub(crate) fn extend(
+        &mut self,
+        target: &dyn Target,
+        z: &[f64],
+        replicates: &[u32],
+        stage: usize,
+        proposals: &[(usize, Proposal)],
+    ) -> Result<(), SimError> {
+        let (d, kept_width) = (self.d, self.kept_width);
+        let old = self.len();
+        let n = replicates.len();
+        self.z.extend_from_slice(z);
+        self.replicate.extend_from_slice(replicates);
+        self.stage.resize(old + n, stage as u32);
+        self.ln_l.resize(old + n, f64::NEG_INFINITY);
+        self.kept.resize((old + n) * kept_width, 0.0);
+        self.ln_prior.extend(
+            z.chunks_exact(d).map(|z| -z.iter().map(|z| 0.5 * z * z + LN_SQRT_2PI).sum::<f64>()),
+        );
+        self.student.resize(old + n, 0.0);
+
+        let kept = &mut self.kept[old * kept_width..];
+        let ln_l = &mut self.ln_l[old..];
+        let mut none = vec![0.0; 0];
+        let simulate =
+            |z: &[f64], ln_l: &mut f64, kept: &mut [f64]| match target.ln_likelihood(z, kept) {
+                Ok(v) if v.is_nan() || v == f64::INFINITY => {
+                    Some(SimError::recoverable("the log likelihood is not a number"))
+                }
+                Ok(v) => {
+                    *ln_l = v;
+                    None
+                }
+                Err(e) => Some(e),
+            };
+        let block = 16;
+        let errors: Vec<(usize, SimError)> = if kept_width == 0 {
+            let _ = &mut none;
+            ln_l.par_chunks_mut(block)
+                .enumerate()
+                .flat_map_iter(|(b, ln_l)| {
+                    let mut errors = Vec::new();
+                    for (i, l) in ln_l.iter_mut().enumerate() {
+                        let at = b * block + i;
+                        if let Some(e) = simulate(&z[at * d..(at + 1) * d], l, &mut []) {
+                            errors.push((at, e));
+                        }
+                    }
+                    errors
+                })
+                .collect()
+        } else {
+            ln_l.par_chunks_mut(block)
+                .zip(kept.par_chunks_mut(block * kept_width))
+                .enumerate()
+                .flat_map_iter(|(b, (ln_l, kept))| {
+                    let mut errors = Vec::new();
+                    for (i, (l, kept)) in
+                        ln_l.iter_mut().zip(kept.chunks_exact_mut(kept_width)).enumerate()
+                    {
+                        let at = b * block + i;
+                        if let Some(e) = simulate(&z[at * d..(at + 1) * d], l, kept) {
+                            errors.push((at, e));
+                        }
+                    }
+                    errors
+                })
+                .collect()
+        };
+        for (at, e) in errors {
+            if !e.is_recoverable() {
+                return Err(e);
+            }
+            self.failed += 1;
+            self.ln_l[old + at] = f64::NEG_INFINITY;
+            *self.failures.entry(e.cause().to_owned()).or_insert(0) += 1;
+        }
+
+        // The new proposal at the old samples; all proposals at the new ones.
+        let (newest, before) = match proposals.split_last() {
+            Some(split) => split,
+            None => return Ok(()),
+        };
+        self.prior_count += newest.0 as f64 * newest.1.prior_share;
+        let all_components: usize = proposals.iter().map(|p| p.1.components.len()).sum();
+        self.component_densities += old * newest.1.components.len() + n * all_components;
+        let z = &self.z;
+        self.student.par_chunks_mut(CHUNK).enumerate().for_each(|(b, sums)| {
+            for (i, sum) in sums.iter_mut().enumerate() {
+                let at = b * CHUNK + i;
+                let z = &z[at * d..(at + 1) * d];
+                *sum += newest.0 as f64 * newest.1.student_density(z);
+                if at >= old {
+                    *sum +=
+                        before.iter().map(|(n, q)| *n as f64 * q.student_density(z)).sum::<f64>();
+                }
+            }
+        });
+        Ok(())
+    }
+
+    /// Log of the mixture of all proposals over the prior, at sample i.
+    pub(crate) fn ln_mixture_over_prior(&self, i: usize) -> f64 {
+        let n = self.len() as f64;
+        let a = (self.prior_count / n).ln();
+        let b = if self.student[i] > 0.0 {
+            (self.student[i] / n).ln() - self.ln_prior[i]
+        } else {
+            f64::NEG_INFINITY
+        };
+        let top = a.max(b);
+        top + ((a - top).exp() + (b - top).exp()).ln()
+    }
+
+    /// Log density of the prior at sample i.
+    pub(crate) fn ln_prior(&self, i: usize) -> f64 {
+        self.ln_prior[i]
+    }
+
+    /// Log of prior over mixture of all samples: the weight apart from the likelihood.
+    pub(crate) fn ln_base(&self) -> Vec<f64> {
+        (0..self.len())
+            .into_par_iter()
+            .with_min_len(CHUNK)
+            .map(|i| -self.ln_mixture_over_prior(i))
+            .collect()
+    }
+
+    /// Failures by cause, commonest first, ties by name.
+    pub(crate) fn failures(&self) -> Vec<Failure> {
+        let mut list: Vec<Failure> = self
+            .failures
+            .iter()
+            .map(|(cause, count)| Failure { cause: cause.clone(), count: *count })
+            .collect();
+        list.sort_by(|a, b| b.count.cmp(&a.count).then_with(|| a.cause.cmp(&b.cause)));
+        list
+    }
+}
+
+/// Weights from log weights, the largest one being 1; and the log of the factor taken out.
+pub(crate) fn exponentiate(ln_w: &[f64]) -> (Vec<f64>, f64) {
+    let top = ln_w.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if top == f64::NEG_INFINITY {
+        return (vec![0.0; ln_w.len()], top);
+    }
+    (ln_w.iter().map(|l| (l - top).exp()).collect(), top)
+}
+
+/// (sum w)^2 / sum w^2.
+pub(crate) fn effective_sample_size(weights: &[f64]) -> f64 {
+    let sum: f64 = weights.iter().sum();
+    let squares: f64 = weights.iter().map(|w| w * w).sum();
+    if squares > 0.0 { sum * sum / squares } else { 0.0 }
+}
+
+/// The power of the likelihood, at most 1, at which the effective size of the weights is `wished`.
+pub(crate) fn temper(ln_base: &[f64], ln_l: &[f64], wished: f64) -> f64 {
+    // Only samples with a likelihood take part.
+    let alive: Vec<(f64, f64)> = ln_base
+        .iter()
+        .zip(ln_l)
+        .filter(|(b, l)| b.is_finite() && l.is_finite())
+        .map(|(b, l)| (*b, *l))
+        .collect();
+    bisect(&alive, wished, 0.0)
+}
+
+/// The power of the likelihood, of any size, at which the effective size of samples weighted by it is `wished`.
+pub(crate) fn tune(ln_l: &[f64], wished: f64) -> f64 {
+    let alive: Vec<(f64, f64)> = ln_l.iter().filter(|l| l.is_finite()).map(|l| (0.0, *l)).collect();
+    bisect(&alive, wished, 60.0)
+}
+
+/// Bisection of ln beta between -700 and `high`; the upper end where the wish is fulfilled there.
+fn bisect(alive: &[(f64, f64)], wished: f64, high: f64) -> f64 {
+    let ess = |beta: f64| {
+        let ln: Vec<f64> = alive.iter().map(|(b, l)| b + beta * l).collect();
+        effective_sample_size(&exponentiate(&ln).0)
+    };
+    if ess(high.exp()) >= wished {
+        return high.exp();
+    }
+    let (mut low, mut high) = (-50.0f64, high);
+    if ess(low.exp()) < wished {
+        // Too few alive for the wish, or likelihoods that span more than e^50: the flattest of them.
+        low = -700.0;
+    }
+    for _ in 0..24 {
+        let middle = 0.5 * (low + high);
+        if ess(middle.exp()) >= wished { low = middle } else { high = middle }
+    }
+    low.exp()
+}

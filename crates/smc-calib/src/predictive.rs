@@ -1,0 +1,224 @@
+//! Posterior predictive bands, and the posterior of the noise.
+
+use crate::estimate::Estimator;
+use crate::noise::Likelihood;
+use crate::sampler::Sampler;
+use crate::stream::{Purpose, stream};
+use crate::target::CurveTarget;
+use crate::{BandPoint, Draw, Posterior, Problem, Settings, SigmaSummary, SimError, Simulator};
+use rand::RngExt;
+use rand_distr::StandardNormal;
+use rayon::prelude::*;
+use statrs::function::gamma::ln_gamma;
+
+/// Probabilities of the ends of the 95, 90 and 50 % bands.
+const ENDS: [f64; 6] = [0.025, 0.05, 0.25, 0.75, 0.95, 0.975];
+
+/// Quantiles of equally weighted values at [`ENDS`], linear between order statistics.
+fn ends(values: &mut [f64]) -> [f64; 6] {
+    values.sort_unstable_by(f64::total_cmp);
+    let n = values.len();
+    ENDS.map(|p| {
+        let at = (p * n as f64 - 0.5).clamp(0.0, (n - 1) as f64);
+        let (low, high) = (at.floor() as usize, at.ceil() as usize);
+        values[low] + (at - at.floor()) * (values[high] - values[low])
+    })
+}
+
+/// Bands from equally weighted curve values and, drawn from `sigma`, noisy ones.
+fn band(index: usize, control: f64, mean: f64, values: &mut [f64], noisy: &mut [f64]) -> BandPoint {
+    let (c, n) = (ends(values), ends(noisy));
+    BandPoint {
+        index,
+        control,
+        mean,
+        curve50: [c[2], c[3]],
+        curve90: [c[1], c[4]],
+        curve95: [c[0], c[5]],
+        noisy50: [n[2], n[3]],
+        noisy90: [n[1], n[4]],
+        noisy95: [n[0], n[5]],
+    }
+}
+
+/// Bands at the observations that were kept.
+pub(crate) fn at_observations(
+    problem: &Problem<'_>,
+    target: &CurveTarget<'_>,
+    sampler: &Sampler<'_>,
+    estimator: &Estimator,
+    draws: &[Draw],
+    likelihood: &Likelihood,
+    settings: &Settings,
+) -> Vec<BandPoint> {
+    if draws.is_empty() {
+        return Vec::new();
+    }
+    let pool = &sampler.pool;
+    let width = pool.kept_width;
+    (0..target.indices.len())
+        .into_par_iter()
+        .map(|k| {
+            let index = target.indices[k];
+            let mut values: Vec<f64> =
+                draws.iter().map(|d| pool.kept[d.sample * width + k]).collect();
+            let mut rng = stream(settings.seed, Purpose::Predictive, 0, k);
+            let point_sigma = likelihood.fixed_sigma(index);
+            let mut noisy: Vec<f64> = draws
+                .iter()
+                .zip(&values)
+                .map(|(d, v)| {
+                    v + d.sigma.or(point_sigma).unwrap_or(0.0)
+                        * rng.sample::<f64, _>(StandardNormal)
+                })
+                .collect();
+            let mean = estimator.mean(|i| pool.kept[i * width + k]);
+            band(index, problem.observations.control()[index], mean, &mut values, &mut noisy)
+        })
+        .collect()
+}
+
+/// Posterior predictive bands on any grid.
+///
+/// `simulator` gives the curve at `control` for the same parameters; it is run for at most `max_draws` of the
+/// posterior's draws, evenly chosen. Draws that fail on this grid are left out. Noise is added where the
+/// posterior knows one standard deviation for all points.
+///
+/// # Errors
+/// A fatal simulator error, or no draw that can be simulated.
+pub fn predictive_band(
+    posterior: &Posterior,
+    simulator: &dyn Simulator,
+    control: &[f64],
+    max_draws: usize,
+) -> Result<Vec<BandPoint>, SimError> {
+    let all = &posterior.draws;
+    if simulator.observables() != control.len()
+        || simulator.parameters() != posterior.parameters.len()
+    {
+        return Err(SimError::fatal(format!(
+            "the simulator of the band takes {} parameters and gives {} values; expected {} and {}",
+            simulator.parameters(),
+            simulator.observables(),
+            posterior.parameters.len(),
+            control.len()
+        )));
+    }
+    let count = all.len().min(max_draws);
+    let chosen: Vec<Draw> = (0..count).map(|k| all[k * all.len() / count]).collect();
+    // Neighbouring draws are often the same sample: simulate it once.
+    let mut distinct: Vec<usize> = chosen.iter().map(|d| d.sample).collect();
+    distinct.dedup();
+    let curves: Vec<Option<Vec<f64>>> = distinct
+        .par_iter()
+        .map(|sample| {
+            let mut out = vec![0.0; control.len()];
+            let theta = posterior.samples.get(*sample).map(|s| s.theta.as_slice());
+            let Some(theta) = theta else {
+                return Err(SimError::fatal(format!(
+                    "draw refers to sample {sample}, which does not exist"
+                )));
+            };
+            match simulator.simulate(theta, &mut out) {
+                Ok(()) if out.iter().all(|v| v.is_finite()) => Ok(Some(out)),
+                Ok(()) => Ok(None),
+                Err(e) if e.is_recoverable() => Ok(None),
+                Err(e) => Err(e),
+            }
+        })
+        .collect::<Result<_, _>>()?;
+    let mut curve_of = Vec::with_capacity(chosen.len());
+    let mut at = 0;
+    for draw in &chosen {
+        while distinct[at] != draw.sample {
+            at += 1;
+        }
+        curve_of.push(at);
+    }
+    let alive: Vec<(usize, Draw)> =
+        curve_of.into_iter().zip(chosen).filter(|(c, _)| curves[*c].is_some()).collect();
+    if alive.is_empty() {
+        return Err(SimError::fatal("no posterior draw can be simulated on this grid"));
+    }
+    Ok((0..control.len())
+        .into_par_iter()
+        .map(|k| {
+            let mut rng = stream(posterior.settings.seed, Purpose::Predictive, 1, k);
+            let mut values = Vec::with_capacity(alive.len());
+            let mut noisy = Vec::with_capacity(alive.len());
+            for (c, draw) in &alive {
+                let Some(curve) = &curves[*c] else { continue };
+                values.push(curve[k]);
+                noisy.push(
+                    curve[k] + draw.sigma.unwrap_or(0.0) * rng.sample::<f64, _>(StandardNormal),
+                );
+            }
+            let mean = values.iter().sum::<f64>() / values.len() as f64;
+            band(k, control[k], mean, &mut values, &mut noisy)
+        })
+        .collect())
+}
+
+/// Posterior of the noise standard deviation: moments exactly, as the weighted mixture of conditional inverse
+/// gammas, sigma^2 ~ IG(a, b), a = (nu0 + m)/2, b = (nu0 s0^2 + S)/2, with
+/// `E sigma = sqrt(b) Gamma(a - 1/2)/Gamma(a)` and `E sigma^2 = b/(a - 1)`; quantiles from the draws.
+pub(crate) fn sigma_summary(
+    draws: &[Draw],
+    sampler: &Sampler<'_>,
+    estimator: &Estimator,
+    likelihood: &Likelihood,
+) -> Option<SigmaSummary> {
+    if let Some(s) = likelihood.common_sigma() {
+        let both = [s, s];
+        return Some(SigmaSummary {
+            mean: s,
+            sd: 0.0,
+            median: s,
+            eti50: both,
+            eti90: both,
+            eti95: both,
+            fixed: true,
+        });
+    }
+    let (nu0, sum0) = likelihood.inferred()?;
+    let a = 0.5 * (nu0 + likelihood.values().len() as f64);
+    let first = (ln_gamma(a - 0.5) - ln_gamma(a)).exp();
+    let b =
+        |i: usize| 0.5 * (sum0 + likelihood.sum_of_squares_at(sampler.pool.ln_l[i]).unwrap_or(0.0));
+    let mean = estimator.mean(|i| b(i).sqrt() * first);
+    // With a at most 1 the second moment does not exist.
+    let sd = if a > 1.0 {
+        (estimator.mean(|i| b(i) / (a - 1.0)) - mean * mean).max(0.0).sqrt()
+    } else {
+        f64::MAX
+    };
+    let mut values: Vec<f64> = draws.iter().filter_map(|d| d.sigma).collect();
+    if values.is_empty() {
+        let both = [mean, mean];
+        return Some(SigmaSummary {
+            mean,
+            sd,
+            median: mean,
+            eti50: both,
+            eti90: both,
+            eti95: both,
+            fixed: false,
+        });
+    }
+    let e = ends(&mut values);
+    let middle = values.len() / 2;
+    let median = if values.len() % 2 == 1 {
+        values[middle]
+    } else {
+        0.5 * (values[middle - 1] + values[middle])
+    };
+    Some(SigmaSummary {
+        mean,
+        sd,
+        median,
+        eti50: [e[2], e[3]],
+        eti90: [e[1], e[4]],
+        eti95: [e[0], e[5]],
+        fixed: false,
+    })
+}

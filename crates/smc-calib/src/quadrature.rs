@@ -1,0 +1,398 @@
+//! Brute-force integration for up to three parameters: the reference that the sampler is held against.
+//!
+//! The trapezoidal rule in v, where `z = centre + factor sinh(v)`: normal scores whitened by the posterior's own
+//! mean and covariance, and stretched so that a regular grid is dense in the core and still reaches far tails.
+//! First the mass is located: a grid over the whole prior gives a mean and a covariance, which give the next
+//! grid, until the covariance stands still. Then the grid is halved, only where there is mass, until no moment
+//! moves; the last move is the error estimate.
+
+use crate::mixture::{cholesky, packed_inverse};
+use crate::target::{CurveTarget, Target};
+use crate::{CalibrateError, Likelihood, Problem, SimError};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Log density below the peak at which a cell is left out: exp(-28) = 7e-13.
+const NEGLIGIBLE: f64 = 28.0;
+
+/// Posterior moments by quadrature, in the priors' coordinates.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Quadrature {
+    /// Means.
+    pub mean: Vec<f64>,
+    /// Standard deviations.
+    pub sd: Vec<f64>,
+    /// Correlation matrix, row by row.
+    pub correlation: Vec<Vec<f64>>,
+    /// Log evidence.
+    pub log_evidence: f64,
+    /// Marginal quantiles per parameter at [`PROBABILITIES`].
+    pub quantiles: Vec<Vec<f64>>,
+    /// Estimated error: the last move of a mean or relative sd in standard deviations, or of the log evidence, whichever is largest.
+    pub error: f64,
+    /// Likelihood evaluations.
+    pub evaluations: usize,
+}
+
+/// Probabilities of [`Quadrature::quantiles`].
+pub const PROBABILITIES: [f64; 7] = [0.025, 0.05, 0.25, 0.5, 0.75, 0.95, 0.975];
+
+/// How far to refine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct QuadratureSettings {
+    /// Refine until nothing moves by more than this (posterior sds, relative sd, log evidence).
+    pub tolerance: f64,
+    /// Most points per dimension.
+    pub max_points: usize,
+}
+
+impl Default for QuadratureSettings {
+    fn default() -> Self {
+        Self { tolerance: 2e-4, max_points: 192 }
+    }
+}
+
+/// Integrates a problem with up to three parameters.
+///
+/// # Errors
+/// Noise that does not fit, more than three parameters, a fatal simulator error, or zero evidence.
+pub fn quadrature(
+    problem: &Problem<'_>,
+    settings: &QuadratureSettings,
+) -> Result<Quadrature, CalibrateError> {
+    let likelihood = Likelihood::new(&problem.noise, &problem.observations)?;
+    let target = CurveTarget::new(problem, &likelihood, 1);
+    let coordinate = |j: usize, z: f64| {
+        let prior = &problem.parameters[j].prior;
+        prior.to_coordinate(prior.from_z(z))
+    };
+    integrate(&target, &coordinate, settings)
+}
+
+/// A box in stretched whitened coordinates: z = centre + factor sinh(v), v between `lower` and `upper`.
+struct Frame {
+    d: usize,
+    centre: Vec<f64>,
+    factor: Vec<f64>,
+    ln_det: f64,
+    lower: Vec<f64>,
+    upper: Vec<f64>,
+}
+
+/// Log densities on a grid; minus infinity where left out.
+struct Grid {
+    n: usize,
+    values: Vec<f64>,
+}
+
+impl Frame {
+    fn v(&self, axis: usize, i: usize, n: usize) -> f64 {
+        self.lower[axis] + (self.upper[axis] - self.lower[axis]) * (i as f64 + 0.5) / n as f64
+    }
+
+    /// Normal scores of a grid point; returns the log of the stretch's Jacobian.
+    fn z(&self, index: usize, n: usize, z: &mut [f64]) -> f64 {
+        let d = self.d;
+        let mut u = [0.0; 3];
+        let mut rest = index;
+        let mut ln_jacobian = 0.0;
+        for a in (0..d).rev() {
+            let v = self.v(a, rest % n, n);
+            u[a] = v.sinh();
+            ln_jacobian += v.cosh().ln();
+            rest /= n;
+        }
+        for i in 0..d {
+            z[i] = self.centre[i] + (0..=i).map(|j| self.factor[i * d + j] * u[j]).sum::<f64>();
+        }
+        ln_jacobian
+    }
+
+    /// Log of likelihood times prior times Jacobian on a grid of n cells per axis, where `wanted`.
+    fn evaluate(
+        &self,
+        target: &dyn Target,
+        n: usize,
+        wanted: &(dyn Fn(usize) -> bool + Sync),
+    ) -> Result<(Grid, usize), SimError> {
+        let d = self.d;
+        let cells = n.pow(d as u32);
+        let results: Vec<(Vec<f64>, usize)> = (0..cells.div_ceil(1024))
+            .into_par_iter()
+            .map(|b| {
+                let mut kept = vec![0.0; target.kept()];
+                let mut z = [0.0; 3];
+                let mut count = 0;
+                let values = (b * 1024..((b + 1) * 1024).min(cells))
+                    .map(|index| {
+                        if !wanted(index) {
+                            return Ok(f64::NEG_INFINITY);
+                        }
+                        count += 1;
+                        let ln_jacobian = self.z(index, n, &mut z[..d]);
+                        match target.ln_likelihood(&z[..d], &mut kept) {
+                            Ok(l) if l.is_nan() => Ok(f64::NEG_INFINITY),
+                            Ok(l) => Ok(ln_jacobian
+                                + l
+                                + z[..d]
+                                    .iter()
+                                    .map(|z| crate::normal::ln_density(*z))
+                                    .sum::<f64>()),
+                            Err(e) if e.is_recoverable() => Ok(f64::NEG_INFINITY),
+                            Err(e) => Err(e),
+                        }
+                    })
+                    .collect::<Result<Vec<f64>, SimError>>()?;
+                Ok((values, count))
+            })
+            .collect::<Result<Vec<_>, SimError>>()?;
+        let evaluations = results.iter().map(|r| r.1).sum();
+        Ok((Grid { n, values: results.into_iter().flat_map(|r| r.0).collect() }, evaluations))
+    }
+
+    /// Moments of a grid: log integral, mean and covariance of z, extent in u of what is not negligible.
+    fn moments(&self, grid: &Grid) -> Option<(f64, Vec<f64>, Vec<f64>)> {
+        let d = self.d;
+        let top = grid.values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        if top == f64::NEG_INFINITY {
+            return None;
+        }
+        let (mut total, mut mean, mut second) = (0.0, vec![0.0; d], vec![0.0; d * d]);
+        let mut z = vec![0.0; d];
+        for (index, v) in grid.values.iter().enumerate() {
+            let w = (v - top).exp();
+            if w == 0.0 {
+                continue;
+            }
+            self.z(index, grid.n, &mut z);
+            total += w;
+            for i in 0..d {
+                let x = z[i] - self.centre[i];
+                mean[i] += w * x;
+                for j in 0..d {
+                    second[i * d + j] += w * x * (z[j] - self.centre[j]);
+                }
+            }
+        }
+        for i in 0..d {
+            mean[i] /= total;
+        }
+        for i in 0..d {
+            for j in 0..d {
+                second[i * d + j] = second[i * d + j] / total - mean[i] * mean[j];
+            }
+        }
+        for i in 0..d {
+            mean[i] += self.centre[i];
+        }
+        Some((top + total.ln() + self.ln_cell(grid.n), mean, second))
+    }
+
+    fn ln_cell(&self, n: usize) -> f64 {
+        self.ln_det
+            + (0..self.d).map(|a| ((self.upper[a] - self.lower[a]) / n as f64).ln()).sum::<f64>()
+    }
+}
+
+/// Integrates a target of up to three coordinates; moments are those of `coordinate(j, z_j)`.
+///
+/// # Errors
+/// More than three coordinates, a fatal simulator error, or zero evidence.
+pub fn integrate(
+    target: &dyn Target,
+    coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
+    settings: &QuadratureSettings,
+) -> Result<Quadrature, CalibrateError> {
+    let d = target.dimension();
+    if !(1..=3).contains(&d) {
+        return Err(CalibrateError::Setting {
+            setting: "number of parameters of a quadrature",
+            value: d as f64,
+            range: "1 to 3",
+        });
+    }
+    let mut evaluations = 0;
+    let failed =
+        |e: SimError| CalibrateError::Fatal { cause: e.cause().to_owned(), simulations: 0 };
+    let mut identity = vec![0.0; d * d];
+    (0..d).for_each(|i| identity[i * d + i] = 1.0);
+    let reach = 8.5f64.asinh();
+    let mut frame = Frame {
+        d,
+        centre: vec![0.0; d],
+        factor: identity,
+        ln_det: 0.0,
+        lower: vec![-reach; d],
+        upper: vec![reach; d],
+    };
+    let coarse = [512, 128, 48][d - 1];
+    for _ in 0..24 {
+        let (grid, count) = frame.evaluate(target, coarse, &|_| true).map_err(failed)?;
+        evaluations += count;
+        let Some((_, mean, mut cov)) = frame.moments(&grid) else {
+            return Err(CalibrateError::ZeroEvidence { simulations: evaluations });
+        };
+        let top = grid.values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        // A grid that sees one cell knows the covariance to no better than that cell.
+        let step: Vec<f64> =
+            (0..d).map(|a| (frame.upper[a] - frame.lower[a]) / coarse as f64).collect();
+        for i in 0..d {
+            cov[i * d + i] +=
+                0.1 * (0..=i).map(|j| (frame.factor[i * d + j] * step[j]).powi(2)).sum::<f64>();
+        }
+        let Some(factor) = cholesky(&cov, d) else { break };
+        let ln_det: f64 = (0..d).map(|i| factor[i * d + i].ln()).sum();
+        let inverse = packed_inverse(&factor, d);
+        let (mut lower, mut upper) = (vec![f64::INFINITY; d], vec![f64::NEG_INFINITY; d]);
+        let mut z = vec![0.0; d];
+        for (index, _) in grid.values.iter().enumerate().filter(|(_, v)| **v > top - NEGLIGIBLE) {
+            frame.z(index, coarse, &mut z);
+            let mut row = 0;
+            for i in 0..d {
+                let u: f64 = (0..=i).map(|j| inverse[row + j] * (z[j] - mean[j])).sum();
+                row += i + 1;
+                lower[i] = lower[i].min(u);
+                upper[i] = upper[i].max(u);
+            }
+        }
+        for i in 0..d {
+            // Two cells of margin: what is alive ends somewhere inside the next cell.
+            let v = (lower[i].asinh(), upper[i].asinh());
+            let margin = 2.0 * (v.1 - v.0) / coarse as f64 + 0.1;
+            (lower[i], upper[i]) = (v.0 - margin, v.1 + margin);
+        }
+        let moved = (ln_det - frame.ln_det).abs();
+        frame = Frame { d, centre: mean, factor, ln_det, lower, upper };
+        if moved < 0.02 * d as f64 {
+            break;
+        }
+    }
+    // Refine: halve the cells where there is mass.
+    let mut n = coarse;
+    let (mut grid, count) = frame.evaluate(target, n, &|_| true).map_err(failed)?;
+    evaluations += count;
+    let mut result = summarise(&frame, &grid, coordinate)
+        .ok_or(CalibrateError::ZeroEvidence { simulations: evaluations })?;
+    result.error = f64::INFINITY;
+    let most = match d {
+        1 => settings.max_points.max(16_384),
+        2 => settings.max_points.max(1024),
+        _ => settings.max_points,
+    };
+    while result.error > settings.tolerance && 2 * n <= most {
+        let top = grid.values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let near = alive_neighbourhood(&grid, d, top - NEGLIGIBLE);
+        let fine = 2 * n;
+        let parent = |index: usize| {
+            let (mut rest, mut out, mut stride) = (index, 0, 1);
+            for _ in 0..d {
+                out += (rest % fine) / 2 * stride;
+                rest /= fine;
+                stride *= n;
+            }
+            out
+        };
+        let (next, count) =
+            frame.evaluate(target, fine, &|index| near[parent(index)]).map_err(failed)?;
+        evaluations += count;
+        let Some(mut refined) = summarise(&frame, &next, coordinate) else { break };
+        refined.error = (0..d)
+            .map(|j| {
+                let m = (refined.mean[j] - result.mean[j]).abs() / refined.sd[j];
+                m.max((refined.sd[j] / result.sd[j] - 1.0).abs())
+            })
+            .fold((refined.log_evidence - result.log_evidence).abs(), f64::max);
+        result = refined;
+        grid = next;
+        n = fine;
+    }
+    result.evaluations = evaluations;
+    Ok(result)
+}
+
+/// Cells above a threshold and their neighbours.
+fn alive_neighbourhood(grid: &Grid, d: usize, threshold: f64) -> Vec<bool> {
+    let n = grid.n;
+    let mut alive: Vec<bool> = grid.values.iter().map(|v| *v > threshold).collect();
+    let mut stride = 1;
+    for _ in 0..d {
+        let before = alive.clone();
+        for (i, a) in alive.iter_mut().enumerate() {
+            let at = i / stride % n;
+            *a |= (at > 0 && before[i - stride]) || (at + 1 < n && before[i + stride]);
+        }
+        stride *= n;
+    }
+    alive
+}
+
+fn summarise(
+    frame: &Frame,
+    grid: &Grid,
+    coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
+) -> Option<Quadrature> {
+    let d = frame.d;
+    let top = grid.values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if top == f64::NEG_INFINITY {
+        return None;
+    }
+    let alive: Vec<(usize, f64)> = grid
+        .values
+        .iter()
+        .enumerate()
+        .map(|(i, v)| (i, (v - top).exp()))
+        .filter(|(_, w)| *w > 1e-17)
+        .collect();
+    let x: Vec<f64> = alive
+        .par_iter()
+        .flat_map_iter(|(index, _)| {
+            let mut z = [0.0; 3];
+            frame.z(*index, grid.n, &mut z[..d]);
+            (0..d).map(move |j| coordinate(j, z[j]))
+        })
+        .collect();
+    let total: f64 = alive.iter().map(|a| a.1).sum();
+    let mut out = Quadrature {
+        log_evidence: top + total.ln() + frame.ln_cell(grid.n),
+        mean: vec![0.0; d],
+        sd: vec![0.0; d],
+        correlation: vec![vec![0.0; d]; d],
+        ..Quadrature::default()
+    };
+    for ((_, w), x) in alive.iter().zip(x.chunks_exact(d)) {
+        for j in 0..d {
+            out.mean[j] += w / total * x[j];
+        }
+    }
+    for ((_, w), x) in alive.iter().zip(x.chunks_exact(d)) {
+        for i in 0..d {
+            for j in 0..d {
+                out.correlation[i][j] += w / total * (x[i] - out.mean[i]) * (x[j] - out.mean[j]);
+            }
+        }
+    }
+    for i in 0..d {
+        out.sd[i] = out.correlation[i][i].sqrt();
+    }
+    for i in 0..d {
+        for j in 0..d {
+            out.correlation[i][j] /= out.sd[i] * out.sd[j];
+        }
+    }
+    for j in 0..d {
+        let mut order: Vec<(f64, f64)> =
+            alive.iter().zip(x.chunks_exact(d)).map(|((_, w), x)| (x[j], w / total)).collect();
+        order.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        let mut quantiles = Vec::new();
+        let (mut sum, mut at) = (0.0, 0);
+        for p in PROBABILITIES {
+            while at + 1 < order.len() && sum + order[at].1 < p {
+                sum += order[at].1;
+                at += 1;
+            }
+            quantiles.push(order[at].0);
+        }
+        out.quantiles.push(quantiles);
+    }
+    Some(out)
+}

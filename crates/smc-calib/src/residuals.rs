@@ -1,0 +1,49 @@
+//! Are the residuals of the fitted curve independent?
+
+use crate::Residuals;
+
+/// Lag-1 autocorrelation and the runs test (A. Wald, J. Wolfowitz, Ann. Math. Stat. 11 (1940) 147).
+///
+/// Independent residuals have a lag-1 correlation of sd 1/sqrt(m) and a number of runs of equal sign whose
+/// z-score is standard normal; the residuals are called independent where neither is beyond 1.96.
+pub(crate) fn residuals(observed: &[f64], simulated: &[f64]) -> Residuals {
+    let values: Vec<f64> = observed.iter().zip(simulated).map(|(y, o)| y - o).collect();
+    let m = values.len() as f64;
+    let squares: f64 = values.iter().map(|r| r * r).sum();
+    let lagged: f64 = values.windows(2).map(|w| w[0] * w[1]).sum();
+    let lag1 = if squares > 0.0 { lagged / squares } else { 0.0 };
+    let signs: Vec<bool> = values.iter().filter(|r| **r != 0.0).map(|r| *r > 0.0).collect();
+    let up = signs.iter().filter(|s| **s).count() as f64;
+    let down = signs.len() as f64 - up;
+    let runs = 1.0 + signs.windows(2).filter(|w| w[0] != w[1]).count() as f64;
+    let n = up + down;
+    let variance =
+        if n > 1.0 { 2.0 * up * down * (2.0 * up * down - n) / (n * n * (n - 1.0)) } else { 0.0 };
+    let runs_z =
+        if variance > 0.0 { (runs - 1.0 - 2.0 * up * down / n) / variance.sqrt() } else { 0.0 };
+    let independent = (lag1 * m.sqrt()).abs() < 1.96 && runs_z.abs() < 1.96;
+    Residuals { values, lag1, runs_z, independent }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn alternating_and_drifting_residuals_are_found_dependent() {
+        let zero = vec![0.0; 40];
+        let alternating: Vec<f64> = (0..40).map(|i| if i % 2 == 0 { 1.0 } else { -1.0 }).collect();
+        let drifting: Vec<f64> = (0..40).map(|i| f64::from(i) - 19.5).collect();
+        let a = residuals(&alternating, &zero);
+        let d = residuals(&drifting, &zero);
+        assert!(!a.independent && a.lag1 < -0.9 && a.runs_z > 5.0);
+        assert!(!d.independent && d.lag1 > 0.8 && d.runs_z < -5.0);
+    }
+
+    #[test]
+    fn the_runs_score_is_the_textbook_one() {
+        // ++--+ : 3 up, 2 down, 3 runs; mean 1 + 12/5 = 3.4, variance 12*(12-5)/(25*4) = 0.84.
+        let r = residuals(&[1.0, 1.0, -1.0, -1.0, 1.0], &[0.0; 5]);
+        approx::assert_relative_eq!(r.runs_z, (3.0 - 3.4) / 0.84f64.sqrt(), max_relative = 1e-12);
+    }
+}

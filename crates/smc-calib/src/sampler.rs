@@ -1,0 +1,230 @@
+//! Adaptive importance sampling with recycled samples: see [`Sampler::run`].
+
+use crate::em::Cloud;
+use crate::estimate::Estimator;
+use crate::mixture::{Component, Proposal};
+use crate::pool::{Pool, exponentiate, temper, tune};
+use crate::sobol::scrambled_net;
+use crate::stream::{Purpose, stream};
+use crate::target::Target;
+use crate::{CalibrateError, ComponentRecord, Counters, MixtureRecord, Settings, SimError};
+use rayon::prelude::*;
+
+/// The state of a run: all samples, all proposals.
+pub(crate) struct Sampler<'a> {
+    target: &'a dyn Target,
+    settings: &'a Settings,
+    pub pool: Pool,
+    /// Number of draws and proposal of each stage.
+    pub proposals: Vec<(usize, Proposal)>,
+    pub counters: Counters,
+    /// Power of the likelihood that the newest proposal was fitted to.
+    pub beta: f64,
+    pub replicates: usize,
+}
+
+impl<'a> Sampler<'a> {
+    pub(crate) fn new(target: &'a dyn Target, settings: &'a Settings) -> Self {
+        // Each sub-net needs a few points, or there is nothing to average.
+        let replicates = settings.replicates.min(settings.samples / 8).max(1);
+        Self {
+            target,
+            settings,
+            pool: Pool::new(target.dimension(), target.kept()),
+            proposals: Vec::new(),
+            counters: Counters::default(),
+            beta: 0.0,
+            replicates,
+        }
+    }
+
+    /// Sizes of the stages: the adaptive ones, then the final one; all multiples of the number of sub-nets
+    /// where the budget allows.
+    pub(crate) fn schedule(&self) -> Vec<usize> {
+        let (n, r) = (self.settings.samples, self.replicates);
+        let adaptive = ((n as f64 * (1.0 - self.settings.final_share)) as usize).min(n);
+        let stages = self.settings.iterations.max(1);
+        let each = adaptive / stages / r * r;
+        if n < 256 || each < 4 * r {
+            // Too few to adapt often: prior, then one or two refinements.
+            let first = n / 2;
+            return if n < 16 { vec![n] } else { vec![first, n - first] };
+        }
+        let mut sizes = vec![each; stages];
+        sizes.push(n - each * stages);
+        sizes
+    }
+
+    /// Draws and simulates one stage from `proposal`.
+    pub(crate) fn stage(&mut self, n: usize, proposal: Proposal) -> Result<(), CalibrateError> {
+        let stage = self.proposals.len();
+        let (d, r) = (self.pool.d, self.replicates);
+        let seed = self.settings.seed;
+        let width = proposal.uniforms();
+        let blocks: Vec<(Vec<f64>, Vec<u32>)> = (0..r)
+            .into_par_iter()
+            .map(|k| {
+                let points = n / r + usize::from(k < n % r);
+                let net =
+                    scrambled_net(width, points, &mut stream(seed, Purpose::Scramble, stage, k));
+                let mut z = vec![0.0; points * d];
+                for (u, z) in net.chunks_exact(width).zip(z.chunks_exact_mut(d)) {
+                    proposal.draw(u, z);
+                }
+                (z, vec![k as u32; points])
+            })
+            .collect();
+        let (mut z, mut replicates) = (Vec::with_capacity(n * d), Vec::with_capacity(n));
+        for (block, labels) in blocks {
+            z.extend(block);
+            replicates.extend(labels);
+        }
+        self.proposals.push((n, proposal));
+        let simulated = self.pool.extend(self.target, &z, &replicates, stage, &self.proposals);
+        self.counters.simulations = self.pool.len();
+        self.counters.component_densities = self.pool.component_densities;
+        match simulated {
+            Ok(()) => Ok(()),
+            Err(SimError::Fatal { cause } | SimError::Recoverable { cause }) => {
+                Err(CalibrateError::Fatal { cause, simulations: self.pool.len() })
+            }
+        }
+    }
+
+    /// Log weights of all samples at full likelihood.
+    pub(crate) fn ln_weights(&self) -> Vec<f64> {
+        self.pool.ln_base().iter().zip(&self.pool.ln_l).map(|(b, l)| b + l).collect()
+    }
+
+    /// A proposal fitted to the tempered weights of all samples.
+    pub(crate) fn refit(&mut self, next_size: usize) -> Proposal {
+        let s = self.settings;
+        let d = self.pool.d;
+        let base = self.pool.ln_base();
+        let wished = s.tempering_share * next_size as f64;
+        self.beta = temper(&base, &self.pool.ln_l, wished);
+        let ln: Vec<f64> = base
+            .iter()
+            .zip(&self.pool.ln_l)
+            .map(|(b, l)| if l.is_finite() { b + self.beta * l } else { f64::NEG_INFINITY })
+            .collect();
+        let (weights, _) = exponentiate(&ln);
+        let stage = self.proposals.len();
+        let fit = Cloud::new(d, &self.pool.z, &weights, s.seed, stage)
+            .map(|cloud| cloud.fit(s.max_components, s.seed, stage));
+        let Some(fit) = fit else { return Proposal::prior(d) };
+        self.counters.em_iterations += fit.em_iterations;
+        self.counters.mixtures_fitted += fit.mixtures;
+        let widen = s.widening.sqrt();
+        let nu = s.degrees_of_freedom;
+        let share = 1.0 - s.defensive_share;
+        let components = fit
+            .components
+            .into_iter()
+            .map(|g| {
+                let factor = g.factor.iter().map(|f| f * widen).collect();
+                Component::new(share * g.weight, g.mean, factor, nu)
+            })
+            .collect();
+        Proposal {
+            dimension: d,
+            prior_share: s.defensive_share,
+            degrees_of_freedom: nu,
+            components,
+        }
+    }
+
+    /// Log evidence from the last stage alone, weighted by the one density it was drawn from, which was fixed
+    /// before: its mean (not that of its logarithm) is exact. With its standard error.
+    pub(crate) fn frozen_evidence(&self) -> (f64, f64) {
+        let Some((n, proposal)) = self.proposals.last() else { return (f64::MIN, f64::MAX) };
+        let first = self.pool.len() - n;
+        let ln_w: Vec<f64> = (first..self.pool.len())
+            .map(|i| {
+                let ln_prior = self.pool.ln_prior(i);
+                let a = proposal.prior_share.ln();
+                let b = proposal.student_density(self.pool.point(i)).ln() - ln_prior;
+                let top = a.max(b);
+                self.pool.ln_l[i] - top - ((a - top).exp() + (b - top).exp()).ln()
+            })
+            .collect();
+        let (weights, ln_scale) = exponentiate(&ln_w);
+        if ln_scale == f64::NEG_INFINITY {
+            return (f64::MIN, f64::MAX);
+        }
+        Estimator::of(self.pool.replicate[first..].to_vec(), weights, ln_scale, self.replicates)
+            .log_evidence()
+    }
+
+    /// GrainLearning's weights: likelihood of the newest iteration alone, with the sigma at which its effective
+    /// sample size is the wished-for share, and no correction for the proposal.
+    pub(crate) fn tuned_ln_weights(&self, share: f64) -> Vec<f64> {
+        let n = self.proposals.last().map_or(0, |p| p.0);
+        let first = self.pool.len() - n;
+        let newest = &self.pool.ln_l[first..];
+        let beta = tune(newest, share * n as f64);
+        let mut ln = vec![f64::NEG_INFINITY; first];
+        ln.extend(newest.iter().map(|l| if l.is_finite() { beta * l } else { f64::NEG_INFINITY }));
+        ln
+    }
+
+    /// GrainLearning's next proposal: the mixture fitted to those weights, neither widened nor defended.
+    pub(crate) fn refit_tuned(&mut self, share: f64) -> Proposal {
+        let (weights, _) = exponentiate(&self.tuned_ln_weights(share));
+        self.beta = 1.0;
+        let (d, s, stage) = (self.pool.d, self.settings, self.proposals.len());
+        let Some(cloud) = Cloud::new(d, &self.pool.z, &weights, s.seed, stage) else {
+            return Proposal::prior(d);
+        };
+        let fit = cloud.fit(s.max_components, s.seed, stage);
+        self.counters.em_iterations += fit.em_iterations;
+        self.counters.mixtures_fitted += fit.mixtures;
+        // Practically normal.
+        let nu = 1e6;
+        let components = fit
+            .components
+            .into_iter()
+            .map(|g| Component::new(g.weight, g.mean, g.factor, nu))
+            .collect();
+        Proposal { dimension: d, prior_share: 0.0, degrees_of_freedom: nu, components }
+    }
+
+    /// Runs all stages without an observer.
+    #[cfg(test)]
+    pub(crate) fn run(&mut self) -> Result<(), CalibrateError> {
+        let sizes = self.schedule();
+        for (i, n) in sizes.iter().enumerate() {
+            let proposal = if i == 0 { Proposal::prior(self.pool.d) } else { self.refit(*n) };
+            self.stage(*n, proposal)?;
+        }
+        Ok(())
+    }
+}
+
+/// A proposal as plain data.
+pub(crate) fn record(proposal: &Proposal) -> MixtureRecord {
+    let d = proposal.dimension;
+    MixtureRecord {
+        prior_share: proposal.prior_share,
+        components: proposal
+            .components
+            .iter()
+            .map(|c| ComponentRecord {
+                weight: c.weight,
+                mean: c.mean.clone(),
+                scale: (0..d)
+                    .map(|i| {
+                        (0..d)
+                            .map(|j| {
+                                (0..=i.min(j))
+                                    .map(|k| c.factor[i * d + k] * c.factor[j * d + k])
+                                    .sum()
+                            })
+                            .collect()
+                    })
+                    .collect(),
+                degrees_of_freedom: proposal.degrees_of_freedom,
+            })
+            .collect(),
+    }
+}

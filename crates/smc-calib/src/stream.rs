@@ -1,0 +1,33 @@
+//! Keyed random streams: the same key gives the same numbers, whatever thread asks.
+
+use rand::SeedableRng;
+use rand::rngs::ChaCha8Rng;
+
+/// What a stream is used for; streams of different purposes are independent.
+#[derive(Clone, Copy, Debug)]
+#[repr(u8)]
+pub(crate) enum Purpose {
+    /// Scrambling of the nets.
+    Scramble = 1,
+    /// Starts of the mixture fits.
+    MixtureStart = 2,
+    /// Resampling for the mixture fits.
+    MixtureResample = 3,
+    /// Equally weighted draws.
+    Draws = 4,
+    /// Noise of predictive bands.
+    Predictive = 6,
+    /// Noise standard deviation of each draw.
+    Sigma = 5,
+}
+
+/// The stream of `seed` for one purpose, stage and index (sample or sub-net, below 2^40).
+pub(crate) fn stream(seed: u64, purpose: Purpose, stage: usize, index: usize) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(
+        (purpose as u64) << 56
+            | ((stage as u64) & 0xffff) << 40
+            | ((index as u64) & 0xff_ffff_ffff),
+    );
+    rng
+}

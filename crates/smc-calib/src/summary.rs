@@ -1,0 +1,321 @@
+//! From weighted samples to a [`Posterior`].
+
+use crate::estimate::Estimator;
+use crate::map_search;
+use crate::marginal::{Marginal, in_si, mean_and_sd};
+use crate::noise::Likelihood;
+use crate::path::path;
+use crate::pool::effective_sample_size;
+use crate::predictive::{at_observations, sigma_summary};
+use crate::residuals::residuals;
+use crate::sampler::Sampler;
+use crate::stream::{Purpose, stream};
+use crate::target::CurveTarget;
+use crate::warning::warnings;
+use crate::{
+    CalibrateError, Draw, EffectiveSampleSize, Evidence, MapPoint, ParameterSummary, Posterior,
+    Problem, Sample, Settings, StageRecord, StopReason, psis,
+};
+use rand::RngExt;
+use rand_distr::{Distribution, Gamma};
+use rayon::prelude::*;
+
+/// A finished run.
+pub(crate) struct Run<'a> {
+    pub problem: &'a Problem<'a>,
+    pub settings: &'a Settings,
+    pub target: &'a CurveTarget<'a>,
+    pub likelihood: &'a Likelihood,
+    pub sampler: &'a Sampler<'a>,
+    /// Weights, largest 1.
+    pub raw: Vec<f64>,
+    /// Log of the factor taken out of the weights.
+    pub ln_scale: f64,
+    pub tuned: bool,
+    pub stages: Vec<StageRecord>,
+    pub stop: StopReason,
+}
+
+pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
+    let Run { problem, settings, target, likelihood, sampler, raw, ln_scale, tuned, stages, stop } =
+        run;
+    let pool = &sampler.pool;
+    let (n, d) = (pool.len(), pool.d);
+    let importance = effective_sample_size(&raw);
+    let weight_khat = psis::khat(&raw);
+    let estimator = Estimator::new(pool, raw, ln_scale, sampler.replicates);
+
+    // Columns of the samples: normal scores, SI, coordinate.
+    let theta: Vec<Vec<f64>> =
+        columns(problem, |j, i| problem.parameters[j].prior.from_z(pool.z[i * d + j]), n);
+    let coordinate: Vec<Vec<f64>> =
+        columns(problem, |j, i| problem.parameters[j].prior.to_coordinate(theta[j][i]), n);
+
+    let map = find_map(target, likelihood, sampler, &estimator, settings)?;
+    let marginals: Vec<Marginal<'_>> =
+        coordinate.par_iter().map(|x| Marginal::new(x, &estimator)).collect();
+    let parameters: Vec<ParameterSummary> = (0..d)
+        .into_par_iter()
+        .map(|j| {
+            let p = &problem.parameters[j];
+            let in_coordinate = marginals[j].moments();
+            let mean = in_coordinate.mean;
+            let khat_of = |power: i32| {
+                let values: Vec<f64> = estimator
+                    .weights
+                    .iter()
+                    .zip(&coordinate[j])
+                    .map(|(w, x)| w * (x - mean).abs().powi(power))
+                    .collect();
+                psis::khat(&values)
+            };
+            let z: Vec<f64> = pool.z.iter().skip(j).step_by(d).copied().collect();
+            ParameterSummary {
+                parameter: p.clone(),
+                coordinate: p.prior.coordinate(),
+                in_si: in_si(
+                    p.prior.coordinate(),
+                    &in_coordinate,
+                    mean_and_sd(&theta[j], &estimator),
+                ),
+                in_coordinate,
+                map: map.theta[j],
+                khat: weight_khat.max(khat_of(1)).max(khat_of(2)),
+                information_gain_bits: Marginal::new(&z, &estimator).information_gain_bits(),
+                prior_mean: p.prior.mean(),
+                prior_sd: p.prior.sd(),
+            }
+        })
+        .collect();
+    let khat = parameters.iter().map(|p| p.khat).fold(weight_khat, f64::max);
+
+    let draws = draws(sampler, &estimator, likelihood, settings);
+    let (value, se) = estimator.log_evidence();
+    let (frozen_value, frozen_se) = sampler.frozen_evidence();
+    let log_evidence = if tuned {
+        // Tuned weights have no evidence.
+        Evidence { agree: true, ..Evidence::default() }
+    } else {
+        Evidence {
+            value,
+            se,
+            frozen_value,
+            frozen_se,
+            agree: (value - frozen_value).abs() <= 3.0 * se.hypot(frozen_se),
+        }
+    };
+    let residuals = residuals(problem.observations.values(), &map.outputs);
+    let total = estimator.total;
+    let samples = (0..n)
+        .into_par_iter()
+        .with_min_len(256)
+        .map(|i| {
+            let weight = estimator.weights[i] / total;
+            Sample {
+                z: pool.point(i).to_vec(),
+                theta: theta.iter().map(|t| t[i]).collect(),
+                log_likelihood: Some(pool.ln_l[i]).filter(|l| l.is_finite()),
+                log_weight: Some(ln_scale + estimator.weights[i].ln()).filter(|l| l.is_finite()),
+                weight,
+                stage: pool.stage[i] as usize,
+                replicate: pool.replicate[i] as usize,
+            }
+        })
+        .collect();
+    let mut posterior = Posterior {
+        is_posterior: !tuned,
+        noise: problem.noise.clone(),
+        settings: settings.clone(),
+        samples,
+        correlation: correlation(&coordinate, &estimator),
+        correlation_si: correlation(&theta, &estimator),
+        log_evidence,
+        ess: EffectiveSampleSize { importance, per_simulation: importance / n as f64 },
+        khat,
+        sigma: sigma_summary(&draws, sampler, &estimator, likelihood),
+        residuals,
+        predictive: at_observations(
+            problem, target, sampler, &estimator, &draws, likelihood, settings,
+        ),
+        path: if tuned {
+            Vec::new()
+        } else {
+            path(problem, target, sampler, likelihood, &coordinate, &marginals)
+        },
+        draws,
+        parameters,
+        stages,
+        failures: pool.failures(),
+        stop,
+        warnings: Vec::new(),
+        counters: sampler.counters,
+        map,
+    };
+    posterior.counters.map_simulations = posterior.map.simulations;
+    posterior.warnings = warnings(&posterior, problem, target, pool.failed);
+    Ok(posterior)
+}
+
+fn columns(
+    problem: &Problem<'_>,
+    value: impl Fn(usize, usize) -> f64 + Sync,
+    n: usize,
+) -> Vec<Vec<f64>> {
+    (0..problem.parameters.len())
+        .map(|j| (0..n).into_par_iter().with_min_len(256).map(|i| value(j, i)).collect())
+        .collect()
+}
+
+fn correlation(columns: &[Vec<f64>], e: &Estimator) -> Vec<Vec<f64>> {
+    let d = columns.len();
+    let means: Vec<f64> = columns.iter().map(|x| e.mean(|i| x[i])).collect();
+    let mut c = vec![vec![0.0; d]; d];
+    for i in 0..d {
+        for j in 0..=i {
+            let v = e.mean(|k| (columns[i][k] - means[i]) * (columns[j][k] - means[j]));
+            c[i][j] = v;
+            c[j][i] = v;
+        }
+    }
+    let sd: Vec<f64> = (0..d).map(|i| c[i][i].max(0.0).sqrt()).collect();
+    for i in 0..d {
+        for j in 0..d {
+            let s = sd[i] * sd[j];
+            c[i][j] = if i == j {
+                1.0
+            } else if s > 0.0 {
+                (c[i][j] / s).clamp(-1.0, 1.0)
+            } else {
+                0.0
+            };
+        }
+    }
+    c
+}
+
+/// Local search from the best sample, in normal scores.
+fn find_map(
+    target: &CurveTarget<'_>,
+    likelihood: &Likelihood,
+    sampler: &Sampler<'_>,
+    estimator: &Estimator,
+    settings: &Settings,
+) -> Result<MapPoint, CalibrateError> {
+    let pool = &sampler.pool;
+    let d = pool.d;
+    let ln_prior = |z: &[f64]| -> f64 {
+        target
+            .problem
+            .parameters
+            .iter()
+            .zip(z)
+            .map(|(p, z)| p.prior.ln_density_in_coordinate(p.prior.from_z(*z)))
+            .sum()
+    };
+    let mut best = (0, f64::NEG_INFINITY);
+    for i in (0..pool.len()).filter(|i| pool.ln_l[*i].is_finite()) {
+        let v = pool.ln_l[i] + ln_prior(pool.point(i));
+        if v > best.1 {
+            best = (i, v);
+        }
+    }
+    let start = pool.point(best.0).to_vec();
+    let step: Vec<f64> = (0..d)
+        .map(|j| {
+            let (_, _, sd, _) = {
+                let mean = estimator.mean(|i| pool.z[i * d + j]);
+                let v = estimator.mean(|i| (pool.z[i * d + j] - mean).powi(2));
+                (0.0, 0.0, v.max(0.0).sqrt(), 0.0)
+            };
+            0.5 * sd.max(1e-6)
+        })
+        .collect();
+    let mut outputs = vec![0.0; target.problem.observations.len()];
+    let mut fatal = None;
+    let (z, _, simulations) = if settings.map_simulations == 0 {
+        (start.clone(), 0.0, 0)
+    } else {
+        map_search::maximise(&start, &step, settings.map_simulations, &mut |z| {
+            // Beyond 8 the parameter is its bound to all digits.
+            if z.iter().any(|z| z.abs() > 8.0) {
+                return f64::NEG_INFINITY;
+            }
+            match target.simulate(z, &mut outputs) {
+                Ok(()) => likelihood.ln_joint(&outputs) + ln_prior(z),
+                Err(e) => {
+                    if !e.is_recoverable() {
+                        fatal.get_or_insert_with(|| e.cause().to_owned());
+                    }
+                    f64::NEG_INFINITY
+                }
+            }
+        })
+    };
+    if let Some(cause) = fatal {
+        return Err(CalibrateError::Fatal { cause, simulations: pool.len() + simulations });
+    }
+    // The search starts from a sample that was simulated, so its best can be simulated again.
+    let z = if target.simulate(&z, &mut outputs).is_ok() {
+        z
+    } else {
+        target.simulate(&start, &mut outputs).map_err(|e| CalibrateError::Fatal {
+            cause: format!("the same parameters worked before and now fail: {}", e.cause()),
+            simulations: pool.len() + simulations,
+        })?;
+        start
+    };
+    let log_likelihood = likelihood.ln_joint(&outputs);
+    Ok(MapPoint {
+        theta: target.theta(&z),
+        log_likelihood,
+        log_density: log_likelihood + ln_prior(&z),
+        outputs,
+        simulations: simulations + 1,
+    })
+}
+
+/// Systematic resampling, and one noise standard deviation per draw from its conditional inverse gamma.
+fn draws(
+    sampler: &Sampler<'_>,
+    estimator: &Estimator,
+    likelihood: &Likelihood,
+    settings: &Settings,
+) -> Vec<Draw> {
+    let count = settings.draws;
+    if count == 0 {
+        return Vec::new();
+    }
+    let step = estimator.total / count as f64;
+    let mut next = step * stream(settings.seed, Purpose::Draws, 0, 0).random::<f64>();
+    let mut chosen = Vec::with_capacity(count);
+    let mut sum = 0.0;
+    for (i, w) in estimator.weights.iter().enumerate() {
+        sum += w;
+        while next < sum && chosen.len() < count {
+            chosen.push(i);
+            next += step;
+        }
+    }
+    while let (true, Some(last)) = (chosen.len() < count, chosen.last().copied()) {
+        chosen.push(last);
+    }
+    let m = likelihood.values().len() as f64;
+    chosen
+        .into_par_iter()
+        .enumerate()
+        .with_min_len(256)
+        .map(|(k, sample)| {
+            let sigma = match likelihood.inferred() {
+                Some((nu0, sum0)) => {
+                    let s = likelihood.sum_of_squares_at(sampler.pool.ln_l[sample]).unwrap_or(0.0);
+                    Gamma::new(0.5 * (nu0 + m), 1.0).ok().map(|g| {
+                        let g: f64 = g.sample(&mut stream(settings.seed, Purpose::Sigma, 0, k));
+                        (0.5 * (sum0 + s) / g).sqrt()
+                    })
+                }
+                None => likelihood.common_sigma(),
+            };
+            Draw { sample, sigma }
+        })
+        .collect()
+}
