@@ -28,6 +28,7 @@
 //! Everything is SI at the boundary; inside a scene lengths are in particle radii and forces in
 //! `K1 R`, so that `x = delta/R = (a/R)^2` is the overlap.
 
+pub mod bed;
 pub mod contact_law;
 mod error;
 pub mod kinetics;

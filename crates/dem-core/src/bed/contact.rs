@@ -179,11 +179,6 @@ impl Scheme {
         }
     }
 
-    /// Share of the end velocity that the contact's own damping takes.
-    pub(crate) fn beta(&self) -> f64 {
-        self.beta
-    }
-
     /// Takes a contact to the overlap `x1` at the end of a step. `plastic_before` is the plastic overlap
     /// one step before `memory.plastic`; it is not looked at where nothing grows.
     #[inline(always)]
@@ -209,7 +204,8 @@ impl Scheme {
             let squared = kappa * kappa;
             let n = n * squared;
             let d = d * (squared - law.stiffening * alpha);
-            let hn = self.step_s * n;
+            // Growth, forth or back, stops at full coalescence.
+            let hn = if p < law.end_plastic { self.step_s * n } else { 0.0 };
             let stiffness = law.stiffness(p);
             let softened = stiffness - law.stiffening * (x - p);
             let z = hn * softened * law.inverse_adhesion; // times d
@@ -227,6 +223,22 @@ impl Scheme {
         let (force, plastic) = law.force(x1, p1);
         let normal = self.undamped * (force + damped) + waiting;
         *memory = Memory { overlap: x1, drift, plastic, pull: alpha - normal };
+    }
+
+    /// The mean pull over the first half step from a start, where the driving factor D may relax
+    /// within a time far below the step: D times `(1 - exp(-z/2))/(z/2)`.
+    pub(crate) fn first_pull<G: Growth>(&self, law: &LawConstants, memory: &Memory) -> f64 {
+        if !G::GROWS || memory.plastic >= law.end_plastic {
+            return memory.pull;
+        }
+        let alpha = law.law.adhesion;
+        let (n, d) = G::rate_fraction(&self.rate, memory.overlap.max(self.start));
+        let stiffness = law.stiffness(memory.plastic);
+        let softened = stiffness - law.stiffening * (memory.overlap - memory.plastic);
+        let factor = law.law.equilibrium_factor(memory.plastic);
+        let half_z = 0.5 * self.step_s * n / d * factor * softened * law.inverse_adhesion;
+        let mean = if half_z > 0.0 { -(-half_z).exp_m1() / half_z } else { 1.0 };
+        alpha - (alpha - memory.pull) * mean
     }
 
     /// The memory, before the step, of a contact that is made in a step from the overlap `before`,

@@ -112,11 +112,7 @@ pub(crate) fn pair_forces<F: PairFeatures>(
     rows_forces::<F>(input, output, rows);
 }
 
-fn rows_forces<F: PairFeatures>(
-    input: &PairInput<'_>,
-    output: PairOutput<'_>,
-    rows: Range<usize>,
-) {
+fn rows_forces<F: PairFeatures>(input: &PairInput<'_>, output: PairOutput<'_>, rows: Range<usize>) {
     let offset = input.list.start[rows.start] as usize;
     let PairOutput { memory, plastic_before, force, spring, torque } = output;
     let equal_squared = input.diameter * input.diameter;
@@ -176,8 +172,7 @@ fn rows_forces<F: PairFeatures>(
                 let relative =
                     add(sub(input.velocity[i], input.velocity[j]), cross(normal, turning));
                 let law = &input.law.law;
-                let pressing =
-                    (law.adhesion - memory.pull + law.kc * overlap) * scheme.force_scale;
+                let pressing = (law.adhesion - memory.pull + law.kc * overlap) * scheme.force_scale;
                 let tangential = input.slider.force(
                     &mut spring[at],
                     normal,

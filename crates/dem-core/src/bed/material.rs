@@ -107,7 +107,8 @@ impl Material {
             Damping::Restitution(e) => {
                 let log = e.ln();
                 -2.0 * log
-                    * (self.spec.k1 / effective_mass_kg
+                    * (self.spec.k1
+                        / effective_mass_kg
                         / (std::f64::consts::PI.powi(2) + log * log))
                         .sqrt()
             }

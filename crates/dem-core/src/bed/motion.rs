@@ -65,6 +65,7 @@ pub(crate) struct MotionInput<'a> {
     pub(crate) pair_force: &'a [Vec3],
     pub(crate) pair_torque: &'a [Vec3],
     pub(crate) radius: &'a [f64],
+    /// Inertial masses.
     pub(crate) mass: &'a [f64],
     pub(crate) wall_start: &'a [u32],
     pub(crate) wall: &'a [u8],
@@ -87,6 +88,7 @@ pub(crate) struct MotionOutput<'a> {
     pub(crate) half_velocity: &'a mut [Vec3],
     pub(crate) velocity: &'a mut [Vec3],
     pub(crate) spin: &'a mut [Vec3],
+    pub(crate) angular_velocity: &'a mut [Vec3],
     pub(crate) wall_memory: &'a mut [Memory],
     pub(crate) wall_spring: &'a mut [Vec3],
 }
@@ -101,15 +103,25 @@ impl MotionOutput<'_> {
         let (half_velocity, half_velocity_after) = split(self.half_velocity, particles);
         let (velocity, velocity_after) = split(self.velocity, particles);
         let (spin, spin_after) = split(self.spin, particles);
+        let (angular_velocity, angular_velocity_after) = split(self.angular_velocity, particles);
         let (wall_memory, wall_memory_after) = split(self.wall_memory, walls);
         let (wall_spring, wall_spring_after) = split(self.wall_spring, walls);
         (
-            Self { position, half_velocity, velocity, spin, wall_memory, wall_spring },
+            Self {
+                position,
+                half_velocity,
+                velocity,
+                spin,
+                angular_velocity,
+                wall_memory,
+                wall_spring,
+            },
             Self {
                 position: position_after,
                 half_velocity: half_velocity_after,
                 velocity: velocity_after,
                 spin: spin_after,
+                angular_velocity: angular_velocity_after,
                 wall_memory: wall_memory_after,
                 wall_spring: wall_spring_after,
             },
@@ -146,7 +158,15 @@ fn rows_motion<F: MotionFeatures>(
 ) -> f64 {
     let h = input.step_s;
     let wall_offset = if F::WALLS { input.wall_start[rows.start] as usize } else { 0 };
-    let MotionOutput { position, half_velocity, velocity, spin, wall_memory, wall_spring } = output;
+    let MotionOutput {
+        position,
+        half_velocity,
+        velocity,
+        spin,
+        angular_velocity,
+        wall_memory,
+        wall_spring,
+    } = output;
     let mut fastest: f64 = 0.0;
     for (at, i) in rows.enumerate() {
         let mut force = ZERO;
@@ -176,7 +196,9 @@ fn rows_motion<F: MotionFeatures>(
                     radius: input.radius[i],
                     mass,
                 };
-                let spring = if F::FRICTION { &mut wall_spring[k - wall_offset] } else { &mut ZERO.clone() };
+                let mut no_spring = ZERO;
+                let spring =
+                    if F::FRICTION { &mut wall_spring[k - wall_offset] } else { &mut no_spring };
                 let memory = &mut wall_memory[k - wall_offset];
                 let (push, torque) = wall_force::<F>(input, k, &here, memory, spring);
                 force = add(force, push);
@@ -206,13 +228,15 @@ fn rows_motion<F: MotionFeatures>(
             // Moment of inertia 2/5 m R^2; drag torque 8 pi eta R^3.
             let inertia = 0.4 * mass * input.radius[i] * input.radius[i];
             let kick = scale(turn, h / inertia);
-            spin[at] = if F::DRAG {
-                let torque = 4.0 / 3.0 * input.drag * input.radius[i].powi(3);
-                let half = 0.5 * h * torque / inertia;
-                scale(add(scale(spin[at], 1.0 - half), kick), 1.0 / (1.0 + half))
+            let half = if F::DRAG {
+                0.5 * h * (4.0 / 3.0 * input.drag * input.radius[i].powi(3)) / inertia
             } else {
-                add(spin[at], kick)
+                0.0
             };
+            if input.is_last {
+                angular_velocity[at] = scale(add(spin[at], scale(kick, 0.5)), 1.0 / (1.0 + half));
+            }
+            spin[at] = scale(add(scale(spin[at], 1.0 - half), kick), 1.0 / (1.0 + half));
         }
         if !input.is_last {
             position[at] = add(position[at], scale(after, h));

@@ -248,4 +248,3 @@ impl Few {
         &self.cells[..self.count]
     }
 }
-

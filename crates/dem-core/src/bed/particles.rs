@@ -16,10 +16,12 @@ pub struct Particles {
     pub velocity_m_per_s: Vec<[f64; 3]>,
     /// Angular velocities half a step ahead \[1/s\]; empty without friction.
     pub(crate) spin: Vec<Vec3>,
+    /// Angular velocities \[1/s\], as of the last observation; empty without friction.
+    pub angular_velocity_per_s: Vec<[f64; 3]>,
     /// Radii \[m\].
     pub radius_m: Vec<f64>,
-    /// Masses \[kg\].
-    pub mass_kg: Vec<f64>,
+    /// Masses as far as inertia goes \[kg\]: the masses times the mass scaling.
+    pub(crate) inertia: Vec<f64>,
     /// Place in the scene.
     pub id: Vec<u32>,
 }
@@ -36,8 +38,9 @@ impl Particles {
         let volume = 4.0 / 3.0 * std::f64::consts::PI;
         Self {
             half_velocity: velocity_m_per_s.clone(),
-            mass_kg: radius_m.iter().map(|r| volume * r.powi(3) * density_kg_per_m3).collect(),
+            inertia: radius_m.iter().map(|r| volume * r.powi(3) * density_kg_per_m3).collect(),
             spin: if has_spin { vec![ZERO; n] } else { Vec::new() },
+            angular_velocity_per_s: if has_spin { vec![ZERO; n] } else { Vec::new() },
             id: (0..n as u32).collect(),
             position_m,
             velocity_m_per_s,
@@ -57,10 +60,10 @@ impl Particles {
         self.position_m.is_empty()
     }
 
-    /// Angular velocities \[1/s\], half a step ahead of the positions; empty without friction.
+    /// Volume of the particles, overlaps counted twice \[m3\]: their mass over the density.
     #[must_use]
-    pub fn angular_velocity_per_s(&self) -> &[[f64; 3]] {
-        &self.spin
+    pub fn solid_volume_m3(&self) -> f64 {
+        4.0 / 3.0 * std::f64::consts::PI * self.radius_m.iter().map(|r| r.powi(3)).sum::<f64>()
     }
 
     /// Puts the particle `order[i]` in place i.
@@ -74,8 +77,9 @@ impl Particles {
         permute(&mut self.half_velocity, order);
         permute(&mut self.velocity_m_per_s, order);
         permute(&mut self.spin, order);
+        permute(&mut self.angular_velocity_per_s, order);
         permute(&mut self.radius_m, order);
-        permute(&mut self.mass_kg, order);
+        permute(&mut self.inertia, order);
         permute(&mut self.id, order);
     }
 }

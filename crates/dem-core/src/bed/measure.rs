@@ -1,0 +1,279 @@
+//! What there is to see of a bed between steps.
+
+use super::engine::Bed;
+use super::neighbours::index_of;
+use super::region::Side;
+use super::vec3::{Vec3, ZERO, add, dot, norm, scale};
+
+/// A contact of two particles.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContactState {
+    /// The particles, by their places in [`Particles`](super::Particles).
+    pub particles: [usize; 2],
+    /// Unit vector from the second particle to the first.
+    pub normal: [f64; 3],
+    /// Effective radius R \[m\].
+    pub effective_radius_m: f64,
+    /// Overlap over R, `x = (a/R)^2`.
+    pub overlap: f64,
+    /// Plastic overlap over R.
+    pub plastic_overlap: f64,
+    /// `(f_ep - gamma_n v_n)/fa`: what drives the growth, 1 where the contact carries nothing.
+    pub driving: f64,
+    /// Rate of the overlap over R \[1/s\].
+    pub rate_per_s: f64,
+}
+
+impl ContactState {
+    /// Contact ratio a/R.
+    #[must_use]
+    pub fn contact_ratio(&self) -> f64 {
+        self.overlap.sqrt()
+    }
+}
+
+/// Where the energy is \[J\].
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Energies {
+    /// Of motion along straight lines, with the mass scaling.
+    pub translation_j: f64,
+    /// Of rotation.
+    pub rotation_j: f64,
+    /// Of the elastic part of the overlaps, `K2 (delta - delta0)^2 / 2`.
+    pub elastic_j: f64,
+    /// Of adhesion, `-fa delta`.
+    pub adhesion_j: f64,
+    /// Of gravity, `-m g . r`.
+    pub gravity_j: f64,
+}
+
+impl Energies {
+    /// All of it.
+    #[must_use]
+    pub fn total_j(&self) -> f64 {
+        self.translation_j + self.rotation_j + self.elastic_j + self.adhesion_j + self.gravity_j
+    }
+}
+
+/// The state of a bed in a few numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sample {
+    /// When \[s\].
+    pub time_s: f64,
+    /// Mass over density and bed volume; NaN where the bed has no volume, see [`Bed::bed_volume_m3`].
+    pub relative_density: f64,
+    /// Contacts per particle, walls not counted.
+    pub coordination: f64,
+    /// Mean contact ratio a/R over the contacts of particles; 0 where there are none.
+    pub mean_contact_ratio: f64,
+    /// The contact ratios that 10, 50 and 90 % of the contacts are below.
+    pub contact_ratio_deciles: [f64; 3],
+    /// Mean of `(f_ep - gamma_n v_n)/fa`, which drives the growth.
+    pub mean_driving: f64,
+    /// Largest magnitude of it.
+    pub largest_driving: f64,
+    /// Inertial number, `sqrt(<(dx/dt)^2> m d/fa)`: the rate of strain of the contacts against the time in
+    /// which fa moves a particle by its size. Inertia is not felt while it is below 1e-3.
+    pub inertial_number: f64,
+    /// Share of the particles on which two necks meet: beyond it the model, a sum of pairs, ends.
+    pub necks_meet: f64,
+    /// Energies.
+    pub energies: Energies,
+}
+
+impl Bed {
+    /// The contacts of particles, in the order of the neighbour list.
+    pub fn contacts(&self) -> impl Iterator<Item = ContactState> + '_ {
+        let alpha = self.law.law.adhesion;
+        (0..self.particles.len()).flat_map(move |i| {
+            self.list.row(i).filter_map(move |k| {
+                let memory = &self.pairs.memory[k];
+                if !memory.is_contact() {
+                    return None;
+                }
+                let j = index_of(self.list.other[k]);
+                let (a, b) = (self.particles.radius_m[i], self.particles.radius_m[j]);
+                let d = self.distance(i, k);
+                Some(ContactState {
+                    particles: [i, j],
+                    normal: scale(d, 1.0 / norm(d)),
+                    effective_radius_m: 2.0 * a * b / (a + b),
+                    overlap: memory.overlap,
+                    plastic_overlap: memory.plastic,
+                    driving: (alpha - memory.pull) / alpha,
+                    rate_per_s: memory.drift / self.step_s,
+                })
+            })
+        })
+    }
+
+    /// The force on each wall of the box, in the order of [`Region::walls`](super::Region::walls) \[N\].
+    #[must_use]
+    pub fn wall_forces_n(&self) -> Vec<[f64; 3]> {
+        let mut forces = vec![ZERO; self.walls.len()];
+        let k1 = self.material.k1_n_per_m();
+        for i in 0..self.particles.len() {
+            for k in self.wall_list.row(i) {
+                let index = self.wall_list.wall[k] as usize;
+                let memory = &self.wall_list.memory[k];
+                if memory.is_contact() {
+                    let wall = &self.walls[index];
+                    let scale = k1 * 2.0 * self.particles.radius_m[i];
+                    forces[index][wall.axis] += wall.inward * memory.pull * scale;
+                }
+            }
+        }
+        forces
+    }
+
+    /// Energies at the end of the last [`advance`](Self::advance).
+    #[must_use]
+    pub fn energies(&self) -> Energies {
+        let mut energies = Energies::default();
+        let p = &self.particles;
+        for i in 0..p.len() {
+            let mass = p.inertia[i];
+            let v = p.velocity_m_per_s[i];
+            energies.translation_j += 0.5 * mass * dot(v, v);
+            if let Some(&w) = p.angular_velocity_per_s.get(i) {
+                energies.rotation_j += 0.2 * mass * p.radius_m[i].powi(2) * dot(w, w);
+            }
+            energies.gravity_j -= mass * dot(self.gravity(), p.position_m[i]);
+            for k in self.wall_list.row(i) {
+                let memory = &self.wall_list.memory[k];
+                if memory.is_contact() {
+                    let radius = 2.0 * p.radius_m[i];
+                    self.add_contact_energy(&mut energies, radius, memory.overlap, memory.plastic);
+                }
+            }
+        }
+        for contact in self.contacts() {
+            let ContactState { effective_radius_m, overlap, plastic_overlap, .. } = contact;
+            self.add_contact_energy(&mut energies, effective_radius_m, overlap, plastic_overlap);
+        }
+        energies
+    }
+
+    fn add_contact_energy(&self, energies: &mut Energies, radius: f64, x: f64, p: f64) {
+        let unit = self.material.k1_n_per_m() * radius * radius;
+        energies.elastic_j += unit * 0.5 * self.law.stiffness(p) * (x - p) * (x - p);
+        energies.adhesion_j -= unit * self.law.law.adhesion * x;
+    }
+
+    /// Volume of the bed \[m3\]: the base times the height on the axis of gravity, and that of the box
+    /// otherwise.
+    ///
+    /// The height is twice that of the centre of mass above the lower wall, which is the height of a bed of
+    /// uniform density, and smooth where the topmost particle is not. `None` where the bed is not bounded on its sides.
+    #[must_use]
+    pub fn bed_volume_m3(&self) -> Option<f64> {
+        let region = &self.around.region;
+        let mut volume = 1.0;
+        for axis in 0..3 {
+            let along_gravity = self.around.gravity_m_per_s2[axis] < 0.0;
+            volume *= match region.sides[axis] {
+                Side::Open => return None,
+                Side::LowerWall => self.height_m(axis),
+                Side::Walls if along_gravity => self.height_m(axis),
+                Side::Walls | Side::Periodic => region.size_m[axis],
+            };
+        }
+        Some(volume)
+    }
+
+    fn height_m(&self, axis: usize) -> f64 {
+        let p = &self.particles;
+        let mut moment = 0.0;
+        let mut mass = 0.0;
+        for (position, m) in p.position_m.iter().zip(&p.inertia) {
+            moment += m * position[axis];
+            mass += m;
+        }
+        2.0 * moment / mass
+    }
+
+    /// The state in a few numbers.
+    #[must_use]
+    pub fn sample(&self) -> Sample {
+        let n = self.particles.len();
+        let mut ratios: Vec<f64> = Vec::with_capacity(3 * n);
+        let (mut driving, mut largest, mut rate) = (0.0, 0.0f64, 0.0);
+        for contact in self.contacts() {
+            ratios.push(contact.contact_ratio());
+            driving += contact.driving;
+            largest = largest.max(contact.driving.abs());
+            rate += contact.rate_per_s * contact.rate_per_s;
+        }
+        let count = ratios.len().max(1) as f64;
+        let mean_contact_ratio = ratios.iter().sum::<f64>() / count;
+        ratios.sort_unstable_by(f64::total_cmp);
+        let below = |share: f64| {
+            ratios.get((share * (ratios.len().max(1) - 1) as f64).round() as usize).copied()
+        };
+        let mass = self.particles.inertia.iter().sum::<f64>() / n as f64;
+        let radius = self.particles.radius_m.iter().sum::<f64>() / n as f64;
+        let adhesion = self.law.law.adhesion * self.material.k1_n_per_m() * radius;
+        Sample {
+            time_s: self.time_s,
+            relative_density: self
+                .bed_volume_m3()
+                .map_or(f64::NAN, |volume| self.particles.solid_volume_m3() / volume),
+            coordination: 2.0 * ratios.len() as f64 / n as f64,
+            mean_contact_ratio,
+            contact_ratio_deciles: [0.1, 0.5, 0.9].map(|share| below(share).unwrap_or(0.0)),
+            mean_driving: driving / count,
+            largest_driving: largest,
+            inertial_number: (rate / count * mass * 2.0 * radius / adhesion).sqrt(),
+            necks_meet: self.necks_meet(),
+            energies: self.energies(),
+        }
+    }
+
+    /// Share of the particles with two contacts whose necks touch: the contact circles, seen from the
+    /// centre under `asin(a/R)`, reach each other.
+    fn necks_meet(&self) -> f64 {
+        let n = self.particles.len();
+        let mut necks: Vec<Vec<(Vec3, f64)>> = vec![Vec::new(); n];
+        for contact in self.contacts() {
+            let neck = contact.contact_ratio() * contact.effective_radius_m;
+            for (side, &i) in contact.particles.iter().enumerate() {
+                let sign = if side == 0 { -1.0 } else { 1.0 };
+                let angle = (neck / self.particles.radius_m[i]).min(1.0).asin();
+                necks[i].push((scale(contact.normal, sign), angle));
+            }
+        }
+        let meet = necks.iter().filter(|necks| {
+            necks.iter().enumerate().any(|(at, (a, width))| {
+                necks[at + 1..].iter().any(|(b, other)| dot(*a, *b).acos() < width + other)
+            })
+        });
+        meet.count() as f64 / n as f64
+    }
+
+    /// Net force on each particle by its contacts, walls and weight, in the order of the particles \[N\].
+    #[must_use]
+    pub fn net_forces_n(&self) -> Vec<[f64; 3]> {
+        let p = &self.particles;
+        let mut forces: Vec<Vec3> =
+            (0..p.len()).map(|i| scale(self.gravity(), p.inertia[i])).collect();
+        let unit = self.material.k1_n_per_m() * self.law.law.adhesion;
+        for contact in self.contacts() {
+            let push =
+                scale(contact.normal, (contact.driving - 1.0) * unit * contact.effective_radius_m);
+            let [i, j] = contact.particles;
+            forces[i] = add(forces[i], push);
+            forces[j] = add(forces[j], scale(push, -1.0));
+        }
+        for i in 0..p.len() {
+            for k in self.wall_list.row(i) {
+                let memory = &self.wall_list.memory[k];
+                if memory.is_contact() {
+                    let wall = &self.walls[self.wall_list.wall[k] as usize];
+                    let scale = self.material.k1_n_per_m() * 2.0 * p.radius_m[i];
+                    forces[i][wall.axis] -= wall.inward * memory.pull * scale;
+                }
+            }
+        }
+        forces
+    }
+}

@@ -1,0 +1,21 @@
+//! Beds: many particles with the contact law and the kinetics of the pair.
+
+mod contact;
+mod engine;
+mod error;
+mod forces;
+mod friction;
+mod material;
+mod measure;
+mod motion;
+mod neighbours;
+mod particles;
+mod region;
+mod vec3;
+
+pub use engine::{Bed, Drive, Start, Surroundings, Work};
+pub use error::BedError;
+pub use material::{Friction, Growing, Material};
+pub use measure::{ContactState, Energies, Sample};
+pub use particles::Particles;
+pub use region::{Region, Side, Wall};
