@@ -337,8 +337,9 @@ fn curves(
         })
         .collect();
     if kept.is_empty() {
-        return Err(RunError::new("no posterior draw could be simulated between the observations")
-            .into());
+        return Err(
+            RunError::new("no posterior draw could be simulated between the observations").into()
+        );
     }
     let rows: Vec<[f64; 7]> = (0..points)
         .into_par_iter()
@@ -370,10 +371,9 @@ fn curves(
     let three_stage = |model: &NeckGrowth| model.with_kinetics(Kinetics::ThreeStage);
     let table3 = plan.material().filter(|_| with_paper).map(|m| m.table3_sintering());
     let (paper, paper_at_data) = match table3 {
-        Some(table3) => (
-            Some(run(&three_stage(&on_grid), &table3)?),
-            Some(run(&three_stage(model), &table3)?),
-        ),
+        Some(table3) => {
+            (Some(run(&three_stage(&on_grid), &table3)?), Some(run(&three_stage(model), &table3)?))
+        }
         None => (None, None),
     };
     Ok((

@@ -27,7 +27,11 @@ const PRIOR_POINTS: usize = 161;
 
 /// The figures by file name.
 #[must_use]
-pub fn all(file: &PosteriorFile, samples: &SampleColumns, log_time: bool) -> Vec<(&'static str, Box<dyn Figure + Send + Sync>)> {
+pub fn all(
+    file: &PosteriorFile,
+    samples: &SampleColumns,
+    log_time: bool,
+) -> Vec<(&'static str, Box<dyn Figure + Send + Sync>)> {
     vec![
         ("fit", Box::new(fit(file, log_time))),
         ("corner", Box::new(corner(file, samples))),
@@ -90,11 +94,7 @@ pub fn corner(file: &PosteriorFile, samples: &SampleColumns) -> CornerFigure {
             }
         })
         .collect();
-    CornerFigure {
-        title: file.plan.title.clone(),
-        parameters,
-        weights: samples.weights.clone(),
-    }
+    CornerFigure { title: file.plan.title.clone(), parameters, weights: samples.weights.clone() }
 }
 
 /// The prior's density over (and a little beyond) the samples that carry weight.
@@ -105,8 +105,8 @@ fn prior_density(parameter: &Parameter, draws: &[f64], weights: &[f64]) -> Vec<(
         .zip(weights)
         .filter(|(draw, weight)| draw.is_finite() && **weight > 1e-4 * heaviest)
         .map(|(draw, _)| *draw);
-    let (lower, upper) = carried
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, u), draw| (l.min(draw), u.max(draw)));
+    let (lower, upper) =
+        carried.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, u), draw| (l.min(draw), u.max(draw)));
     if lower >= upper {
         return Vec::new();
     }

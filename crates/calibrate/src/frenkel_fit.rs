@@ -36,8 +36,7 @@ pub fn best_tau_s(model: &NeckGrowth, observed: &[f64]) -> Result<f64, SimError>
     }
     let (mut lower, mut upper) = (at(best.0) - step, at(best.0) + step);
     let ratio = (5f64.sqrt() - 1.0) / 2.0;
-    let (mut left, mut right) =
-        (upper - ratio * (upper - lower), lower + ratio * (upper - lower));
+    let (mut left, mut right) = (upper - ratio * (upper - lower), lower + ratio * (upper - lower));
     let (mut at_left, mut at_right) = (cost(left)?, cost(right)?);
     while upper - lower > 1e-10 {
         if at_left <= at_right {

@@ -55,9 +55,8 @@ fn details(file: &PosteriorFile) -> String {
         "{:<10}{:>12}{:>12}{:>26}{:>26}{:>8}{:>7}",
         "SI", "MAP", "median", "50 % interval", "95 % interval", "bits", "k-hat"
     );
-    let interval = |lower: f64, upper: f64| {
-        format!("{} .. {}", significant(lower, 4), significant(upper, 4))
-    };
+    let interval =
+        |lower: f64, upper: f64| format!("{} .. {}", significant(lower, 4), significant(upper, 4));
     for summary in &file.parameters {
         let si = &summary.in_si;
         let _ = writeln!(

@@ -3,9 +3,7 @@
 //! Thread counts, output folders and verbosity are not in it: two runs of the same plan write the same
 //! bytes.
 
-use dem_core::{
-    Kinetics, PairScene, PairSpec, Powder, SolverKind, SolverSettings, choose_solver,
-};
+use dem_core::{Kinetics, PairScene, PairSpec, Powder, SolverKind, SolverSettings, choose_solver};
 use serde::{Deserialize, Serialize};
 use smc_calib::{FixedSigma, Noise, Observations, Parameter, Settings};
 use std::path::PathBuf;
@@ -218,7 +216,7 @@ impl Plan {
                 density_kg_per_m3,
                 final_contact_ratio: experiment.final_contact_ratio,
                 final_contact_ratio_reason: experiment.final_contact_ratio_reason.clone(),
-                window_s: args.window.or(experiment.window_s),
+                window_s: experiment.fitted_window(args.window),
                 time_s: table.time_s,
                 contact_ratio: table.contact_ratio,
                 sigma: table.sigma,

@@ -21,7 +21,7 @@ use crate::output::{POSTERIOR_RECORD, Published, RunFolder};
 use crate::plan::{Plan, Planned, noise_in_words};
 use crate::plot::Width;
 use crate::posterior_file::{self, PosteriorFile};
-use crate::{summary, tables};
+use crate::{summary, tables, verify};
 
 /// How long things took. Apart from the posterior, whose bytes do not depend on it.
 #[derive(Debug, Serialize)]
@@ -73,10 +73,10 @@ impl Observer for Watch {
 /// [`Failure`] with the reason; nothing has been written then, and earlier results are untouched.
 pub fn run(args: &RunArgs) -> Result<(), Failure> {
     let planned = Planned::from_args(args)?;
+    let folder = RunFolder::prepare(&planned.out, POSTERIOR_RECORD)?;
     if args.dry_run {
         return dry_run(&planned, args.json);
     }
-    let folder = RunFolder::prepare(&planned.out, POSTERIOR_RECORD)?;
     let pool = pool(args.threads)?;
     let mut watch = Watch::new(planned.plan.sampler.samples, args.quiet);
     let bar = watch.bar.clone();
@@ -95,8 +95,11 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
     let staging = folder.stage()?;
     let write = |name: &str, bytes: &[u8]| {
         fs::write(staging.path().join(name), bytes).map_err(|error| {
-            RunError::new(format_args!("{}: {name} cannot be written: {error}", planned.out.display()))
-                .help("make room on the disk, or choose another folder with --out")
+            RunError::new(format_args!(
+                "{}: {name} cannot be written: {error}",
+                planned.out.display()
+            ))
+            .help("make room on the disk, or choose another folder with --out")
         })
     };
     let samples = tables::sample_columns(&posterior);
@@ -135,7 +138,7 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
         write!(out, "{}", summary::text(&file, Some(inference_seconds), Some(&planned.out)))?;
     }
     if args.verify {
-        return Err(RunError::new("--verify").into());
+        verify::run(&planned.plan, &file, &pool, args.quiet)?;
     }
     Ok(())
 }

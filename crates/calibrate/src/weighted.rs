@@ -12,8 +12,10 @@ impl Weighted {
     /// Sorts samples by value; ties keep their order.
     #[must_use]
     pub fn new(samples: impl IntoIterator<Item = (f64, f64)>) -> Self {
-        let mut samples: Vec<(f64, f64)> =
-            samples.into_iter().filter(|(value, weight)| value.is_finite() && *weight > 0.0).collect();
+        let mut samples: Vec<(f64, f64)> = samples
+            .into_iter()
+            .filter(|(value, weight)| value.is_finite() && *weight > 0.0)
+            .collect();
         samples.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut total = 0.0;
         let cumulative = samples
