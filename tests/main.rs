@@ -3,5 +3,7 @@
 mod sandbox;
 
 mod bad_input;
+mod determinism;
 mod files;
+mod main_job;
 mod simulate;

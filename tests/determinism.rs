@@ -1,0 +1,38 @@
+//! Same seed, same bits: for any number of threads, every file of a run but its timings.
+
+use crate::sandbox::Sandbox;
+
+#[test]
+fn one_two_and_seven_threads_write_the_same_bytes() {
+    let runs = [1, 2, 7].map(|threads| {
+        let sandbox = Sandbox::new();
+        sandbox
+            .run(&format!("--material peek --samples 4096 --seed 11 --threads {threads} --out run"))
+            .succeeded();
+        let mut files = sandbox.snapshot();
+        files.retain(|path, _| path.is_file() && !path.ends_with("timings.json"));
+        files
+            .into_iter()
+            .map(|(path, bytes)| {
+                (path.file_name().expect("a file").to_string_lossy().into_owned(), bytes)
+            })
+            .collect::<Vec<_>>()
+    });
+    for other in &runs[1..] {
+        for ((name, one), (_, more)) in runs[0].iter().zip(other) {
+            assert!(one == more, "{name} depends on the number of threads");
+        }
+        assert_eq!(runs[0].len(), other.len());
+    }
+    assert_eq!(runs[0].len(), 15);
+}
+
+#[test]
+fn another_seed_gives_other_samples() {
+    let draws = [1, 2].map(|seed| {
+        let sandbox = Sandbox::new();
+        sandbox.run(&format!("--material ps --samples 1024 --seed {seed} --out run")).succeeded();
+        std::fs::read(sandbox.path().join("run/draws.csv")).expect("draws.csv")
+    });
+    assert!(draws[0] != draws[1]);
+}

@@ -1,0 +1,244 @@
+//! `calibrate --material ps|pa12|peek`: what a run leaves behind, and what it says.
+
+use std::fs;
+
+use crate::sandbox::Sandbox;
+
+const FILES: [&str; 16] = [
+    "convergence.png",
+    "convergence.svg",
+    "corner.png",
+    "corner.svg",
+    "draws.csv",
+    "fit.png",
+    "fit.svg",
+    "posterior.json",
+    "recursion.png",
+    "recursion.svg",
+    "residuals.png",
+    "residuals.svg",
+    "samples.csv",
+    "table.csv",
+    "table.md",
+    "timings.json",
+];
+
+fn names(sandbox: &Sandbox, folder: &str) -> Vec<String> {
+    let mut names: Vec<String> = fs::read_dir(sandbox.path().join(folder))
+        .expect("the folder of the run")
+        .map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
+fn posterior(sandbox: &Sandbox, folder: &str) -> serde_json::Value {
+    let text = fs::read_to_string(sandbox.path().join(folder).join("posterior.json"))
+        .expect("posterior.json");
+    serde_json::from_str(&text).expect("JSON")
+}
+
+/// The default budget of each material against quadrature: `--verify` fails where they differ.
+#[test]
+fn each_material_at_the_default_budget_agrees_with_quadrature() {
+    for material in ["ps", "pa12", "peek"] {
+        let sandbox = Sandbox::new();
+        let ran = sandbox.run(&format!("--material {material} --verify"));
+        ran.succeeded();
+        assert!(ran.stdout.contains("trust: yes"), "{}", ran.stdout);
+        assert!(ran.stderr.contains("quadrature"), "{}", ran.stderr);
+        assert_eq!(names(&sandbox, &format!("results/{material}")), FILES);
+    }
+}
+
+/// Moments and evidence computed once by another program: midpoint sums on grids of 300^3 points in log10 of
+/// the parameters, over the box that holds the mass, with the closed form, priors and likelihood written down
+/// again from the paper.
+#[test]
+fn the_posteriors_agree_with_an_independent_program() {
+    struct Known {
+        material: &'static str,
+        log_evidence: f64,
+        mean: [f64; 3],
+        sd: [f64; 3],
+    }
+    let known = [
+        Known {
+            material: "ps",
+            log_evidence: 86.337,
+            mean: [-3.668_8, -1.149_44, -6.853_9],
+            sd: [0.104_25, 0.026_34, 0.148_0],
+        },
+        Known {
+            material: "pa12",
+            log_evidence: 54.106_84,
+            mean: [-3.402_34, 0.590_99, -7.200_48],
+            sd: [0.797_64, 0.017_59, 0.437_23],
+        },
+        Known {
+            material: "peek",
+            log_evidence: 38.871_44,
+            mean: [-6.076_73, 1.380_12, -6.320_84],
+            sd: [0.037_78, 0.023_27, 0.065_30],
+        },
+    ];
+    for Known { material, log_evidence, mean, sd } in known {
+        let sandbox = Sandbox::new();
+        sandbox.run(&format!("--material {material} --quiet")).succeeded();
+        let file = posterior(&sandbox, &format!("results/{material}"));
+        let found = file["log_evidence"]["value"].as_f64().expect("a number");
+        assert!((found - log_evidence).abs() < 0.02, "{material}: log evidence {found}");
+        for place in 0..3 {
+            let moments = &file["parameters"][place]["in_coordinate"];
+            let (found_mean, found_sd) =
+                (moments["mean"].as_f64().expect("mean"), moments["sd"].as_f64().expect("sd"));
+            let error = (found_mean - mean[place]).abs() / sd[place];
+            assert!(error < 0.03, "{material}, parameter {place}: mean {found_mean}");
+            let error = (found_sd / sd[place] - 1.0).abs();
+            assert!(error < 0.03, "{material}, parameter {place}: sd {found_sd}");
+        }
+    }
+}
+
+#[test]
+fn the_same_plan_replaces_its_run_and_another_plan_moves_it_aside() {
+    let sandbox = Sandbox::new();
+    let first = sandbox.run("--material ps --samples 1024 --out run");
+    first.succeeded();
+    let again = sandbox.run("--material ps --samples 1024 --out run");
+    assert!(again.succeeded().stderr.contains("replaced the earlier run"), "{}", again.stderr);
+    assert!(!sandbox.path().join("run.1").exists());
+    let other = sandbox.run("--material ps --samples 1024 --seed 2 --out run");
+    assert!(other.succeeded().stderr.contains("run.1"), "{}", other.stderr);
+    assert_eq!(posterior(&sandbox, "run.1")["plan"]["sampler"]["seed"], 1);
+    assert_eq!(posterior(&sandbox, "run")["plan"]["sampler"]["seed"], 2);
+}
+
+#[test]
+fn an_own_powder_is_calibrated_from_files_alone() {
+    let sandbox = Sandbox::new();
+    let root = crate::sandbox::root();
+    for (folder, name) in [
+        ("experiments", "example-my-powder.toml"),
+        ("experiments", "example-my-powder.csv"),
+        ("priors", "example-my-powder.toml"),
+    ] {
+        let contents = fs::read(root.join(folder).join(name)).expect("the example");
+        sandbox.write(&format!("{folder}/{name}"), contents);
+    }
+    let ran = sandbox.run(
+        "--experiment experiments/example-my-powder.toml --prior priors/example-my-powder.toml --samples 4096",
+    );
+    ran.succeeded();
+    assert_eq!(names(&sandbox, "results/my-powder"), FILES);
+    let file = posterior(&sandbox, "results/my-powder");
+    assert!(file["paper"].is_null(), "a powder of one's own has no values in the paper");
+    assert_eq!(file["plan"]["experiment"]["radius_m"], 21.0e-6);
+}
+
+#[test]
+fn every_kinetics_calibrates_and_regime_map_says_what_it_cannot_tell_apart() {
+    for kinetics in ["three-stage", "frenkel", "pokluda", "three-stage-pokluda", "regime-map"] {
+        let sandbox = Sandbox::new();
+        let ran =
+            sandbox.run(&format!("--material ps --samples 4096 --kinetics {kinetics} --out run"));
+        ran.succeeded();
+        let parameters = posterior(&sandbox, "run")["parameters"].as_array().expect("a list").len();
+        let expected = if matches!(kinetics, "frenkel" | "pokluda") { 1 } else { 3 };
+        assert_eq!(parameters, expected, "{kinetics}");
+        let product = ran.stdout.contains("c1 * delta_c^2");
+        assert_eq!(product, kinetics == "regime-map", "{kinetics}: {}", ran.stdout);
+    }
+}
+
+#[test]
+fn each_solver_that_is_forced_gives_the_same_posterior_as_the_closed_form() {
+    let mean = |options: &str| {
+        let sandbox = Sandbox::new();
+        sandbox.run(&format!("--material pa12 --samples 1024 --out run {options}")).succeeded();
+        let file = posterior(&sandbox, "run");
+        assert!(file["plan"]["solver"]["reason"].as_str().is_some_and(|reason| !reason.is_empty()));
+        file["parameters"][1]["in_coordinate"]["mean"].as_f64().expect("a number")
+    };
+    let closed_form = mean("");
+    let quasi_static = mean("--solver quasi-static --tolerance 1e-8");
+    assert!((closed_form - quasi_static).abs() < 1e-5, "{closed_form} {quasi_static}");
+}
+
+#[test]
+fn a_dry_run_prints_the_plan_and_writes_nothing() {
+    let sandbox = Sandbox::new();
+    let ran = sandbox.run("--material peek --dry-run");
+    ran.succeeded();
+    for word in ["26 of", "log-uniform", "closed-form", "16384 simulations", "results/peek"] {
+        assert!(ran.stdout.contains(word), "{word} is not in\n{}", ran.stdout);
+    }
+    assert!(sandbox.snapshot().is_empty());
+    let json = sandbox.run("--material peek --dry-run --json");
+    let plan: serde_json::Value = serde_json::from_str(&json.succeeded().stdout).expect("JSON");
+    assert_eq!(plan["sampler"]["samples"], 16_384);
+}
+
+#[test]
+fn tuned_noise_is_labelled_as_no_posterior_in_every_output() {
+    let sandbox = Sandbox::new();
+    let ran = sandbox.run("--material ps --samples 2048 --noise ess-target:0.2 --out run");
+    ran.succeeded();
+    assert!(ran.stdout.contains("NOT A POSTERIOR"), "{}", ran.stdout);
+    assert!(ran.stdout.contains("trust: NO"), "{}", ran.stdout);
+    assert_eq!(posterior(&sandbox, "run")["is_posterior"], false);
+    let table = fs::read_to_string(sandbox.path().join("run/table.md")).expect("table.md");
+    assert!(table.contains("Not a posterior"), "{table}");
+    let inspected = sandbox.run("inspect run");
+    assert!(inspected.succeeded().stdout.contains("NOT A POSTERIOR"), "{}", inspected.stdout);
+}
+
+#[test]
+fn inspect_reads_a_run_and_check_says_whether_to_trust_it() {
+    let sandbox = Sandbox::new();
+    sandbox.run("--material ps --samples 4096 --out run").succeeded();
+    let ran = sandbox.run("inspect run/posterior.json");
+    for word in ["MAP", "95 %", "Table 3", "correlation", "stage", "log evidence"] {
+        assert!(ran.succeeded().stdout.contains(word), "{word} is not in\n{}", ran.stdout);
+    }
+    let json = sandbox.run("inspect run --json");
+    let summary: serde_json::Value = serde_json::from_str(&json.succeeded().stdout).expect("JSON");
+    assert_eq!(summary["name"], "ps");
+    assert!(sandbox.run("check run").succeeded().stdout.contains("a posterior of PS"));
+}
+
+#[test]
+fn a_posterior_that_is_cut_off_edited_or_of_another_version_is_refused_with_its_place() {
+    let sandbox = Sandbox::new();
+    sandbox.run("--material ps --samples 1024 --out run").succeeded();
+    let path = sandbox.path().join("run/posterior.json");
+    let whole = fs::read_to_string(&path).expect("posterior.json");
+    fs::write(&path, &whole[..whole.len() / 2]).expect("cut");
+    sandbox.run("inspect run").refused(&["posterior.json", "line", "cut off"]);
+    fs::write(&path, whole.replacen("\"schema_version\": 1", "\"schema_version\": 99", 1))
+        .expect("changed");
+    sandbox.run("inspect run").refused(&["schema_version", "99", "expected 1"]);
+    fs::write(&path, whole.replacen("\"khat\":", "\"kfat\":", 1)).expect("changed");
+    sandbox.run("inspect run").refused(&["posterior.json", "kfat"]);
+    fs::write(&path, "").expect("emptied");
+    sandbox.run("inspect run").refused(&["an empty file"]);
+    sandbox.run("inspect nowhere").refused(&["nowhere"]);
+}
+
+#[test]
+fn a_run_that_cannot_succeed_ends_with_exit_1_the_reason_and_nothing_written() {
+    let sandbox = Sandbox::new();
+    // Far more certain measurements than any curve can meet: every likelihood is zero.
+    let ran = sandbox.run("--material ps --noise fixed:1e-300 --samples 1024 --out run");
+    assert_eq!(ran.code, 1, "{ran:#?}");
+    assert!(ran.stderr.contains("evidence"), "{ran:#?}");
+    assert!(!sandbox.path().join("run").exists());
+}
+
+#[test]
+fn fewer_points_than_parameters_are_calibrated_with_a_warning() {
+    let sandbox = Sandbox::new();
+    sandbox.write("two.csv", "time_s,contact_ratio\n1.0,0.4\n3.0,0.9\n");
+    let ran = sandbox.run("--material pa12 --experiment two.csv --samples 4096 --out run");
+    assert!(ran.succeeded().stdout.contains("2 observations for 3 parameters"), "{}", ran.stdout);
+}
