@@ -82,8 +82,7 @@ fn main() {
         };
         let start = Instant::now();
         let exact =
-            quadrature(&problem, &QuadratureSettings { max_points: 400, ..Default::default() })
-                .unwrap();
+            quadrature(&problem, &QuadratureSettings { tolerance: 1e-3, max_points: 200 }).unwrap();
         println!(
             "{name}: quadrature {:.2?} mean {:?} sd {:?} lnZ {} err {:.1e} evals {}",
             start.elapsed(),
@@ -160,6 +159,9 @@ fn tuned() -> Settings {
     }
     if let Some(v) = get("NU") {
         s.degrees_of_freedom = v;
+    }
+    if let Some(v) = get("PATCH") {
+        s.patches = v as usize;
     }
     if let Some(v) = get("REP") {
         s.replicates = v as usize;

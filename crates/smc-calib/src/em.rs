@@ -9,11 +9,15 @@ use rand::RngExt;
 use rayon::prelude::*;
 
 /// Most distinct samples that a mixture is fitted to; more are resampled to this number.
-const MAX_POINTS: usize = 1024;
+const MAX_POINTS: usize = 512;
 /// Most EM iterations per fit.
-const MAX_ITERATIONS: usize = 60;
+const MAX_ITERATIONS: usize = 40;
 /// EM ends when the mean log density rises by less than this in one iteration.
-const TOLERANCE: f64 = 2e-4;
+const TOLERANCE: f64 = 1e-3;
+/// Variance that covariances are shrunk towards, as a share of that of a K-th of the cloud. Small: the cloud of a
+/// heavy-tailed target is far wider than its core, and a full share fattens the core's component until a
+/// narrow posterior is missed (PEEK at 4096 simulations: error of the means 0.52 posterior sd with 1, 0.007 with 0.01).
+const SHRINK: f64 = 0.01;
 /// Least variance of a component, as a share of the pooled variance.
 const VARIANCE_FLOOR: f64 = 1e-7;
 
@@ -370,9 +374,6 @@ impl Cloud {
             .collect()
     }
 }
-
-/// Weight of the shrinkage target's variance (1: the variance of a K-th of the cloud).
-const SHRINK: f64 = 1.0;
 
 /// A mixture in whitened coordinates.
 #[derive(Clone, Debug)]

@@ -19,6 +19,7 @@ mod prior;
 mod problem;
 pub mod psis;
 pub mod quadrature;
+pub mod reference;
 mod residuals;
 mod sampler;
 mod settings;

@@ -2,7 +2,7 @@
 
 use crate::em::Cloud;
 use crate::estimate::Estimator;
-use crate::mixture::{Component, Proposal};
+use crate::mixture::{Component, Proposal, cholesky};
 use crate::pool::{Pool, exponentiate, temper, tune};
 use crate::sobol::scrambled_net;
 use crate::stream::{Purpose, stream};
@@ -117,20 +117,98 @@ impl<'a> Sampler<'a> {
         self.counters.mixtures_fitted += fit.mixtures;
         let widen = s.widening.sqrt();
         let nu = s.degrees_of_freedom;
-        let share = 1.0 - s.defensive_share;
         let components = fit
             .components
             .into_iter()
             .map(|g| {
                 let factor = g.factor.iter().map(|f| f * widen).collect();
-                Component::new(share * g.weight, g.mean, factor, nu)
+                Component::new(g.weight, g.mean, factor, nu)
             })
             .collect();
-        Proposal {
-            dimension: d,
-            prior_share: s.defensive_share,
-            degrees_of_freedom: nu,
-            components,
+        let mut proposal =
+            Proposal { dimension: d, prior_share: 0.0, degrees_of_freedom: nu, components };
+        for _ in 0..s.patches {
+            self.patch(&mut proposal, &ln, &weights);
+        }
+        // The prior's share, and the rest to the components.
+        let total: f64 = proposal.components.iter().map(|c| c.weight).sum();
+        for c in &mut proposal.components {
+            c.weight *= (1.0 - s.defensive_share) / total;
+        }
+        proposal.prior_share = s.defensive_share;
+        proposal
+    }
+
+    /// Adds a component where the proposal is thinnest beside the target: at the sample with the largest ratio
+    /// of the two, with the covariance of its nearest weighty neighbours and their share of the weight
+    /// (incremental mixture importance sampling: A. E. Raftery, L. Bao, Biometrics 66 (2010) 1162).
+    fn patch(&self, proposal: &mut Proposal, ln_weights: &[f64], weights: &[f64]) {
+        const NEIGHBOURS: usize = 64;
+        let (d, pool) = (self.pool.d, &self.pool);
+        let total: f64 = weights.iter().sum();
+        let defensive = self.settings.defensive_share;
+        // Target over proposal: the weight times the mixture so far over the new proposal.
+        let ratio = |i: usize| -> f64 {
+            if weights[i] <= 0.0 {
+                return f64::NEG_INFINITY;
+            }
+            let ln_prior = pool.ln_prior(i);
+            let ln_mixture = pool.ln_mixture_over_prior(i);
+            let b = proposal.student_density(pool.point(i)).ln() - ln_prior;
+            let a = defensive.ln();
+            let top = a.max(b);
+            ln_weights[i] + ln_mixture - top - ((a - top).exp() + (b - top).exp()).ln()
+        };
+        let ratios: Vec<f64> =
+            (0..pool.len()).into_par_iter().with_min_len(256).map(ratio).collect();
+        let Some(worst) =
+            (0..ratios.len()).max_by(|a, b| ratios[*a].total_cmp(&ratios[*b]).then(b.cmp(a)))
+        else {
+            return;
+        };
+        if ratios[worst] == f64::NEG_INFINITY || proposal.components.is_empty() {
+            return;
+        }
+        // Distances in the nearest component's own scale.
+        let centre = pool.point(worst).to_vec();
+        let mut scale = proposal.components[0].clone();
+        for c in &proposal.components[1..] {
+            if c.distance2(&centre) < scale.distance2(&centre) {
+                scale = c.clone();
+            }
+        }
+        scale.mean.clone_from(&centre);
+        let mut near: Vec<(f64, usize)> = (0..pool.len())
+            .filter(|i| weights[*i] > 1e-6 * weights[worst])
+            .map(|i| (scale.distance2(pool.point(i)), i))
+            .collect();
+        if near.len() > NEIGHBOURS {
+            near.select_nth_unstable_by(NEIGHBOURS, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            near.truncate(NEIGHBOURS);
+        }
+        near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let mass: f64 = near.iter().map(|(_, i)| weights[*i]).sum::<f64>();
+        let mut covariance = vec![0.0; d * d];
+        let even = 1.0 / near.len() as f64;
+        for (_, i) in &near {
+            let share = 0.5 * (weights[*i] / mass + even);
+            let z = pool.point(*i);
+            for a in 0..d {
+                for b in 0..d {
+                    covariance[a * d + b] += share * (z[a] - centre[a]) * (z[b] - centre[b]);
+                }
+            }
+        }
+        for a in 0..d {
+            // A little of the scale around, so that few or collinear neighbours make a component too.
+            let own: f64 = (0..=a).map(|k| scale.factor[a * d + k].powi(2)).sum();
+            covariance[a * d + a] += 1e-3 * own;
+        }
+        if let Some(factor) = cholesky(&covariance, d) {
+            let all: f64 = proposal.components.iter().map(|c| c.weight).sum();
+            let weight = (mass / total).clamp(0.01, 0.2) * all;
+            let nu = proposal.degrees_of_freedom;
+            proposal.components.push(Component::new(weight, centre, factor, nu));
         }
     }
 

@@ -22,6 +22,8 @@ pub struct Settings {
     pub tempering_share: f64,
     /// Most mixture components.
     pub max_components: usize,
+    /// Components added to each proposal where it is thinnest beside the target.
+    pub patches: usize,
     /// Factor on the fitted covariances.
     pub widening: f64,
     /// Degrees of freedom of the proposal's Student-t components.
@@ -48,8 +50,9 @@ impl Default for Settings {
             seed: 1,
             replicates: 16,
             final_share: 0.5,
-            tempering_share: 0.25,
+            tempering_share: 0.1,
             max_components: 8,
+            patches: 4,
             widening: 1.6,
             degrees_of_freedom: 10.0,
             defensive_share: 0.02,
@@ -88,6 +91,9 @@ impl Settings {
         }
         if !(1..=64).contains(&self.max_components) {
             return refuse("max_components", self.max_components as f64, "between 1 and 64");
+        }
+        if self.patches > 64 {
+            return refuse("patches", self.patches as f64, "at most 64");
         }
         if !within(self.widening, 1e-3, 1e3) {
             return refuse("widening", self.widening, "between 0.001 and 1000");
