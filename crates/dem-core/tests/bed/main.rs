@@ -2,5 +2,6 @@
 
 mod builders;
 mod invariance;
+mod packing;
 mod pair;
 mod single_contact;
