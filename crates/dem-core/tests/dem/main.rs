@@ -7,3 +7,4 @@ mod kinetics;
 mod paper_statements;
 mod reference;
 mod restitution;
+mod stiff;

@@ -1,0 +1,60 @@
+//! The stiff references against each other and against what is known.
+
+use crate::kinetics::materials;
+use crate::reference::{integrate as extrapolate, motion};
+use dem_core::stiff_reference::{Equations, ReferenceError, integrate, settled};
+use dem_core::{Kinetics, Sintering, SolverSettings, contact_ratios};
+
+fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn force_balance_by_radau_is_not_the_exact_solution() {
+    for (scene, s) in materials() {
+        for kinetics in Kinetics::ALL {
+            let times: Vec<f64> =
+                (0..30).map(|i| 2.0 * s.tau_s * (f64::from(i) / 29.0).powi(2)).collect();
+            let found =
+                settled(Equations::ForceBalance, &scene, kinetics, &s, &times, 3e-11, 100_000)
+                    .expect("settles");
+            let mut exact = vec![0.0; times.len()];
+            contact_ratios(&scene, kinetics, &s, &SolverSettings::default(), &times, &mut exact)
+                .expect("valid");
+            let error = largest_difference(&found.contact_ratio, &exact);
+            assert!(error < 2e-10, "{kinetics}: {error:e}");
+        }
+    }
+}
+
+#[test]
+fn motion_by_radau_is_not_that_by_extrapolation() {
+    for (scene, s) in &materials()[..2] {
+        for kinetics in [Kinetics::ThreeStage, Kinetics::Pokluda] {
+            let times: Vec<f64> = (1..=20).map(|i| 0.05 * f64::from(i) / 20.0).collect();
+            let start = [scene.x0(), 0.0, scene.law().equilibrium_plastic_overlap(scene.x0())];
+            let expected: Vec<f64> =
+                extrapolate(|y| motion(scene, kinetics, s, y), start, &times, 1e-12, 1e-12)
+                    .iter()
+                    .map(|y| y[0].sqrt())
+                    .collect();
+            let found = settled(Equations::Motion, scene, kinetics, s, &times, 1e-9, 1_000_000)
+                .expect("settles");
+            let error = largest_difference(&found.contact_ratio, &expected);
+            assert!(error < 3e-8, "{kinetics}: {error:e}");
+        }
+    }
+}
+
+#[test]
+fn a_reference_runs_without_end_or_hides_that_it_stopped() {
+    let (scene, s) = &materials()[0];
+    let tired = integrate(Equations::Motion, scene, Kinetics::ThreeStage, s, &[0.1], 3e-11, 50);
+    assert!(matches!(tired, Err(ReferenceError::WorkLimit { max_steps: 50, .. })), "{tired:?}");
+    let fast = Sintering { c1: 1e6, ..*s };
+    let other =
+        integrate(Equations::Motion, scene, Kinetics::ThreeStage, &fast, &[0.1], 1e-8, 100_000);
+    if let Ok((ratios, _)) = &other {
+        assert!(ratios.iter().all(|a| a.is_finite()));
+    }
+}
