@@ -9,7 +9,7 @@ use rand::RngExt;
 use rayon::prelude::*;
 
 /// Most distinct samples that a mixture is fitted to; more are resampled to this number.
-const MAX_POINTS: usize = 512;
+const MAX_POINTS: usize = 1024;
 /// Most EM iterations per fit.
 const MAX_ITERATIONS: usize = 40;
 /// EM ends when the mean log density rises by less than this in one iteration.
@@ -162,6 +162,15 @@ impl Cloud {
         }
         let components = best.map_or_else(Vec::new, |(_, m)| self.unwhiten(&m));
         Fit { components, em_iterations, mixtures }
+    }
+
+    /// One EM step of `k` components from a k-means++ start: the mean log density before it.
+    pub(crate) fn one_step(&self, k: usize) -> f64 {
+        let mut mixture = self.start(k, 1, 0);
+        let mut responsibilities = vec![0.0; self.weights.len() * k];
+        let ln = self.expect(&mixture, &mut responsibilities);
+        self.maximise(&mut mixture, &responsibilities);
+        ln
     }
 
     /// K-means++ start: centres drawn in proportion to weight times squared distance, then a few Lloyd steps.
@@ -382,4 +391,67 @@ struct Mixture {
     weights: Vec<f64>,
     means: Vec<f64>,
     factors: Vec<f64>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sound(fit: &Fit, d: usize) {
+        assert!(!fit.components.is_empty());
+        let total: f64 = fit.components.iter().map(|g| g.weight).sum();
+        assert!((total - 1.0).abs() < 1e-9, "{total}");
+        for g in &fit.components {
+            assert!(g.weight > 0.0 && g.mean.iter().all(|m| m.is_finite()));
+            assert!(
+                (0..d).all(|i| g.factor[i * d + i] > 0.0) && g.factor.iter().all(|f| f.is_finite())
+            );
+        }
+    }
+
+    #[test]
+    fn degenerate_clouds_still_give_positive_definite_components() {
+        let n = 40;
+        let spread: Vec<f64> = (0..n * 2).map(|i| ((i * i) as f64 * 0.7).sin()).collect();
+        let mut one = vec![0.0; n];
+        one[7] = 1.0;
+        let duplicates = [0.3, -0.2].repeat(n);
+        let collinear: Vec<f64> = (0..n).flat_map(|i| [i as f64, 2.0 * i as f64 + 1.0]).collect();
+        let equal = vec![1.0; n];
+        for (points, weights) in
+            [(&spread, &one), (&duplicates, &equal), (&collinear, &equal), (&spread, &equal)]
+        {
+            let cloud = Cloud::new(2, points, weights, 1, 0).expect("has weight");
+            sound(&cloud.fit(8, 1, 0), 2);
+        }
+        // Fewer samples than components.
+        let cloud = Cloud::new(2, &spread[..6], &[1.0; 3], 1, 0).expect("has weight");
+        let fit = cloud.fit(8, 1, 0);
+        assert!(fit.components.len() <= 3);
+        sound(&fit, 2);
+        assert!(Cloud::new(2, &spread, &vec![0.0; n], 1, 0).is_none());
+    }
+
+    #[test]
+    fn two_separate_clusters_become_two_components_at_their_places() {
+        let n = 300;
+        let mut rng = stream(4, Purpose::Draws, 0, 0);
+        let points: Vec<f64> = (0..n)
+            .flat_map(|i| {
+                let centre = if i % 3 == 0 { -3.0 } else { 2.0 };
+                let mut normal =
+                    || crate::normal::quantile(rng.random::<f64>().clamp(1e-9, 1.0 - 1e-9));
+                [centre + 0.5 * normal(), 0.5 * normal()]
+            })
+            .collect();
+        let mut fit = Cloud::new(2, &points, &vec![1.0; n], 1, 0)
+            .expect("has weight")
+            .fit(8, 1, 0)
+            .components;
+        fit.sort_by(|a, b| a.mean[0].total_cmp(&b.mean[0]));
+        assert_eq!(fit.len(), 2);
+        assert!((fit[0].mean[0] + 3.0).abs() < 0.15 && (fit[1].mean[0] - 2.0).abs() < 0.15);
+        assert!((fit[0].weight - 1.0 / 3.0).abs() < 0.02);
+        assert!((fit[0].factor[0] - 0.5).abs() < 0.08, "{:?}", fit[0].factor);
+    }
 }

@@ -1,5 +1,7 @@
 //! Bayesian calibration of simulators.
 
+#[doc(hidden)]
+pub mod bench_support;
 mod calibrate;
 mod density;
 mod em;

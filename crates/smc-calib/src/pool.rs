@@ -262,3 +262,43 @@ fn bisect(alive: &[(f64, f64)], wished: f64, high: f64) -> f64 {
     }
     low.exp()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Settings;
+    use crate::reference::banana;
+    use crate::sampler::Sampler;
+
+    #[test]
+    fn pooled_weights_are_those_of_brute_force() {
+        let reference = banana();
+        let settings = Settings { samples: 1024, ..Settings::default() };
+        let mut sampler = Sampler::new(&reference, &settings);
+        sampler.run().expect("runs");
+        let pool = &sampler.pool;
+        for i in (0..pool.len()).step_by(37) {
+            let z = pool.point(i);
+            let prior = (-0.5 * (z[0] * z[0] + z[1] * z[1])).exp() / (2.0 * std::f64::consts::PI);
+            let mixture: f64 = sampler
+                .proposals
+                .iter()
+                .map(|(n, q)| {
+                    *n as f64 / pool.len() as f64 * (q.prior_share * prior + q.student_density(z))
+                })
+                .sum();
+            let expected = (mixture / prior).ln();
+            assert!((pool.ln_mixture_over_prior(i) - expected).abs() < 1e-10, "{i}");
+        }
+    }
+
+    #[test]
+    fn tempering_reaches_the_wished_for_size_and_no_more() {
+        let ln_l: Vec<f64> = (0..1000).map(|i| -f64::from(i) * f64::from(i)).collect();
+        let base = vec![0.0; 1000];
+        let beta = temper(&base, &ln_l, 100.0);
+        let ln: Vec<f64> = ln_l.iter().map(|l| beta * l).collect();
+        assert!((effective_sample_size(&exponentiate(&ln).0) - 100.0).abs() < 0.1);
+        assert_eq!(temper(&base, &[0.0; 1000], 100.0), 1.0);
+    }
+}

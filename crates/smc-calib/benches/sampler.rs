@@ -1,0 +1,73 @@
+//! Hot paths of the calibration.
+#![allow(missing_docs, clippy::unwrap_used)]
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use smc_calib::{
+    FnSimulator, Likelihood, Noise, Observations, Parameter, Prior, PriorSpec, Problem, Settings,
+    SimError, bench_support, calibrate,
+};
+use std::hint::black_box;
+
+fn observations(m: usize) -> Observations {
+    let control: Vec<f64> = (0..m).map(|i| i as f64 / m as f64).collect();
+    let values = control.iter().map(|t| 1.0 - (-3.0 * t).exp()).collect();
+    Observations::new(control, values).unwrap()
+}
+
+fn likelihood(c: &mut Criterion) {
+    let l = Likelihood::new(&Noise::default(), &observations(44)).unwrap();
+    let outputs: Vec<f64> = l.values().iter().map(|v| v + 0.01).collect();
+    c.bench_function("likelihood recursion, 44 observations", |b| {
+        b.iter(|| {
+            let mut sum = 0.0;
+            l.recursion(black_box(&outputs), |_, ln| sum += ln);
+            sum
+        });
+    });
+    c.bench_function("joint likelihood, 44 observations", |b| {
+        b.iter(|| l.ln_joint(black_box(&outputs)))
+    });
+}
+
+fn mixture(c: &mut Criterion) {
+    let bench = bench_support::Bench::new(10_000);
+    c.bench_function("mixture density, 5 components, 10^4 points in 3 dimensions", |b| {
+        b.iter(|| bench.density())
+    });
+    c.bench_function("one EM step, 5 components, 512 points in 3 dimensions", |b| {
+        b.iter(|| bench.em_step())
+    });
+}
+
+fn whole(c: &mut Criterion) {
+    let simulator = FnSimulator::new(3, 44, |theta: &[f64], out: &mut [f64]| {
+        for (i, o) in out.iter_mut().enumerate() {
+            let t = i as f64 / 44.0;
+            *o = theta[0] * (1.0 - (-theta[1] * t).exp()) + theta[2] * t;
+        }
+        Ok::<(), SimError>(())
+    });
+    let prior = |lower, upper| Prior::new(PriorSpec::LogUniform { lower, upper }).unwrap();
+    let problem = Problem {
+        simulator: &simulator,
+        parameters: vec![
+            Parameter::new("a", "1", prior(0.1, 10.0)),
+            Parameter::new("b", "1/s", prior(0.1, 30.0)),
+            Parameter::new("c", "1/s", prior(0.001, 1.0)),
+        ],
+        observations: observations(44),
+        noise: Noise::default(),
+    };
+    let mut group = c.benchmark_group("whole calibration, 44 observations");
+    group.sample_size(10);
+    for samples in [4096, 16_384] {
+        let settings = Settings { samples, ..Settings::default() };
+        group.bench_function(format!("{samples} simulations"), |b| {
+            b.iter(|| calibrate(&problem, &settings, &mut ()).unwrap());
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, likelihood, mixture, whole);
+criterion_main!(benches);

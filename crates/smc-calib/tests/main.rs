@@ -1,0 +1,11 @@
+//! Calibrations held against known answers.
+#![allow(clippy::unwrap_used, missing_docs)]
+
+mod conjugate;
+mod determinism;
+mod failures;
+mod files;
+mod noise;
+mod priors;
+mod references;
+mod support;
