@@ -218,8 +218,8 @@ fn a_posterior_that_is_cut_off_edited_or_of_another_version_is_refused_with_its_
     fs::write(&path, whole.replacen("\"schema_version\": 1", "\"schema_version\": 99", 1))
         .expect("changed");
     sandbox.run("inspect run").refused(&["schema_version", "99", "expected 1"]);
-    fs::write(&path, whole.replacen("\"khat\":", "\"kfat\":", 1)).expect("changed");
-    sandbox.run("inspect run").refused(&["posterior.json", "kfat"]);
+    fs::write(&path, whole.replacen("\"is_posterior\":", "\"is_posteriar\":", 1)).expect("changed");
+    sandbox.run("inspect run").refused(&["posterior.json", "is_posteriar"]);
     fs::write(&path, "").expect("emptied");
     sandbox.run("inspect run").refused(&["an empty file"]);
     sandbox.run("inspect nowhere").refused(&["nowhere"]);
