@@ -383,14 +383,26 @@ fn summarise(
         let mut order: Vec<(f64, f64)> =
             alive.iter().zip(x.chunks_exact(d)).map(|((_, w), x)| (x[j], w / total)).collect();
         order.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-        let mut quantiles = Vec::new();
-        let (mut sum, mut at) = (0.0, 0);
-        for p in PROBABILITIES {
-            while at + 1 < order.len() && sum + order[at].1 < p {
-                sum += order[at].1;
-                at += 1;
+        // Grid planes: points at the same coordinate count as one, half of it on either side.
+        let mut planes: Vec<(f64, f64)> = Vec::new();
+        for (x, w) in order {
+            match planes.last_mut() {
+                Some(last) if (x - last.0).abs() <= 1e-9 * out.sd[j] => last.1 += w,
+                _ => planes.push((x, w)),
             }
-            quantiles.push(order[at].0);
+        }
+        let mut sum = 0.0;
+        for plane in &mut planes {
+            let w = plane.1;
+            plane.1 = sum + 0.5 * w;
+            sum += w;
+        }
+        let mut quantiles = Vec::new();
+        for p in PROBABILITIES {
+            let at = planes.partition_point(|plane| plane.1 < p).clamp(1, planes.len().max(2) - 1);
+            let ((xa, pa), (xb, pb)) = (planes[at - 1], planes[at.min(planes.len() - 1)]);
+            let t = if pb > pa { ((p - pa) / (pb - pa)).clamp(0.0, 1.0) } else { 0.0 };
+            quantiles.push(xa + t * (xb - xa));
         }
         out.quantiles.push(quantiles);
     }

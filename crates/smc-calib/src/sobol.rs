@@ -106,11 +106,13 @@ mod tests {
 
     #[test]
     fn unscrambled_points_are_those_of_the_published_generator() {
-        // Points 1, 2, 3 of the first dimensions (Bratley and Fox's order): 0.5 / 0.75, 0.25 / 0.25, 0.75.
-        let (v0, v1, v2) = (directions(0), directions(1), directions(2));
-        assert_eq!(v0[0], 1 << 31);
-        assert_eq!([v1[0], v1[1], v1[2]], [1 << 31, 3 << 30, 5 << 29]);
-        assert_eq!([v2[0], v2[1], v2[2]], [1 << 31, 3 << 30, 1 << 29]);
+        // Initial numbers m_j = v_j 2^(j+1-32): 1 3 5 15 (dimension 2), 1 3 3 9 (dimension 3), as tabulated there.
+        for (dimension, m) in [(0, [1, 1, 1, 1]), (1, [1, 3, 5, 15]), (2, [1, 3, 3, 9])] {
+            let v = directions(dimension);
+            for (j, m) in m.iter().enumerate() {
+                assert_eq!(v[j] >> (31 - j), *m, "dimension {dimension}, number {j}");
+            }
+        }
     }
 
     #[test]
