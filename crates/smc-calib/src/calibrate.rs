@@ -37,21 +37,27 @@ pub fn calibrate(
     let likelihood = check(problem, settings)?;
     let target = CurveTarget::new(problem, &likelihood, settings.samples);
     let mut sampler = Sampler::new(&target, settings);
-    let sizes = sampler.schedule();
     let tuned = match problem.noise {
         Noise::EssTarget { share } => Some(share),
         _ => None,
     };
-    let sizes = if tuned.is_some() { equal_stages(settings) } else { sizes };
+    let equal = equal_stages(settings);
     let mut stages: Vec<StageRecord> = Vec::new();
     let mut stop = StopReason::BudgetSpent;
-    for (i, n) in sizes.iter().enumerate() {
-        let proposal = match (i, tuned) {
-            (0, _) => Proposal::prior(sampler.pool.d),
-            (_, None) => sampler.refit(*n),
-            (_, Some(share)) => sampler.refit_tuned(share),
+    loop {
+        let i = stages.len();
+        let next = match tuned {
+            None => sampler.next(),
+            Some(_) if i == 0 => {
+                Some((equal[0], Proposal::prior(sampler.pool.d), equal.len() == 1))
+            }
+            Some(share) if i < equal.len() => {
+                Some((equal[i], sampler.refit_tuned(share), i + 1 == equal.len()))
+            }
+            Some(_) => None,
         };
-        sampler.stage(*n, proposal)?;
+        let Some((n, proposal, last)) = next else { break };
+        sampler.stage(n, proposal)?;
         let pool = &sampler.pool;
         if pool.failed as f64 > settings.max_failed_share * pool.len() as f64 {
             return Err(CalibrateError::TooManyFailures {
@@ -60,7 +66,6 @@ pub fn calibrate(
                 commonest: pool.failures().first().map_or_else(String::new, |f| f.cause.clone()),
             });
         }
-        let last = i + 1 == sizes.len();
         let record = stage_record(
             &sampler,
             problem,

@@ -1,7 +1,6 @@
 //! Sampling a plain log density: the sampler without a curve.
 
 use crate::estimate::Estimator;
-use crate::mixture::Proposal;
 use crate::pool::exponentiate;
 use crate::sampler::Sampler;
 use crate::target::Target;
@@ -41,11 +40,7 @@ pub fn sample_density(
     settings: &Settings,
 ) -> Result<DensitySummary, CalibrateError> {
     let mut sampler = Sampler::new(target, settings);
-    let sizes = sampler.schedule();
-    for (i, n) in sizes.iter().enumerate() {
-        let proposal = if i == 0 { Proposal::prior(sampler.pool.d) } else { sampler.refit(*n) };
-        sampler.stage(*n, proposal)?;
-    }
+    sampler.run()?;
     let ln_w = sampler.ln_weights();
     let (raw, ln_scale) = exponentiate(&ln_w);
     if ln_scale == f64::NEG_INFINITY {

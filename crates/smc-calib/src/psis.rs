@@ -96,7 +96,9 @@ mod tests {
                 })
                 .sum::<f64>()
                 / f64::from(repeats as u32);
-            assert!((mean - shape).abs() < 0.08, "shape {shape}: k-hat {mean}");
+            // The weak prior pulls the 190 values of the tail towards one half by ten values' worth.
+            let expected = (shape * 190.0 + 5.0) / 200.0;
+            assert!((mean - expected).abs() < 0.06, "shape {shape}: k-hat {mean}");
         }
     }
 

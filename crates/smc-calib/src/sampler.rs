@@ -267,13 +267,41 @@ impl<'a> Sampler<'a> {
         Proposal { dimension: d, prior_share: 0.0, degrees_of_freedom: nu, components }
     }
 
-    /// Runs all stages without an observer.
-    #[cfg(test)]
-    pub(crate) fn run(&mut self) -> Result<(), CalibrateError> {
+    /// Size and proposal of the next stage, and whether it is the final one; none once the budget is spent.
+    ///
+    /// While tempering has not reached the full likelihood the final stage waits: its budget goes to further
+    /// adaptive stages, as far as half of what is left stays for the end.
+    pub(crate) fn next(&mut self) -> Option<(usize, Proposal, bool)> {
         let sizes = self.schedule();
-        for (i, n) in sizes.iter().enumerate() {
-            let proposal = if i == 0 { Proposal::prior(self.pool.d) } else { self.refit(*n) };
-            self.stage(*n, proposal)?;
+        let stage = self.proposals.len();
+        let left = self.settings.samples - self.pool.len();
+        if left == 0 {
+            return None;
+        }
+        if stage == 0 {
+            return Some((sizes[0], Proposal::prior(self.pool.d), sizes.len() == 1));
+        }
+        if stage + 1 < sizes.len() {
+            let n = sizes[stage];
+            return Some((n, self.refit(n), false));
+        }
+        let proposal = self.refit(left);
+        let each = sizes[0];
+        if self.beta < 1.0 && sizes.len() > 2 && left >= 2 * each {
+            let beta = self.beta;
+            let further = self.refit(each);
+            if self.beta < 1.0 {
+                return Some((each, further, false));
+            }
+            self.beta = beta;
+        }
+        Some((left, proposal, true))
+    }
+
+    /// Runs all stages without an observer.
+    pub(crate) fn run(&mut self) -> Result<(), CalibrateError> {
+        while let Some((n, proposal, _)) = self.next() {
+            self.stage(n, proposal)?;
         }
         Ok(())
     }

@@ -196,7 +196,10 @@ pub(crate) fn warnings(
                 se: e.se.hypot(e.frozen_se),
             });
         }
-        if posterior.stages.len() > 1 && posterior.stages[posterior.stages.len() - 1].beta < 1.0 {
+        if ess < 400.0
+            && posterior.stages.len() > 1
+            && posterior.stages[posterior.stages.len() - 1].beta < 1.0
+        {
             list.push(Warning::BudgetTooSmall {
                 simulations,
                 reason: "the last proposal was still fitted to a flattened likelihood".to_owned(),
