@@ -11,6 +11,7 @@ mod motion;
 mod neighbours;
 mod packing;
 mod particles;
+mod quasi_static;
 mod region;
 mod vec3;
 
@@ -20,4 +21,5 @@ pub use material::{Friction, Growing, Material};
 pub use measure::{ContactState, Energies, Sample};
 pub use packing::{Radii, jammed_packing, random_packing};
 pub use particles::Particles;
+pub use quasi_static::{QuasiStaticReport, QuasiStaticSettings};
 pub use region::{Region, Side, Wall};

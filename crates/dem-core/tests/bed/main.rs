@@ -4,4 +4,5 @@ mod builders;
 mod invariance;
 mod packing;
 mod pair;
+mod quasi_static;
 mod single_contact;
