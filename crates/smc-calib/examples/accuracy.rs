@@ -136,6 +136,7 @@ fn main() {
     }
 }
 
+/// The defaults, with what the environment overrides.
 fn tuned() -> Settings {
     let mut s = Settings::default();
     let get = |k: &str| std::env::var(k).ok().and_then(|v| v.parse::<f64>().ok());

@@ -24,6 +24,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+// Loops over matrix rows and columns read like the formulas they compute.
+#![allow(clippy::needless_range_loop)]
+
 #[doc(hidden)]
 pub mod bench_support;
 mod calibrate;

@@ -91,7 +91,6 @@ impl Pool {
 
         let kept = &mut self.kept[old * kept_width..];
         let ln_l = &mut self.ln_l[old..];
-        let mut none = vec![0.0; 0];
         let simulate =
             |z: &[f64], ln_l: &mut f64, kept: &mut [f64]| match target.ln_likelihood(z, kept) {
                 Ok(v) if v.is_nan() || v == f64::INFINITY => {
@@ -105,7 +104,6 @@ impl Pool {
             };
         let block = 16;
         let errors: Vec<(usize, SimError)> = if kept_width == 0 {
-            let _ = &mut none;
             ln_l.par_chunks_mut(block)
                 .enumerate()
                 .flat_map_iter(|(b, ln_l)| {

@@ -131,11 +131,11 @@ pub struct ParameterSummary {
     pub in_coordinate: Moments,
     /// Summary in SI.
     pub in_si: Moments,
-    /// Maximum a posteriori value [SI].
+    /// Maximum a posteriori value, in SI.
     pub map: f64,
     /// Pareto shape for this parameter's moments.
     pub khat: f64,
-    /// Information gained: divergence of the marginal posterior from the prior [bits].
+    /// Information gained: divergence of the marginal posterior from the prior, in bits.
     pub information_gain_bits: f64,
     /// Prior mean in the coordinate.
     pub prior_mean: f64,

@@ -415,7 +415,7 @@ impl Prior {
         }
     }
 
-    /// Differential entropy of the prior in the coordinate [nats].
+    /// Differential entropy of the prior in the coordinate, in nats.
     pub fn entropy(&self) -> f64 {
         let log10_scale = |log: bool| if log { LN_10.ln() } else { 0.0 };
         match self.kernel {

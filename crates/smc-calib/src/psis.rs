@@ -67,7 +67,7 @@ fn pareto_shape(x: &[f64]) -> f64 {
         sum += w;
         weighted += w * b;
     }
-    if !(sum > 0.0) {
+    if sum <= 0.0 || sum.is_nan() {
         return UNKNOWN;
     }
     let k = shape(weighted / sum);

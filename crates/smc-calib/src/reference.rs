@@ -8,6 +8,9 @@ use crate::normal::{self, LN_SQRT_2PI};
 use crate::{SimError, Target};
 use std::f64::consts::PI;
 
+/// A log likelihood over normal scores.
+type LnLikelihood = Box<dyn Fn(&[f64]) -> f64 + Sync + Send>;
+
 /// A problem and its known answer.
 pub struct Reference {
     /// Name.
@@ -21,7 +24,7 @@ pub struct Reference {
     /// Log evidence.
     pub log_evidence: f64,
     dimension: usize,
-    ln_likelihood: Box<dyn Fn(&[f64]) -> f64 + Sync + Send>,
+    ln_likelihood: LnLikelihood,
 }
 
 impl Target for Reference {

@@ -37,7 +37,7 @@ pub enum Warning {
     NotInformed {
         /// Parameter.
         parameter: String,
-        /// Information gained [bits].
+        /// Information gained, in bits.
         bits: f64,
     },
     /// Fewer observations than parameters.
@@ -58,7 +58,7 @@ pub enum Warning {
     AtPriorBound {
         /// Parameter.
         parameter: String,
-        /// The bound [SI].
+        /// The bound, in SI.
         bound: f64,
         /// Posterior probability of the outermost hundredth of the prior on that side.
         share: f64,
