@@ -6,4 +6,5 @@ mod bad_input;
 mod determinism;
 mod files;
 mod main_job;
+mod readme;
 mod simulate;
