@@ -303,7 +303,7 @@ impl Bed {
         self.material.contact(self.drive.growing.as_ref(), particle, particle)
     }
 
-    fn fill_constants(&mut self) -> Result<(), BedError> {
+    pub(crate) fn fill_constants(&mut self) -> Result<(), BedError> {
         if self.equal {
             return Ok(());
         }
@@ -382,6 +382,13 @@ impl Bed {
     #[must_use]
     pub fn material(&self) -> &Material {
         &self.material
+    }
+
+    /// Another material, of the same law but for its stiffness; takes effect when a phase
+    /// [begins](Self::begin).
+    pub(crate) fn set_material(&mut self, material: Material) {
+        self.law = LawConstants::new(*material.law());
+        self.material = material;
     }
 
     /// What is around the particles.

@@ -18,10 +18,13 @@
 //! The balance is found by Newton's method, its linear systems by conjugate gradients. Damping, drag and friction,
 //! which act on velocities or need a history of sliding, play no part.
 //!
+//! Contacts are made between steps only: one that is tried out within an iteration would hold itself
+//! together. A step in which particles meet is cut where they do.
+//!
 //! The step is chosen so that the change of D over it, the error of the implicit rule, moves no
 //! contact ratio by more than the tolerance in root mean square.
 
-use super::contact::{Growth, Grows, LawConstants, Memory};
+use super::contact::{Grows, Growth, LawConstants, Memory};
 use super::engine::Bed;
 use super::error::{BedError, field, within};
 use super::material::ContactConstants;
@@ -119,6 +122,9 @@ fn mean_rate(rate: RateOf, coefficients: &RateCoefficients<f64>, from: f64, to: 
 /// Background drag over that of a contact.
 const HOLD: f64 = 1e-4;
 
+/// Overlap, in effective radii, that a contact may be made with, over the tolerance of a/R.
+const NEW_OVERLAP: f64 = 50.0;
+
 /// Length of the first step over the time in which the start overlap would double.
 const FIRST: f64 = 0.1;
 
@@ -167,6 +173,13 @@ impl Bed {
             let taken = self.balance(this_s, rate, settings, report);
             let error = match taken {
                 Ok(error) if error <= settings.tolerance => error,
+                Ok(error) if error.is_infinite() => {
+                    let share = self.meeting(settings);
+                    self.clone_from(&balanced);
+                    report.rejected += 1;
+                    step_s = this_s * share;
+                    continue;
+                }
                 failed => {
                     let time_s = self.time_s;
                     self.clone_from(&balanced);
@@ -245,15 +258,16 @@ impl Bed {
                 let sum = springs.iter().map(|spring| spring.stiffness).sum::<f64>();
                 HOLD * sum / springs.len().max(1) as f64
             });
-            if step_s > 0.0 {
-                for (force, &moved) in force.iter_mut().zip(&self.particles.half_velocity) {
-                    *force = sub(*force, scale(moved, hold));
-                }
+            for (force, &moved) in force.iter_mut().zip(&self.particles.half_velocity) {
+                *force = sub(*force, scale(moved, hold));
             }
             residual = force.iter().map(|&f| norm(f)).fold(0.0, f64::max);
             let strained = strain_force.abs() / (springs.len().max(1) as f64 * 2.0 * mean_radius);
             residual = residual.max(strained) / adhesion;
             if residual <= settings.balance {
+                if step_s > 0.0 && self.meeting(settings) < 1.0 {
+                    return Ok(f64::INFINITY);
+                }
                 self.particles.half_velocity.fill(ZERO);
                 return self.take(step_s, rate);
             }
@@ -284,6 +298,47 @@ impl Bed {
         }
         let (time_s, wanted) = (self.time_s, settings.balance);
         Err(BedError::NoBalance { time_s, iterations: MOST, residual, wanted })
+    }
+
+    /// The share of a step after which the first particles meet: 1 where none of those that meet in it
+    /// overlap by more than new contacts may.
+    fn meeting(&self, settings: &QuasiStaticSettings) -> f64 {
+        let allowed = self.law.law.adhesion.max(NEW_OVERLAP * settings.tolerance);
+        let mut share: f64 = 1.0;
+        let mut meet = |before: f64, after: f64| {
+            if after > allowed {
+                // Half the allowed overlap, on a straight way there.
+                let way = (0.5 * allowed - before) / (after - before);
+                share = share.min(way.clamp(0.02, 0.95));
+            }
+        };
+        let moved = &self.particles.half_velocity;
+        for i in 0..self.particles.len() {
+            let radius_i = self.particles.radius_m[i];
+            for k in self.list.row(i) {
+                if self.pairs.memory[k].is_contact() {
+                    continue;
+                }
+                let j = index_of(self.list.other[k]);
+                let radius_j = self.particles.radius_m[j];
+                let effective = 2.0 * radius_i * radius_j / (radius_i + radius_j);
+                let d = self.distance(i, k);
+                let then = sub(d, sub(moved[i], moved[j]));
+                let overlap = |d: Vec3| (radius_i + radius_j - norm(d)) / effective;
+                meet(overlap(then).min(0.0), overlap(d));
+            }
+            for k in self.wall_list.row(i) {
+                if self.wall_list.memory[k].is_contact() {
+                    continue;
+                }
+                let wall = &self.walls[self.wall_list.wall[k] as usize];
+                let distance = wall.distance(self.particles.position_m[i]);
+                let then = distance - wall.inward * moved[i][wall.axis];
+                let overlap = |distance: f64| (radius_i - distance) / (2.0 * radius_i);
+                meet(overlap(then).min(0.0), overlap(distance));
+            }
+        }
+        share
     }
 
     /// Keeps the list complete.
@@ -324,7 +379,10 @@ impl Bed {
             let s = kappa * free_growth / alpha;
             p1 = ((p0 + s * x1) / (1.0 + s)).clamp(0.0, law.end_plastic);
             kappa = law.stiffness(p1);
-            softened = kappa / (1.0 + s);
+            // D is the time that the overlap took over the step, so that its slope goes by the
+            // rate at the end: with the mean one Newton's method would overshoot.
+            let slope = s * (rate(&constants.rate, x1.max(start)) / bare).min(1.0);
+            softened = kappa / (1.0 + slope);
         }
         if p0 >= law.end_plastic {
             (p1, softened) = (p0, kappa);
@@ -352,7 +410,7 @@ impl Bed {
                 let d = self.distance(i, k);
                 let length = norm(d);
                 let reach = self.particles.radius_m[i] + self.particles.radius_m[j];
-                if length > reach {
+                if length > reach || (step_s > 0.0 && !self.pairs.memory[k].is_contact()) {
                     continue;
                 }
                 let constants = self.contact_constants(&equal, k);
@@ -372,7 +430,7 @@ impl Bed {
             for k in self.wall_list.row(i) {
                 let wall = self.walls[self.wall_list.wall[k] as usize];
                 let x1 = (radius - wall.distance(position)) / (2.0 * radius);
-                if x1 < 0.0 {
+                if x1 < 0.0 || (step_s > 0.0 && !self.wall_list.memory[k].is_contact()) {
                     continue;
                 }
                 let (force, plastic) = self.law.force(x1, self.wall_list.memory[k].plastic);
@@ -425,6 +483,7 @@ impl Bed {
                 let constants = self.contact_constants(&equal, k);
                 let x1 = (reach - length) / constants.radius;
                 let memory = self.pairs.memory[k];
+                let rate = rate.filter(|_| memory.is_contact());
                 let outcome = self.outcome(&memory, x1, &constants, step_s, rate);
                 if memory.is_contact() && step_s > 0.0 {
                     // D relaxes within alpha/kappa of p, or over the whole step.
@@ -454,7 +513,8 @@ impl Bed {
                 self.wall_list.memory[k] = if overlap < 0.0 {
                     Memory::APART
                 } else {
-                    let (force, plastic) = self.law.force(overlap, self.wall_list.memory[k].plastic);
+                    let (force, plastic) =
+                        self.law.force(overlap, self.wall_list.memory[k].plastic);
                     Memory { overlap, drift: 0.0, plastic, pull: alpha - force }
                 };
             }
@@ -517,7 +577,7 @@ fn solve(
     let (mut z, mut z_strain) = inverse(&r, r_strain);
     let (mut p, mut p_strain) = (z.clone(), z_strain);
     let mut rz = product(&r, &z) + r_strain * z_strain;
-    let wanted = 1e-6 * rz;
+    let wanted = 1e-4 * rz;
     let mut out = vec![ZERO; n];
     let mut iterations = 0;
     while rz > wanted && iterations < 2000 {

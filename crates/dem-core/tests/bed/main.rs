@@ -1,8 +1,10 @@
 //! Many particles against known answers, and against the pair.
 
 mod builders;
+mod files;
 mod invariance;
 mod packing;
 mod pair;
 mod quasi_static;
+mod scenes;
 mod single_contact;

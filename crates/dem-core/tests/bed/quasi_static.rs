@@ -23,11 +23,9 @@ fn quasi_static_pair_follows_the_closed_form_whatever_k1() {
             let scene = spec.build().expect("valid");
             let times = [0.01, 0.1, 0.3, 1.0, 3.0, 5.0];
             let closed = SolverSettings::of(SolverKind::QuasiStatic);
-            let curve =
-                simulate(&scene, kinetics, &PA12_SINTERING, &closed, &times).expect("runs");
+            let curve = simulate(&scene, kinetics, &PA12_SINTERING, &closed, &times).expect("runs");
             let material = material(|material| *material = spec);
-            let mut bed =
-                free(material, &start(R, &[[0.0; 3], [2.0 - scene.x0(), 0.0, 0.0]]));
+            let mut bed = free(material, &start(R, &[[0.0; 3], [2.0 - scene.x0(), 0.0, 0.0]]));
             let drive = Drive { growing: Some(growing(kinetics)), ..Drive::default() };
             bed.begin(&drive).expect("stable");
             let mut report = QuasiStaticReport::default();
@@ -63,7 +61,7 @@ fn hundred_particles_contract_as_the_full_engine_lets_them() {
         let steps = ((time - full.time_s()) / full.step_s()).round() as u64;
         full.advance(steps).expect("runs");
         slow.advance_quasi_static(full.time_s(), &settings(), &mut report).expect("balances");
-        let (a, b) = (full.sample(), slow.sample());println!("{report:?} {:?} {} {}", full.work(), a.mean_contact_ratio, b.mean_contact_ratio);
+        let (a, b) = (full.sample(), slow.sample());
         assert!(
             (a.mean_contact_ratio - b.mean_contact_ratio).abs() < 0.004,
             "{time} s: engine {a:?}\nquasi-static {b:?}\n{report:?}"
@@ -93,8 +91,8 @@ fn free_box_shrinks_as_far_as_its_contacts_do() {
     for time in [0.1, 0.3, 0.8] {
         bed.advance_quasi_static(time, &settings, &mut QuasiStaticReport::default())
             .expect("balances");
-        let curve =
-            simulate(&scene, Kinetics::ThreeStage, &PA12_SINTERING, &closed, &[time]).expect("runs");
+        let curve = simulate(&scene, Kinetics::ThreeStage, &PA12_SINTERING, &closed, &[time])
+            .expect("runs");
         let x = curve.contact_ratio[0].powi(2);
         let density = std::f64::consts::PI / 6.0 * (2.0 / (2.0 - x)).powi(3);
         let sample = bed.sample();

@@ -1,0 +1,196 @@
+//! Running a scene through its phases.
+
+use std::ops::ControlFlow;
+
+use super::engine::{Bed, Drive};
+use super::error::BedError;
+use super::material::Material;
+use super::measure::Sample;
+use super::quasi_static::{QuasiStaticReport, QuasiStaticSettings};
+use super::region::Side;
+use super::scene::{Mode, Phase, Scene};
+use super::vec3::norm;
+
+/// What a run of a scene gives.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Series {
+    /// Observations, in time.
+    pub samples: Vec<Sample>,
+    /// Phase of each observation.
+    pub phase: Vec<usize>,
+    /// When each phase began \[s\].
+    pub phase_start_s: Vec<f64>,
+    /// What the quasi-static phases took.
+    pub quasi_static: QuasiStaticReport,
+    /// Whether the run was stopped by its observer.
+    pub stopped: bool,
+}
+
+impl Series {
+    /// Time since the first heated phase began at which a relative density is reached \[s\], by straight lines
+    /// between observations; `None` where it is not.
+    #[must_use]
+    pub fn time_to_density(&self, target: f64, since_s: f64) -> Option<f64> {
+        let reached = self
+            .samples
+            .iter()
+            .position(|sample| sample.time_s >= since_s && sample.relative_density >= target)?;
+        let after = &self.samples[reached];
+        let before = reached.checked_sub(1).map(|i| &self.samples[i]);
+        let time = match before.filter(|before| before.time_s >= since_s) {
+            Some(before) => {
+                let share = (target - before.relative_density)
+                    / (after.relative_density - before.relative_density);
+                before.time_s + share * (after.time_s - before.time_s)
+            }
+            None => after.time_s,
+        };
+        Some(time - since_s)
+    }
+}
+
+/// Where a run is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Progress {
+    /// The phase.
+    pub phase: usize,
+    /// Share of all observations made.
+    pub share: f64,
+    /// The present observation.
+    pub sample: Sample,
+}
+
+impl Scene {
+    /// Runs all phases. `observe` sees every observation, and may stop the run.
+    ///
+    /// # Errors
+    ///
+    /// [`BedError`]; what was observed before is with the observer.
+    pub fn run(
+        &self,
+        mut observe: impl FnMut(&Progress, &Bed) -> ControlFlow<()>,
+    ) -> Result<Series, BedError> {
+        let mut bed = self.bed.clone();
+        let material = *bed.material();
+        let mut series = Series::default();
+        let total: usize = self.phases.iter().map(|phase| phase.outputs + 1).sum();
+        for (index, phase) in self.phases.iter().enumerate() {
+            let mut spec = *material.spec();
+            spec.k1 = phase.k1_n_per_m.unwrap_or(spec.k1);
+            bed.set_material(Material::new(spec)?);
+            if phase.heated {
+                self.check_load(&bed)?;
+            }
+            let drive = Drive {
+                growing: self.growing.filter(|_| phase.heated),
+                step_over_collision_time: phase.step_over_collision_time,
+                mass_scaling: phase.mass_scaling,
+            };
+            bed.begin(&drive)?;
+            let start_s = bed.time_s();
+            series.phase_start_s.push(start_s);
+            let every_s = phase.duration_s / phase.outputs as f64;
+            let mut steps = 0;
+            if phase.mode == Mode::Dynamic {
+                // Observations fall on steps.
+                steps = (every_s / bed.step_s()).ceil() as u64;
+                bed.begin_with_step(every_s / steps as f64)?;
+            }
+            for output in 0..=phase.outputs {
+                if output > 0 {
+                    match phase.mode {
+                        Mode::Dynamic => {
+                            if bed.work().steps + steps > phase.max_work {
+                                let (max_work, time_s) = (phase.max_work, bed.time_s());
+                                return Err(BedError::WorkLimit { max_work, time_s });
+                            }
+                            bed.advance(steps)?;
+                        }
+                        Mode::QuasiStatic => bed.advance_quasi_static(
+                            start_s + output as f64 * every_s,
+                            &phase.quasi_static(self.free_box),
+                            &mut series.quasi_static,
+                        )?,
+                    }
+                }
+                let sample = bed.sample();
+                phase.check_inertia(&sample)?;
+                series.samples.push(sample);
+                series.phase.push(index);
+                let share = series.samples.len() as f64 / total as f64;
+                let progress = Progress { phase: index, share, sample };
+                if observe(&progress, &bed).is_break() {
+                    series.stopped = true;
+                    return Ok(series);
+                }
+            }
+        }
+        Ok(series)
+    }
+
+    /// Refuses to heat a bed whose weight, and not adhesion, would drive the growth.
+    ///
+    /// The load on a particle at the bottom is the weight of the particles above it: the total weight over
+    /// the number of particles in the lowest layer, taken as the base over `4 R^2`.
+    fn check_load(&self, bed: &Bed) -> Result<(), BedError> {
+        let Some(load_over_adhesion) = bed.load_over_adhesion() else { return Ok(()) };
+        let allowed = self.allowed_load_over_adhesion;
+        if load_over_adhesion <= allowed {
+            return Ok(());
+        }
+        let k1 = bed.material().k1_n_per_m();
+        let needed_k1 = k1 * load_over_adhesion / allowed;
+        Err(BedError::TooSoftForGravity { k1, load_over_adhesion, allowed, needed_k1 })
+    }
+}
+
+impl Phase {
+    fn quasi_static(&self, free_box: bool) -> QuasiStaticSettings {
+        QuasiStaticSettings {
+            tolerance: self.tolerance,
+            free_box,
+            max_work: self.max_work,
+            ..QuasiStaticSettings::default()
+        }
+    }
+
+    fn check_inertia(&self, sample: &Sample) -> Result<(), BedError> {
+        let (time_s, inertial_number) = (sample.time_s, sample.inertial_number);
+        match self.inertial_number_limit.filter(|_| self.heated && self.mode == Mode::Dynamic) {
+            Some(limit) if inertial_number > limit => {
+                Err(BedError::Inertia { time_s, inertial_number, limit })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Bed {
+    /// Load on a particle at the bottom over its adhesive force; `None` without gravity.
+    #[must_use]
+    pub fn load_over_adhesion(&self) -> Option<f64> {
+        let g = norm(self.around.gravity_m_per_s2);
+        if g == 0.0 {
+            return None;
+        }
+        let p = &self.particles;
+        let n = p.len() as f64;
+        let radius = p.radius_m.iter().sum::<f64>() / n;
+        let mass: f64 = p.inertia.iter().sum::<f64>() / self.drive.mass_scaling;
+        let mut layer = 1.0;
+        for axis in 0..3 {
+            if self.around.gravity_m_per_s2[axis] == 0.0 {
+                let across = if self.around.region.sides[axis] == Side::Open {
+                    let along = p.position_m.iter().map(|position| position[axis]);
+                    let low = along.clone().fold(f64::INFINITY, f64::min);
+                    along.fold(f64::NEG_INFINITY, f64::max) - low + 2.0 * radius
+                } else {
+                    self.around.region.size_m[axis]
+                };
+                layer *= (across / (2.0 * radius)).max(1.0);
+            }
+        }
+        let adhesion = self.law.law.adhesion * self.material.k1_n_per_m() * radius;
+        Some(mass * g / layer.min(n) / adhesion)
+    }
+}

@@ -1,0 +1,214 @@
+//! Scene files: the examples, and what is said to bad ones.
+
+use std::ops::ControlFlow;
+
+use dem_core::bed::{BedError, Scene, SceneFile, Series};
+use dem_core::{Kinetics, SolverKind, SolverSettings, paper, printed, simulate};
+
+use crate::builders::spec;
+
+fn text(name: &str) -> String {
+    let path = format!("{}/../../experiments/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+    std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"))
+}
+
+fn scene(text: &str) -> Result<Scene, BedError> {
+    SceneFile::parse(text, "scene.toml")?.build()
+}
+
+fn run(scene: &Scene) -> Series {
+    scene.run(|_, _| ControlFlow::Continue(())).expect("runs")
+}
+
+#[test]
+fn example_parameters_are_those_of_the_paper() {
+    let expected = printed::from_printed(&paper::PA12_TABLE3, paper::PA12.radius_m);
+    for name in
+        ["pair", "chain-of-ten", "four-particles", "powder-bed-1000", "periodic-packing-10000"]
+    {
+        let file = SceneFile::parse(&text(name), name).expect("valid");
+        let table = file.sintering.expect("every example sinters");
+        for (value, expected) in [
+            (table.c1, expected.c1),
+            (table.tau_s, expected.tau_s),
+            (table.delta_c, expected.delta_c),
+        ] {
+            assert!((value / expected - 1.0).abs() < 2e-3, "{name}: {value} {expected}");
+        }
+        assert_eq!(file.name, name);
+    }
+}
+
+#[test]
+fn pair_scene_grows_like_the_closed_form() {
+    let mut file = SceneFile::parse(&text("pair"), "pair").expect("valid");
+    file.phases[0].duration_s = 0.5;
+    file.phases[0].outputs = 10;
+    let scene = file.build().expect("valid");
+    let series = run(&scene);
+    let growing = scene.growing().expect("heated");
+    let times: Vec<f64> = series.samples.iter().map(|sample| sample.time_s).collect();
+    let closed = SolverSettings::of(SolverKind::ClosedForm);
+    let pair = spec().build().expect("valid");
+    let curve =
+        simulate(&pair, Kinetics::ThreeStage, &growing.sintering, &closed, &times).expect("runs");
+    assert_eq!(series.samples.len(), 11);
+    assert!((times[10] - 0.5).abs() < 1e-9);
+    for (sample, expected) in series.samples.iter().zip(&curve.contact_ratio) {
+        // Inertia of the soft contact is what remains.
+        assert!((sample.mean_contact_ratio - expected).abs() < 5e-3, "{sample:?} {expected}");
+    }
+}
+
+#[test]
+fn contacts_of_the_chain_grow_alike() {
+    let mut file = SceneFile::parse(&text("chain-of-ten"), "chain").expect("valid");
+    file.phases[0].duration_s = 0.6;
+    file.phases[0].outputs = 3;
+    let series = run(&file.build().expect("valid"));
+    let last = series.samples.last().expect("observed");
+    assert_eq!(last.coordination, 1.8);
+    // The ends have to travel: inertia holds the middle of the chain back a little.
+    assert!(last.contact_ratio_deciles[2] - last.contact_ratio_deciles[0] < 0.02, "{last:?}");
+    assert!(last.mean_contact_ratio > 0.3, "{last:?}");
+}
+
+#[test]
+fn four_particles_stay_a_square_of_four_growing_contacts() {
+    let mut file = SceneFile::parse(&text("four-particles"), "four").expect("valid");
+    file.phases[0].duration_s = 0.5;
+    file.phases[0].outputs = 2;
+    let last = *run(&file.build().expect("valid")).samples.last().expect("observed");
+    assert_eq!(last.coordination, 2.0);
+    assert!(last.mean_contact_ratio > 0.25, "{last:?}");
+}
+
+const SMALL_BED: &str = r#"
+name = "small bed"
+[material]
+youngs_modulus_pa = 1.65e9
+surface_tension_n_per_m = 40.7e-3
+density_kg_per_m3 = 1000.0
+k1_n_per_m = 60.0
+[sintering]
+kinetics = "three-stage"
+c1 = 1.177e-5
+tau_s = 3.81
+delta_c = 9.55e-8
+calibrated_radius_m = 31.5e-6
+[box]
+size_m = [252e-6, 252e-6, 1e-3]
+sides = ["periodic", "periodic", "lower-wall"]
+[particles.packing]
+count = 60
+relative_density = 0.5
+radii = { equal = { radius_m = 31.5e-6 } }
+seed = 1
+[gravity]
+acceleration_m_per_s2 = [0.0, 0.0, -9.81]
+[drag]
+viscosity_pa_s = 2e-4
+[[phases]]
+name = "settle"
+duration_s = 0.1
+heated = false
+outputs = 5
+k1_n_per_m = 0.05
+[[phases]]
+name = "heat"
+duration_s = 0.6
+heated = true
+mode = "quasi-static"
+outputs = 6
+tolerance = 1e-3
+"#;
+
+#[test]
+fn settled_bed_presses_the_floor_with_its_weight() {
+    let scene = scene(SMALL_BED).expect("valid");
+    let mut forces = Vec::new();
+    let mut weight = 0.0;
+    scene
+        .run(|progress, bed| {
+            weight = bed.particles().solid_volume_m3() * 1000.0 * 9.81;
+            forces.push((progress.phase, bed.wall_forces_n()[0][2]));
+            if progress.phase == 1 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        })
+        .expect("runs");
+    let (_, settled) = forces[5];
+    assert!((settled / -weight - 1.0).abs() < 2e-3, "{forces:?} weight {weight}");
+}
+
+#[test]
+fn densification_of_a_bed_does_not_move_when_k1_is_doubled() {
+    let scene = scene(SMALL_BED).expect("valid");
+    let one = run(&scene);
+    let two = run(&scene.clone().with_k1(120.0).expect("valid"));
+    let of = |series: &Series| {
+        let heat = series.phase.iter().position(|&phase| phase == 1).expect("heated");
+        let (first, last) = (&series.samples[heat], series.samples.last().expect("observed"));
+        (last.relative_density / first.relative_density, *last)
+    };
+    let ((a, first), (b, second)) = (of(&one), of(&two));
+    assert!(a > 1.05, "it did not densify: {a} {first:?}");
+    assert!((a - b).abs() < 0.02, "{a} {b}\n{first:?}\n{second:?}");
+}
+
+#[test]
+fn gravity_with_the_stiffness_of_table_2_is_refused_with_one_that_would_do() {
+    let text = SMALL_BED.replace("k1_n_per_m = 60.0", "k1_n_per_m = 3e-4");
+    let short = text.replace("duration_s = 0.1", "duration_s = 1e-5");
+    let error =
+        scene(&short).expect("valid").run(|_, _| ControlFlow::Continue(())).expect_err("too soft");
+    let BedError::TooSoftForGravity { load_over_adhesion, needed_k1, .. } = error else {
+        panic!("{error}")
+    };
+    // Sixty particles over 16 in a layer, 136 fa each (at Table 2's stiffness).
+    assert!(
+        (load_over_adhesion / (136.0 * 60.0 / 16.0) - 1.0).abs() < 0.01,
+        "{load_over_adhesion}"
+    );
+    assert!((1.0..10.0).contains(&needed_k1), "{needed_k1}");
+}
+
+#[test]
+fn bad_scenes_name_field_value_and_remedy() {
+    let cases = [
+        ("k1_n_per_m = 60.0", "k2 = 60.0", "unknown field `k2`"),
+        ("duration_s = 0.6", "duration_s = -1.0", "phases[1].duration_s = -1"),
+        ("count = 60", "count = 0", "particles.packing.count = 0"),
+        ("relative_density = 0.5", "relative_density = 0.7", "was not reached: 60 particles"),
+        ("\"three-stage\"", "\"four-stage\"", "sintering.kinetics = four-stage"),
+        ("radius_m = 31.5e-6 }", "radius_m = 0.0 }", "radii.radius_m = 0"),
+        ("count = 60", "count = 6000", "the particles need more than the box"),
+        ("[252e-6, 252e-6, 1e-3]", "[52e-6, 252e-6, 1e-2]", "periodic and shorter"),
+        // The text as it is.
+        ("heated", "heated", ""),
+        ("density_kg_per_m3 = 1000.0", "density_kg_per_m3 = \"x\"", "scene.toml:6"),
+    ];
+    for (from, to, message) in cases {
+        let result = scene(&SMALL_BED.replace(from, to));
+        match result {
+            Ok(_) => assert_eq!(message, "", "{to} was accepted"),
+            Err(error) => {
+                assert!(
+                    !message.is_empty() && error.to_string().contains(message),
+                    "{to}: {error}"
+                );
+            }
+        }
+    }
+    let overlapping = text("pair").replace("62.9685e-6", "60e-6");
+    let error = scene(&overlapping).expect_err("overlaps").to_string();
+    assert!(error.contains("particles 0 and 1 overlap"), "{error}");
+    let stepping = format!("{}\nstep_over_collision_time = 0.3", text("pair"));
+    let error = scene(&stepping).expect("valid").run(|_, _| ControlFlow::Continue(()));
+    let error = error.expect_err("unstable").to_string();
+    assert!(error.contains("step_over_collision_time"), "{error}");
+    let outside = SMALL_BED.replace(
+        "[particles.packing]\ncount = 60\nrelative_density = 0.5\nradii = { equal = { radius_m = 31.5e-6 } }\nseed = 1",
+        "[particles.table]\npositions_m = [[1e-4, 1e-4, 1e-5]]\nradii_m = [31.5e-6]",
+    );
+    let error = scene(&outside).expect_err("in the floor").to_string();
+    assert!(error.contains("particle 0"), "{error}");
+}
