@@ -150,7 +150,7 @@ pub fn recursion(file: &PosteriorFile, log_time: bool) -> RecursionFigure {
                 log10: summary.coordinate == Coordinate::Log10,
                 median: of(|p| p.median),
                 interval50: Band { lower: of(|p| p.eti50[0]), upper: of(|p| p.eti50[1]) },
-                interval95: Band { lower: of(|p| p.eti90[0]), upper: of(|p| p.eti90[1]) },
+                interval90: Band { lower: of(|p| p.eti90[0]), upper: of(|p| p.eti90[1]) },
                 paper: file.paper.as_ref().and_then(|paper| {
                     paper_place(&summary.parameter.name)
                         .map(|place| summary.coordinate.of(paper.si[place]))

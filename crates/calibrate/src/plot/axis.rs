@@ -120,11 +120,21 @@ impl Axis {
         }
     }
 
-    /// Position of a value as a share of the axis, 0 to 1 within it.
-    pub(super) fn share(&self, value: f64) -> Option<f64> {
-        self.coordinate(value)
-            .map(|c| (c - self.low) / (self.high - self.low))
-            .filter(|s| s.is_finite())
+    /// As [`Axis::coordinate`], but what lies far outside the range is moved nearer, to where rounding does no harm.
+    pub(super) fn near(&self, value: f64) -> Option<f64> {
+        let far = 1e3 * (self.high - self.low);
+        self.coordinate(value).map(|c| c.clamp(self.low - far, self.high + far))
+    }
+
+    /// Whether a coordinate lies on the axis, but for rounding.
+    pub(super) fn holds(&self, coordinate: f64) -> bool {
+        let slack = 1e-3 * (self.high - self.low);
+        (self.low - slack..=self.high + slack).contains(&coordinate)
+    }
+
+    /// The nearest coordinate on the axis.
+    pub(super) fn within(&self, coordinate: f64) -> f64 {
+        coordinate.clamp(self.low, self.high)
     }
 
     /// The densest round ticks whose labels do not touch on an axis of the given length in points.

@@ -1,11 +1,14 @@
 //! Several models over one series of measurements, with their residuals.
+use plotters::style::Color as _;
 
 use super::axis::{Axis, Scale};
-use super::drawing::{Drawing, Ink, Pen};
+use super::elements::Look;
 use super::header::{Swatch, header};
-use super::palette::Marker;
-use super::panel::{Panel, Spec, layout};
-use super::{Columns, PlotError, Role, Width};
+use super::layout::{Spec, layout};
+use super::page::Page;
+use super::palette::{GREY, Marker, Pen};
+use super::panel::Panel;
+use super::{Columns, PlotError, Role};
 
 /// One model of a [`CompareFigure`].
 #[derive(Debug, Clone, PartialEq)]
@@ -38,7 +41,7 @@ pub struct CompareFigure {
 }
 
 impl CompareFigure {
-    pub(super) fn draw(&self, width: Width) -> Result<Drawing, PlotError> {
+    pub(super) fn draw(&self, page: &Page) -> Result<(), PlotError> {
         let columns = Columns("compare");
         columns.need("contact_ratio", &self.contact_ratio, self.time_s.len(), "time")?;
         for curve in &self.curves {
@@ -55,22 +58,17 @@ impl CompareFigure {
                 "time",
             )?;
         }
-        let mut drawing = Drawing::new(width);
-        let outline = Some(Pen::solid(Role::Data.ink(), 0.65));
-        let mut entries = vec![(
-            "measured".to_owned(),
-            Swatch::Point { marker: Marker::Circle, fill: Ink::WHITE, outline },
-        )];
+        let mut entries = vec![("measured".to_owned(), Swatch::measurement())];
         let few = !Panel::dense(&self.time_s);
         entries.extend(self.curves.iter().map(|c| {
             let swatch = if few {
-                Swatch::LineAndPoint { pen: c.role.pen(), marker: c.role.marker() }
+                Swatch::LineAndPoint(c.role.pen(), c.role.marker())
             } else {
                 Swatch::Line(c.role.pen())
             };
             (c.name.clone(), swatch)
         }));
-        let top = header(&mut drawing, &self.title, &entries);
+        let top = header(page, &self.title, &entries)?;
 
         let scale = if self.log_time { Scale::Log } else { Scale::Linear };
         let x = Axis::holding(
@@ -107,39 +105,28 @@ impl CompareFigure {
             residuals.iter().flatten().copied().chain([0.0]),
             0.06,
         );
-        let heights = match width {
-            Width::Column => (125.0, 75.0),
-            Width::Full => (200.0, 110.0),
-        };
+        let heights = page.of_width((125.0, 75.0), (200.0, 110.0));
         let rows = [
             (heights.0, vec![Some(Spec::new(x.clone(), y).x_labels(false))]),
             (heights.1, vec![Some(Spec::new(x, left_over))]),
         ];
         let panels: Vec<_> =
-            layout(&mut drawing, top, 10.0, &rows).into_iter().flatten().flatten().collect();
-        let [curves, residual] = panels.as_slice() else { return Ok(drawing) };
-        curves.data(&mut drawing, &self.time_s, &self.contact_ratio);
+            layout(page, top, 10.0, &rows)?.into_iter().flatten().flatten().collect();
+        let [curves, residual] = panels.as_slice() else { return Ok(()) };
+        curves.data(&self.time_s, &self.contact_ratio)?;
         for curve in &self.curves {
-            curves.line(&mut drawing, &self.grid_s, &curve.curve, curve.role.pen());
+            curves.line(&self.grid_s, &curve.curve, curve.role.pen())?;
         }
-        residual.across(&mut drawing, 0.0, Pen::solid(Ink::GREY, 0.5));
+        residual.across(0.0, Pen::solid(GREY, 0.5))?;
         for (curve, values) in self.curves.iter().zip(&residuals) {
             let (ink, xs) = (curve.role.ink(), &self.time_s);
             if few {
-                residual.line(&mut drawing, xs, values, Pen { width: 0.6, ..curve.role.pen() });
-                residual.markers(&mut drawing, xs, values, curve.role.marker(), 1.3, ink, None);
+                residual.line(xs, values, Pen { width: 0.6, ..curve.role.pen() })?;
+                residual.markers(xs, values, Look::filled(curve.role.marker(), 1.3, ink))?;
             } else {
-                residual.markers(
-                    &mut drawing,
-                    xs,
-                    values,
-                    Marker::Dot,
-                    0.5,
-                    ink.with_opacity(0.5),
-                    None,
-                );
+                residual.markers(xs, values, Look::filled(Marker::Dot, 0.5, ink.mix(0.5)))?;
             }
         }
-        Ok(drawing)
+        Ok(())
     }
 }

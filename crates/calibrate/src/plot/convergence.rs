@@ -1,11 +1,12 @@
 //! Convergence of the sampler, stage by stage.
-
 use super::axis::{Axis, Scale};
-use super::drawing::{Drawing, Ink, Pen};
+use super::elements::Look;
 use super::header::{Swatch, header};
-use super::palette::Marker;
-use super::panel::{Panel, Spec, layout};
-use super::{PlotError, Role, Width};
+use super::layout::{Spec, layout};
+use super::page::Page;
+use super::palette::{BLACK, Marker, Pen};
+use super::panel::Panel;
+use super::{PlotError, Role};
 
 /// One stage of the sampler.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -40,7 +41,7 @@ pub struct ConvergenceFigure {
 }
 
 impl ConvergenceFigure {
-    pub(super) fn draw(&self, width: Width) -> Result<Drawing, PlotError> {
+    pub(super) fn draw(&self, page: &Page) -> Result<(), PlotError> {
         let column =
             |f: fn(&ConvergenceStage) -> f64| -> Vec<f64> { self.stages.iter().map(f).collect() };
         let spent = column(|s| s.simulations);
@@ -51,54 +52,55 @@ impl ConvergenceFigure {
             (column(|s| s.beta), column(|s| s.ess), column(|s| s.k_hat), column(|s| s.components));
 
         let pen = Pen::solid(Role::Posterior.ink(), 1.1);
-        let limit = Pen::dashed(Ink::BLACK, 0.7, &[2.0, 1.6]);
-        let mut drawing = Drawing::new(width);
+        let limit = Pen::dashed(BLACK, 0.7, &[2.0, 1.6]);
         let entries = [
-            ("after each stage".to_owned(), Swatch::LineAndPoint { pen, marker: Marker::Circle }),
+            ("after each stage".to_owned(), Swatch::LineAndPoint(pen, Marker::Circle)),
             ("limit or target".to_owned(), Swatch::Line(limit)),
         ];
-        let top = header(&mut drawing, &self.title, &entries);
+        let top = header(page, &self.title, &entries)?;
 
         let x = Axis::holding("simulations", "", Scale::Linear, spent.iter().copied(), 0.03)
             .starting_at(0.0);
-        let y = |name: &str, unit: &str, scale, values: Vec<f64>| {
-            Axis::holding(name, unit, scale, values, 0.08)
-        };
         let with = |values: &[f64], more: &[f64]| -> Vec<f64> {
             values.iter().chain(more).copied().collect()
         };
-        let axes = [
-            y("tempering β", "", Scale::Linear, with(&beta, &[0.0, 1.0])),
-            y("ESS", "", Scale::Log, with(&ess, self.ess_target.as_slice())),
-            y("log Z", "", Scale::Linear, [evidence.as_slice(), &lower, &upper].concat()),
-            y("k\u{302}", "", Scale::Linear, with(&k_hat, &[0.0, self.k_hat_limit])),
-            y("components", "", Scale::Count, with(&components, &[0.0])),
-        ];
-        let (columns, height) = match width {
-            Width::Column => (1, 52.0),
-            Width::Full => (3, 95.0),
+        let spec = |name: &str, scale, values: Vec<f64>| {
+            Spec::new(x.clone(), Axis::holding(name, "", scale, values, 0.08))
         };
-        let count = axes.len();
-        let mut cells: Vec<Option<Spec>> = axes
-            .into_iter()
+        let log_z = [evidence.as_slice(), &lower, &upper].concat();
+        let specs = [
+            spec("log Z", Scale::Linear, log_z),
+            spec("ESS", Scale::Log, with(&ess, self.ess_target.as_slice())),
+            spec("tempering β", Scale::Linear, with(&beta, &[0.0, 1.0])),
+            spec("k\u{302}", Scale::Linear, with(&k_hat, &[0.0, self.k_hat_limit])),
+            spec("components", Scale::Count, with(&components, &[0.0])),
+        ];
+        // One below the other in a column; on a page two and, below them, three.
+        let (height, counts): (f32, &[usize]) =
+            page.of_width((52.0, &[1, 1, 1, 1, 1]), (95.0, &[2, 3]));
+        let mut specs = specs.into_iter();
+        let rows: Vec<_> = counts
+            .iter()
             .enumerate()
-            .map(|(i, y)| Some(Spec::new(x.clone(), y).x_labels(i + columns >= count)))
+            .map(|(row, &count)| {
+                let labelled = count > 1 || row + 1 == counts.len();
+                let cells = specs.by_ref().take(count).map(|s| Some(s.x_labels(labelled)));
+                (height, cells.collect::<Vec<_>>())
+            })
             .collect();
-        cells.resize(count.div_ceil(columns) * columns, None);
-        let rows: Vec<_> = cells.chunks(columns).map(|row| (height, row.to_vec())).collect();
         let panels: Vec<Panel> =
-            layout(&mut drawing, top, 10.0, &rows).into_iter().flatten().flatten().collect();
-        let [beta_panel, ess_panel, evidence_panel, k_panel, components_panel] = panels.as_slice()
+            layout(page, top, 10.0, &rows)?.into_iter().flatten().flatten().collect();
+        let [evidence_panel, ess_panel, beta_panel, k_panel, components_panel] = panels.as_slice()
         else {
-            return Ok(drawing);
+            return Ok(());
         };
 
-        beta_panel.across(&mut drawing, 1.0, limit);
-        k_panel.across(&mut drawing, self.k_hat_limit, limit);
+        beta_panel.across(1.0, limit)?;
+        k_panel.across(self.k_hat_limit, limit)?;
         if let Some(target) = self.ess_target {
-            ess_panel.across(&mut drawing, target, limit);
+            ess_panel.across(target, limit)?;
         }
-        evidence_panel.bars(&mut drawing, &spent, &lower, &upper, Pen::solid(pen.ink, 0.9));
+        evidence_panel.bars(&spent, &lower, &upper, Pen::solid(pen.ink, 0.9))?;
         let curves = [
             (beta_panel, &beta),
             (ess_panel, &ess),
@@ -107,17 +109,13 @@ impl ConvergenceFigure {
             (components_panel, &components),
         ];
         for (panel, values) in curves {
-            panel.line(&mut drawing, &spent, values, pen);
+            panel.line(&spent, values, pen)?;
             panel.markers(
-                &mut drawing,
                 &spent,
                 values,
-                Marker::Circle,
-                if spent.len() <= 60 { 1.6 } else { 0.6 },
-                pen.ink,
-                None,
-            );
+                Look::filled(Marker::Circle, if spent.len() <= 60 { 1.6 } else { 0.6 }, pen.ink),
+            )?;
         }
-        Ok(drawing)
+        Ok(())
     }
 }

@@ -1,14 +1,16 @@
 //! The corner plot: marginal densities on the diagonal, densities of the pairs below it.
-
-use tiny_skia::PathBuilder;
+use plotters::style::Color as _;
 
 use super::axis::{Axis, Scale};
 use super::density::{self, Bins};
-use super::drawing::{Drawing, Ink, Pen};
+use super::elements::{Look, Region};
 use super::header::{Swatch, header};
-use super::palette::Marker;
-use super::panel::{Panel, Spec, layout};
-use super::{Columns, PlotError, Role, Width};
+use super::layout::{OVERHANG, Spec, layout};
+use super::page::Page;
+use super::palette::{Marker, Pen, WHITE};
+use super::panel::Panel;
+use super::text::{self, anchor};
+use super::{Columns, PlotError, Role};
 
 /// One parameter of a [`CornerFigure`].
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -46,6 +48,9 @@ const MOST_PARAMETERS: usize = 5;
 const BINS: usize = 160;
 /// Bins per coordinate of a pair.
 const PAIR_BINS: usize = 72;
+/// Size of the numbers above the marginals, and their distance from line to line.
+const SUMMARY_SIZE: f32 = 6.0;
+const SUMMARY_LINE: f32 = 8.0;
 
 /// What the panels of one parameter share.
 struct Prepared {
@@ -59,7 +64,7 @@ struct Prepared {
 }
 
 impl CornerFigure {
-    pub(super) fn draw(&self, width: Width) -> Result<Drawing, PlotError> {
+    pub(super) fn draw(&self, page: &Page) -> Result<(), PlotError> {
         let columns = Columns("corner");
         columns.at_most("parameters", self.parameters.len(), MOST_PARAMETERS)?;
         let n = self.parameters.first().map_or(0, |p| p.draws.len());
@@ -72,38 +77,29 @@ impl CornerFigure {
         };
 
         let ink = Role::Posterior.ink();
-        let mut drawing = Drawing::new(width);
-        let mut entries =
-            vec![("50 % of the posterior".to_owned(), Swatch::Band(ink.with_opacity(0.55)))];
+        let mut entries = vec![("50 % of the posterior".to_owned(), Swatch::Band(ink.mix(0.55)))];
         if self.parameters.len() > 1 {
-            entries.push(("95 % (90 % in pairs)".to_owned(), Swatch::Band(ink.with_opacity(0.22))));
+            entries.push(("95 % (90 % in pairs)".to_owned(), Swatch::Band(ink.mix(0.22))));
         } else {
-            entries.push(("95 %".to_owned(), Swatch::Band(ink.with_opacity(0.22))));
+            entries.push(("95 %".to_owned(), Swatch::Band(ink.mix(0.22))));
         }
         if self.parameters.iter().any(|p| !p.prior.is_empty()) {
             entries.push(("prior".to_owned(), Swatch::Line(Role::Prior.pen())));
         }
         if self.parameters.iter().any(|p| p.map.is_some()) {
-            let outline = Some(Pen::solid(Ink::WHITE, 0.4));
-            entries.push((
-                "MAP".to_owned(),
-                Swatch::Point { marker: Marker::Diamond, fill: Role::Map.ink(), outline },
-            ));
+            entries.push(("MAP".to_owned(), Swatch::Point(map_look())));
         }
         if self.parameters.iter().any(|p| p.paper.is_some()) {
             entries.push(("paper".to_owned(), Swatch::Line(Role::Paper.pen())));
         }
-        let top = header(&mut drawing, &self.title, &entries);
+        let top = header(page, &self.title, &entries)?;
 
         let prepared: Vec<Prepared> = self.parameters.iter().map(|p| prepare(p, weight)).collect();
         let count = prepared.len();
         let gap = 7.0;
-        let panel = ((drawing.width - 50.0 - gap * count.saturating_sub(1) as f32)
+        let panel = ((page.width - 50.0 - gap * count.saturating_sub(1) as f32)
             / count.max(1) as f32)
-            .min(match width {
-                Width::Column => 130.0,
-                Width::Full => 180.0,
-            });
+            .min(page.of_width(130.0, 180.0));
         let rows: Vec<(f32, Vec<Option<Spec>>)> = (0..count)
             .map(|row| {
                 let cells = (0..count)
@@ -139,25 +135,21 @@ impl CornerFigure {
                 (panel, cells)
             })
             .collect();
-        let panels = layout(&mut drawing, top, gap, &rows);
+        let panels = layout(page, top + 2.0 * SUMMARY_LINE, gap, &rows)?;
         for (row, cells) in panels.iter().enumerate() {
             for (column, panel) in cells.iter().enumerate() {
                 let Some(panel) = panel else { continue };
                 if row == column {
-                    marginal(&mut drawing, panel, &prepared[row], &self.parameters[row]);
+                    marginal(page, panel, &prepared[row], &self.parameters[row])?;
                 } else {
                     let parameters = (&self.parameters[column], &self.parameters[row]);
-                    pair(
-                        &mut drawing,
-                        panel,
-                        (&prepared[column], &prepared[row]),
-                        parameters,
-                        weight,
-                    );
+                    pair(panel, (&prepared[column], &prepared[row]), parameters, weight)?;
                 }
             }
         }
-        Ok(drawing)
+        let diagonal: Vec<&Panel> =
+            panels.iter().enumerate().filter_map(|(row, cells)| cells[row].as_ref()).collect();
+        summaries(page, &diagonal, gap, &prepared, &self.parameters)
     }
 }
 
@@ -192,35 +184,130 @@ fn prepare(p: &CornerParameter, weight: impl Fn(usize) -> f64 + Copy) -> Prepare
     Prepared { bins: bins(BINS), pair_bins: bins(PAIR_BINS), density, bandwidth, quantiles, axis }
 }
 
-fn marginal(drawing: &mut Drawing, panel: &Panel, prepared: &Prepared, p: &CornerParameter) {
+fn marginal(
+    page: &Page,
+    panel: &Panel,
+    prepared: &Prepared,
+    p: &CornerParameter,
+) -> Result<(), PlotError> {
     let ink = Role::Posterior.ink();
     let xs: Vec<f64> = (0..prepared.bins.count).map(|i| prepared.bins.centre(i)).collect();
     let [q025, q25, q50, q75, q975] = prepared.quantiles;
     for (low, high, opacity) in [(q025, q975, 0.22), (q25, q75, 0.42)] {
         if let Some((xs, ys)) = between(&xs, &prepared.density, low, high) {
-            panel.band(drawing, &xs, &vec![0.0; xs.len()], &ys, ink.with_opacity(opacity));
+            panel.band(&xs, &vec![0.0; xs.len()], &ys, ink.mix(opacity))?;
         }
     }
     let (prior_x, prior_y): (Vec<f64>, Vec<f64>) = p.prior.iter().copied().unzip();
-    panel.line(drawing, &prior_x, &prior_y, Role::Prior.pen());
-    panel.line(drawing, &xs, &prepared.density, Pen::solid(ink, 1.0));
+    panel.line(&prior_x, &prior_y, Role::Prior.pen())?;
+    panel.line(&xs, &prepared.density, Pen::solid(ink, 1.0))?;
     if let Some((_, height)) = between(&xs, &prepared.density, q50, q50) {
-        panel.line(drawing, &[q50, q50], &[0.0, height[0]], Pen::solid(ink, 1.0));
+        panel.line(&[q50, q50], &[0.0, height[0]], Pen::solid(ink, 1.0))?;
     }
-    if let Some(paper) = p.paper {
-        panel.upright(drawing, paper, Role::Paper.pen());
+    if let Some(paper) = p.paper.filter(|paper| paper.is_finite()) {
+        if (panel.x.low..=panel.x.high).contains(&paper) {
+            panel.upright(paper, Role::Paper.pen())?;
+        } else {
+            far_away(page, panel, paper, p.log10)?;
+        }
     }
     if let Some(map) = p.map {
-        panel.markers(
-            drawing,
-            &[map],
-            &[0.0],
-            Marker::Diamond,
-            2.4,
-            Role::Map.ink(),
-            Some(Pen::solid(Ink::WHITE, 0.4)),
-        );
+        panel.markers(&[map], &[0.0], map_look())?;
     }
+    Ok(())
+}
+
+/// An arrow at the edge of a marginal, and the value it points to where there is room for it.
+fn far_away(page: &Page, panel: &Panel, paper: f64, log10: bool) -> Result<(), PlotError> {
+    let below = paper < panel.x.low;
+    let edge = if below { panel.x.low } else { panel.x.high };
+    let height = panel.y.low + 0.9 * (panel.y.high - panel.y.low);
+    let marker = if below { Marker::Left } else { Marker::Right };
+    panel.markers(&[edge], &[height], Look::filled(marker, 2.2, Role::Paper.ink()))?;
+    let (Some((x, y)), Some(inner)) = (panel.on_page(edge, height), panel.inner(0.5)) else {
+        return Ok(());
+    };
+    let value = written(paper, log10);
+    let (x, anchor) = if below { (x + 4.5, anchor::LEFT) } else { (x - 4.5, anchor::RIGHT) };
+    for label in [format!("paper {value}"), value] {
+        if page.text_where_free(&label, SUMMARY_SIZE, (x, y), anchor, &inner)? {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// Median and 95 % interval above each marginal: above every one, or above none if one does not fit.
+fn summaries(
+    page: &Page,
+    diagonal: &[&Panel],
+    gap: f32,
+    prepared: &[Prepared],
+    parameters: &[CornerParameter],
+) -> Result<(), PlotError> {
+    let mut texts = Vec::new();
+    for ((panel, prepared), p) in diagonal.iter().zip(prepared).zip(parameters) {
+        let [low, _, median, _, high] = prepared.quantiles;
+        if !(low.is_finite() && median.is_finite() && high.is_finite()) {
+            return Ok(());
+        }
+        let [low, median, high] = [low, median, high].map(|q| written(q, p.log10));
+        let unit = if p.unit.is_empty() { String::new() } else { format!(" {}", p.unit) };
+        // The last one ends with its panel; the others may reach into the empty half.
+        let last = texts.len() + 1 == diagonal.len();
+        let (x, from) = if last && diagonal.len() > 1 {
+            (panel.right, panel.left - gap / 2.0)
+        } else {
+            (panel.left, panel.left)
+        };
+        let to = if last { page.width - 2.0 } else { panel.right + panel.right - panel.left };
+        let anchors = if last && diagonal.len() > 1 {
+            (anchor::BOTTOM_RIGHT, to.min(panel.right + OVERHANG))
+        } else {
+            (anchor::BOTTOM_LEFT, x)
+        };
+        for (line, y) in [
+            (format!("{} = {median}{unit}", p.symbol), panel.top - 2.0 - SUMMARY_LINE),
+            (format!("{low} … {high}"), panel.top - 2.0),
+        ] {
+            if text::length(&line, SUMMARY_SIZE) > to - from {
+                return Ok(());
+            }
+            texts.push((line, (anchors.1, y), anchors.0));
+        }
+    }
+    for (line, at, anchor) in texts {
+        page.text(&line, SUMMARY_SIZE, at, anchor)?;
+    }
+    Ok(())
+}
+
+/// A value of a coordinate to three digits, or as a power of ten where it is large or small.
+fn written(coordinate: f64, log10: bool) -> String {
+    let (mut mantissa, mut exponent) = if log10 {
+        (10_f64.powf(coordinate - coordinate.floor()), coordinate.floor())
+    } else {
+        let exponent = coordinate.abs().max(1e-300).log10().floor();
+        (coordinate / 10_f64.powf(exponent), exponent)
+    };
+    // Two digits after the point may round up to ten.
+    if (mantissa * 100.0).round().abs() >= 1000.0 {
+        mantissa /= 10.0;
+        exponent += 1.0;
+    }
+    if mantissa == 0.0 {
+        return "0".to_owned();
+    }
+    let text = if (-2.0..3.0).contains(&exponent) {
+        format!("{:.*}", (2.0 - exponent) as usize, mantissa * 10_f64.powf(exponent))
+    } else {
+        format!("{mantissa:.1}×10^{{{exponent}}}")
+    };
+    text.replace('-', "−")
+}
+
+fn map_look() -> Look {
+    Look::filled(Marker::Diamond, 2.4, Role::Map.ink()).outlined(Pen::solid(WHITE, 0.4))
 }
 
 /// The part of a curve between two abscissae, ends interpolated.
@@ -242,12 +329,11 @@ fn between(xs: &[f64], ys: &[f64], low: f64, high: f64) -> Option<(Vec<f64>, Vec
 }
 
 fn pair(
-    drawing: &mut Drawing,
     panel: &Panel,
     (x, y): (&Prepared, &Prepared),
     (px, py): (&CornerParameter, &CornerParameter),
     weight: impl Fn(usize) -> f64 + Copy,
-) {
+) -> Result<(), PlotError> {
     let ink = Role::Posterior.ink();
     // Two coordinates need a wider kernel than one, and correlated ones a narrower: the rule of one is kept.
     let mass = density::pair(
@@ -256,39 +342,27 @@ fn pair(
         weight,
         (x.bandwidth * 1.2, y.bandwidth * 1.2),
     );
+    let at =
+        |bins: &Bins, cell: f64| (bins.centre(0) + cell * bins.width()).clamp(bins.low, bins.high);
     for (share, opacity) in [(0.9, 0.22), (0.5, 0.42)] {
         let level = density::level_holding(&mass, share);
-        let mut path = PathBuilder::new();
-        for outline in density::contours(&mass, PAIR_BINS, level) {
-            for (i, (column, row)) in outline.iter().enumerate() {
-                let at = |bins: &Bins, cell: f64| {
-                    (bins.centre(0) + cell * bins.width()).clamp(bins.low, bins.high)
-                };
-                if let Some((x, y)) = panel.at(at(&x.pair_bins, *column), at(&y.pair_bins, *row)) {
-                    if i == 0 { path.move_to(x, y) } else { path.line_to(x, y) }
-                }
-            }
-            path.close();
-        }
-        let path = path.finish();
-        drawing.fill(path.clone(), ink.with_opacity(opacity));
-        drawing.stroke(path, Pen::solid(ink, 0.7));
+        let outlines = density::contours(&mass, PAIR_BINS, level)
+            .into_iter()
+            .map(|outline| {
+                let place = |(column, row)| (at(&x.pair_bins, column), at(&y.pair_bins, row));
+                outline.into_iter().map(place).collect()
+            })
+            .collect();
+        panel.draw(&Region::new(outlines, ink.mix(opacity), Pen::solid(ink, 0.7)))?;
     }
     if let Some(paper) = px.paper {
-        panel.upright(drawing, paper, Role::Paper.pen());
+        panel.upright(paper, Role::Paper.pen())?;
     }
     if let Some(paper) = py.paper {
-        panel.across(drawing, paper, Role::Paper.pen());
+        panel.across(paper, Role::Paper.pen())?;
     }
     if let (Some(map_x), Some(map_y)) = (px.map, py.map) {
-        panel.markers(
-            drawing,
-            &[map_x],
-            &[map_y],
-            Marker::Diamond,
-            2.4,
-            Role::Map.ink(),
-            Some(Pen::solid(Ink::WHITE, 0.4)),
-        );
+        panel.markers(&[map_x], &[map_y], map_look())?;
     }
+    Ok(())
 }

@@ -1,11 +1,14 @@
 //! The fit: measurements, what the posterior predicts, and the curves it is compared with.
+use plotters::style::Color as _;
 
 use super::axis::{Axis, Scale};
-use super::drawing::{Drawing, Ink, Pen};
+use super::elements::Look;
 use super::header::{Swatch, header};
-use super::palette::Marker;
-use super::panel::{Panel, Spec, layout};
-use super::{Band, Columns, PlotError, Role, Width};
+use super::layout::{Spec, layout};
+use super::page::Page;
+use super::palette::{Marker, Pen, WHITE};
+use super::panel::Panel;
+use super::{Band, Columns, PlotError, Role};
 
 /// Where zipping hands over to stretching: the contact ratio a_ve/R, with a central interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,7 +55,7 @@ pub struct FitFigure {
 }
 
 impl FitFigure {
-    pub(super) fn draw(&self, width: Width) -> Result<Drawing, PlotError> {
+    pub(super) fn draw(&self, page: &Page) -> Result<(), PlotError> {
         let columns = Columns("fit");
         columns.need("contact_ratio", &self.contact_ratio, self.time_s.len(), "time")?;
         for (field, values) in [
@@ -73,9 +76,9 @@ impl FitFigure {
 
         let posterior = Role::Posterior.ink();
         let bands = [
-            (&self.predictive90, posterior.with_opacity(0.13), "90 % with noise"),
-            (&self.band90, posterior.with_opacity(0.25), "90 %"),
-            (&self.band50, posterior.with_opacity(0.35), "50 %"),
+            (&self.predictive90, posterior.mix(0.13), "90 % with noise"),
+            (&self.band90, posterior.mix(0.25), "90 %"),
+            (&self.band50, posterior.mix(0.35), "50 %"),
         ];
         let curves = [
             (&self.mean, Role::Posterior, "posterior mean"),
@@ -84,14 +87,9 @@ impl FitFigure {
             (&self.map, Role::Map, "MAP"),
         ];
 
-        let mut drawing = Drawing::new(width);
         let mut entries = Vec::new();
         if !self.time_s.is_empty() {
-            let outline = Some(Pen::solid(Role::Data.ink(), 0.65));
-            entries.push((
-                "measured".to_owned(),
-                Swatch::Point { marker: Marker::Circle, fill: Ink::WHITE, outline },
-            ));
+            entries.push(("measured".to_owned(), Swatch::measurement()));
         }
         for (values, role, name) in &curves {
             if !values.is_empty() {
@@ -100,10 +98,7 @@ impl FitFigure {
         }
         for (band, ink, name) in bands.iter().rev() {
             if !band.lower.is_empty() {
-                entries.push((
-                    (*name).to_owned(),
-                    Swatch::Band(ink.with_opacity((ink.opacity * 1.6).min(1.0))),
-                ));
+                entries.push(((*name).to_owned(), Swatch::Band(ink.mix(1.6))));
             }
         }
         if self.knee.is_some() {
@@ -112,7 +107,7 @@ impl FitFigure {
         if self.paper_knee.is_some() {
             entries.push(("knee, paper".to_owned(), knee_swatch(Role::Paper)));
         }
-        let top = header(&mut drawing, &self.title, &entries);
+        let top = header(page, &self.title, &entries)?;
 
         let scale = if self.log_time { Scale::Log } else { Scale::Linear };
         let times = self.time_s.iter().chain(&self.grid_s).copied();
@@ -135,64 +130,51 @@ impl FitFigure {
         heights.push(0.0);
         let y =
             Axis::holding("contact ratio a/R", "", Scale::Linear, heights, 0.04).starting_at(0.0);
-        let height = match width {
-            Width::Column => 140.0,
-            Width::Full => 230.0,
-        };
-        let panels = layout(&mut drawing, top, 8.0, &[(height, vec![Some(Spec::new(x, y))])]);
-        let Some(panel) = panels.into_iter().flatten().flatten().next() else { return Ok(drawing) };
+        let height = page.of_width(140.0, 230.0);
+        let panels = layout(page, top, 8.0, &[(height, vec![Some(Spec::new(x, y))])])?;
+        let Some(panel) = panels.into_iter().flatten().flatten().next() else { return Ok(()) };
 
         if Panel::dense(&self.time_s) {
-            panel.data(&mut drawing, &self.time_s, &self.contact_ratio);
+            panel.data(&self.time_s, &self.contact_ratio)?;
         }
         for (band, ink, _) in &bands {
-            panel.band(&mut drawing, &self.grid_s, &band.lower, &band.upper, *ink);
+            panel.band(&self.grid_s, &band.lower, &band.upper, *ink)?;
         }
         for (values, role, _) in &curves {
-            panel.line(&mut drawing, &self.grid_s, values, role.pen());
+            panel.line(&self.grid_s, values, role.pen())?;
         }
         if !Panel::dense(&self.time_s) {
-            panel.data(&mut drawing, &self.time_s, &self.contact_ratio);
+            panel.data(&self.time_s, &self.contact_ratio)?;
         }
         if let Some(knee) = self.paper_knee {
             let at = crossing(&self.grid_s, &self.paper, knee).unwrap_or(f64::NAN);
             let ink = Role::Paper.ink();
             panel.markers(
-                &mut drawing,
                 &[at],
                 &[knee],
-                Marker::Diamond,
-                2.3,
-                ink,
-                Some(Pen::solid(Ink::WHITE, 0.5)),
-            );
+                Look::filled(Marker::Diamond, 2.3, ink).outlined(Pen::solid(WHITE, 0.5)),
+            )?;
         }
         if let Some(knee) = self.knee {
             let curve = if self.map.is_empty() { &self.mean } else { &self.map };
             let at = crossing(&self.grid_s, curve, knee.ratio).unwrap_or(f64::NAN);
-            panel.bars(
-                &mut drawing,
-                &[at],
-                &[knee.lower],
-                &[knee.upper],
-                Pen::solid(posterior, 1.6),
-            );
+            panel.bars(&[at], &[knee.lower], &[knee.upper], Pen::solid(posterior, 1.6))?;
             panel.markers(
-                &mut drawing,
                 &[at],
                 &[knee.ratio],
-                Marker::Diamond,
-                2.3,
-                posterior,
-                Some(Pen::solid(Ink::WHITE, 0.5)),
-            );
+                Look::filled(Marker::Diamond, 2.3, posterior).outlined(Pen::solid(WHITE, 0.5)),
+            )?;
         }
-        Ok(drawing)
+        Ok(())
     }
 }
 
+fn knee_look(role: Role) -> Look {
+    Look::filled(Marker::Diamond, 2.3, role.ink()).outlined(Pen::solid(WHITE, 0.5))
+}
+
 fn knee_swatch(role: Role) -> Swatch {
-    Swatch::Point { marker: Marker::Diamond, fill: role.ink(), outline: None }
+    Swatch::Point(knee_look(role))
 }
 
 /// Where a curve first rises through a level, by linear interpolation.

@@ -1,5 +1,8 @@
 //! The figures of a calibration, drawn into memory as PNG and SVG.
 //!
+//! Figures are drawn with plotters onto a backend of their own ([`Picture`] holds what it writes): lines are placed to a
+//! hundredth of a point, and both formats come from one list of strokes and fills.
+//!
 //! A figure is a plain struct of numbers: it knows neither the simulator nor the sampler. [`Figure::render`] turns it
 //! into a [`Picture`] at the width of a paper column or of a page.
 //!
@@ -13,13 +16,16 @@
 //! Values which are not finite are skipped: a gap in a curve, a missing marker, an interval that is not drawn.
 
 mod axis;
+mod canvas;
 mod compare;
 mod convergence;
 mod corner;
 mod density;
-mod drawing;
+mod elements;
 mod fit;
 mod header;
+mod layout;
+mod page;
 mod palette;
 mod panel;
 mod recursion;
@@ -92,6 +98,9 @@ pub enum PlotError {
         /// How many can be drawn.
         most: usize,
     },
+    /// plotters refused to draw.
+    #[error("the figure could not be drawn: {0}")]
+    Draw(String),
     /// The picture could not be encoded.
     #[error("the picture could not be encoded as PNG: {0}")]
     Encode(String),
@@ -118,20 +127,24 @@ pub trait Figure {
     /// The picture before it is encoded, which tests look into.
     #[cfg(test)]
     #[allow(private_interfaces, reason = "compiled for the tests of this module only")]
-    fn drawing(&self, width: Width) -> Result<drawing::Drawing, PlotError>;
+    fn page(&self, width: Width) -> Result<page::Page, PlotError>;
 }
 
 macro_rules! figures {
     ($($figure:ty),*) => {
         $(impl Figure for $figure {
             fn render(&self, width: Width) -> Result<Picture, PlotError> {
-                self.draw(width)?.finish()
+                let page = page::Page::new(width);
+                self.draw(&page)?;
+                page.picture()
             }
 
             #[cfg(test)]
             #[allow(private_interfaces, reason = "compiled for the tests of this module only")]
-            fn drawing(&self, width: Width) -> Result<drawing::Drawing, PlotError> {
-                self.draw(width)
+            fn page(&self, width: Width) -> Result<page::Page, PlotError> {
+                let page = page::Page::new(width);
+                self.draw(&page)?;
+                Ok(page)
             }
         })*
     };

@@ -3,7 +3,42 @@
 //! The colours of the roles are Okabe and Ito's with the luminance spread, those of the series Tol's: both are told apart
 //! by colour-blind readers. What lies close in greyscale differs in dash or marker.
 
-use super::drawing::{Ink, Pen};
+use plotters::style::{Color as _, RGBAColor, ShapeStyle};
+
+use super::canvas::grid;
+
+pub(super) const BLACK: RGBAColor = opaque(0x1a1a1a);
+pub(super) const WHITE: RGBAColor = opaque(0xffffff);
+pub(super) const GREY: RGBAColor = opaque(0x8c8c8c);
+
+/// An opaque colour from 0xRRGGBB.
+pub(super) const fn opaque(rgb: u32) -> RGBAColor {
+    let [_, r, g, b] = rgb.to_be_bytes();
+    RGBAColor(r, g, b, 1.0)
+}
+
+/// A pen: colour, width in points and dash pattern in points (empty: solid).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Pen {
+    pub(super) ink: RGBAColor,
+    pub(super) width: f32,
+    pub(super) dash: &'static [f32],
+}
+
+impl Pen {
+    pub(super) const fn solid(ink: RGBAColor, width: f32) -> Pen {
+        Pen { ink, width, dash: &[] }
+    }
+
+    pub(super) const fn dashed(ink: RGBAColor, width: f32, dash: &'static [f32]) -> Pen {
+        Pen { ink, width, dash }
+    }
+
+    /// Colour and width as plotters has them.
+    pub(super) fn style(&self) -> ShapeStyle {
+        self.ink.stroke_width(grid(self.width).unsigned_abs())
+    }
+}
 
 /// What a curve or a point stands for; it decides its colour, dash and marker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -35,6 +70,8 @@ pub(super) enum Marker {
     Diamond,
     Cross,
     Down,
+    Left,
+    Right,
 }
 
 const SERIES: [u32; 8] =
@@ -59,15 +96,15 @@ const MARKERS: [Marker; 6] = [
 ];
 
 impl Role {
-    pub(super) fn ink(self) -> Ink {
+    pub(super) fn ink(self) -> RGBAColor {
         match self {
-            Role::Data => Ink::BLACK,
-            Role::Posterior => Ink::of(0x0072b2),
-            Role::Map => Ink::of(0xd55e00),
-            Role::Paper => Ink::of(0x00543f),
-            Role::Frenkel => Ink::of(0xcc79a7),
-            Role::Prior => Ink::GREY,
-            Role::Series(n) => Ink::of(SERIES[n % SERIES.len()]),
+            Role::Data => BLACK,
+            Role::Posterior => opaque(0x0072b2),
+            Role::Map => opaque(0xd55e00),
+            Role::Paper => opaque(0x00543f),
+            Role::Frenkel => opaque(0xcc79a7),
+            Role::Prior => GREY,
+            Role::Series(n) => opaque(SERIES[n % SERIES.len()]),
         }
     }
 

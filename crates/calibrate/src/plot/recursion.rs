@@ -1,11 +1,14 @@
 //! Recursive Bayes: what is known of each parameter after each observation.
+use plotters::style::Color as _;
 
 use super::axis::{Axis, Scale};
-use super::drawing::Drawing;
+use super::elements::Look;
 use super::header::{Swatch, header};
+use super::layout::{Spec, layout};
+use super::page::Page;
 use super::palette::Marker;
-use super::panel::{Panel, Spec, layout};
-use super::{Band, Columns, PlotError, Role, Width};
+use super::panel::Panel;
+use super::{Band, Columns, PlotError, Role};
 
 /// One parameter of a [`RecursionFigure`], after each observation.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -20,8 +23,8 @@ pub struct RecursionParameter {
     pub median: Vec<f64>,
     /// Central 50 % interval after each observation.
     pub interval50: Band,
-    /// Central 95 % interval after each observation.
-    pub interval95: Band,
+    /// Central 90 % interval after each observation.
+    pub interval90: Band,
     /// The paper's value.
     pub paper: Option<f64>,
 }
@@ -39,7 +42,7 @@ pub struct RecursionFigure {
     pub control: Vec<f64>,
     /// Logarithmic control axis.
     pub log_control: bool,
-    /// The parameters, up to five.
+    /// The parameters, up to eight.
     pub parameters: Vec<RecursionParameter>,
     /// Effective sample size after each observation.
     pub ess: Vec<f64>,
@@ -49,7 +52,7 @@ pub struct RecursionFigure {
 const MOST_PARAMETERS: usize = 8;
 
 impl RecursionFigure {
-    pub(super) fn draw(&self, width: Width) -> Result<Drawing, PlotError> {
+    pub(super) fn draw(&self, page: &Page) -> Result<(), PlotError> {
         let columns = Columns("recursion");
         columns.at_most("parameters", self.parameters.len(), MOST_PARAMETERS)?;
         let n = self.control.len();
@@ -62,8 +65,8 @@ impl RecursionFigure {
                 "observation",
             )?;
             columns.allow_band(
-                &format!("interval95 of {}", p.symbol),
-                &p.interval95,
+                &format!("interval90 of {}", p.symbol),
+                &p.interval90,
                 n,
                 "observation",
             )?;
@@ -71,17 +74,16 @@ impl RecursionFigure {
         columns.allow("ess", &self.ess, n, "observation")?;
 
         let ink = Role::Posterior.ink();
-        let (light, dark) = (ink.with_opacity(0.2), ink.with_opacity(0.4));
-        let mut drawing = Drawing::new(width);
+        let (light, dark) = (ink.mix(0.2), ink.mix(0.4));
         let mut entries = vec![
             ("posterior median".to_owned(), Swatch::Line(Role::Posterior.pen())),
-            ("50 %".to_owned(), Swatch::Band(ink.with_opacity(0.52))),
-            ("95 %".to_owned(), Swatch::Band(light)),
+            ("50 %".to_owned(), Swatch::Band(ink.mix(0.52))),
+            ("90 %".to_owned(), Swatch::Band(light)),
         ];
         if self.parameters.iter().any(|p| p.paper.is_some()) {
             entries.push(("paper".to_owned(), Swatch::Line(Role::Paper.pen())));
         }
-        let top = header(&mut drawing, &self.title, &entries);
+        let top = header(page, &self.title, &entries)?;
 
         let scale = if self.log_control { Scale::Log } else { Scale::Linear };
         let x = Axis::holding(
@@ -99,8 +101,8 @@ impl RecursionFigure {
                 let values = p
                     .median
                     .iter()
-                    .chain(&p.interval95.lower)
-                    .chain(&p.interval95.upper)
+                    .chain(&p.interval90.lower)
+                    .chain(&p.interval90.upper)
                     .chain(&p.paper);
                 Spec::new(
                     x.clone(),
@@ -114,10 +116,7 @@ impl RecursionFigure {
                 Axis::holding("ESS", "", Scale::Log, self.ess.iter().copied(), 0.08),
             ));
         }
-        let (columns, height) = match width {
-            Width::Column => (1, 62.0),
-            Width::Full => (2, 100.0),
-        };
+        let (columns, height) = page.of_width((1, 62.0), (2, 100.0));
         let columns = columns.min(specs.len().max(1));
         let last_row_starts = specs.len().saturating_sub(columns);
         let cells: Vec<Option<Spec>> = specs
@@ -134,46 +133,24 @@ impl RecursionFigure {
             })
             .collect();
         let panels: Vec<Panel> =
-            layout(&mut drawing, top, 10.0, &rows).into_iter().flatten().flatten().collect();
+            layout(page, top, 10.0, &rows)?.into_iter().flatten().flatten().collect();
         for (panel, p) in panels.iter().zip(&self.parameters) {
-            panel.band(
-                &mut drawing,
-                &self.control,
-                &p.interval95.lower,
-                &p.interval95.upper,
-                light,
-            );
-            panel.band(&mut drawing, &self.control, &p.interval50.lower, &p.interval50.upper, dark);
-            panel.line(&mut drawing, &self.control, &p.median, Role::Posterior.pen());
+            panel.band(&self.control, &p.interval90.lower, &p.interval90.upper, light)?;
+            panel.band(&self.control, &p.interval50.lower, &p.interval50.upper, dark)?;
+            panel.line(&self.control, &p.median, Role::Posterior.pen())?;
             if n <= 60 {
-                panel.markers(
-                    &mut drawing,
-                    &self.control,
-                    &p.median,
-                    Marker::Circle,
-                    1.2,
-                    ink,
-                    None,
-                );
+                panel.markers(&self.control, &p.median, Look::filled(Marker::Circle, 1.2, ink))?;
             }
             if let Some(paper) = p.paper {
-                panel.across(&mut drawing, paper, Role::Paper.pen());
+                panel.across(paper, Role::Paper.pen())?;
             }
         }
         if let Some(panel) = panels.get(self.parameters.len()) {
-            panel.line(&mut drawing, &self.control, &self.ess, Role::Posterior.pen());
+            panel.line(&self.control, &self.ess, Role::Posterior.pen())?;
             if n <= 60 {
-                panel.markers(
-                    &mut drawing,
-                    &self.control,
-                    &self.ess,
-                    Marker::Circle,
-                    1.2,
-                    ink,
-                    None,
-                );
+                panel.markers(&self.control, &self.ess, Look::filled(Marker::Circle, 1.2, ink))?;
             }
         }
-        Ok(drawing)
+        Ok(())
     }
 }

@@ -1,12 +1,12 @@
 //! The regime map of a/R against time: eqs. 3 to 5, as in Figure 2 of the paper.
-
 use super::axis::{Axis, Scale};
-use super::drawing::{Drawing, Ink, Pen};
+use super::elements::Look;
 use super::header::{Swatch, header};
-use super::palette::Marker;
-use super::panel::{Spec, layout};
-use super::text::Anchor;
-use super::{Columns, PlotError, Role, Width};
+use super::layout::{Spec, TITLE_SIZE, layout};
+use super::page::Page;
+use super::palette::{BLACK, GREY, Marker, Pen, opaque};
+use super::text::anchor;
+use super::{Columns, PlotError, Role};
 
 /// Adhesive contact, zipping and stretching, with the two points where one hands over to the next.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -34,7 +34,7 @@ pub struct RegimeMapFigure {
 }
 
 impl RegimeMapFigure {
-    pub(super) fn draw(&self, width: Width) -> Result<Drawing, PlotError> {
+    pub(super) fn draw(&self, page: &Page) -> Result<(), PlotError> {
         let columns = Columns("regime map");
         columns.need("a1", &self.a1, self.grid_s.len(), "grid time")?;
         columns.need("a2", &self.a2, self.grid_s.len(), "grid time")?;
@@ -52,21 +52,16 @@ impl RegimeMapFigure {
                 self.final_ratio.map_or(a, |end| a.min(end))
             })
             .collect();
-        let mut drawing = Drawing::new(width);
-        let wide = Pen::solid(Ink::of(0xd9d9d9), 4.0);
+        let wide = Pen::solid(opaque(0xd9d9d9), 4.0);
         let mut entries: Vec<_> = stages
             .iter()
             .map(|(_, role, name)| ((*name).to_owned(), Swatch::Line(role.pen())))
             .collect();
         entries.push(("largest of the three".to_owned(), Swatch::Line(wide)));
         if !self.data_time_s.is_empty() {
-            let outline = Some(Pen::solid(Role::Data.ink(), 0.65));
-            entries.push((
-                "measured".to_owned(),
-                Swatch::Point { marker: Marker::Circle, fill: Ink::WHITE, outline },
-            ));
+            entries.push(("measured".to_owned(), Swatch::measurement()));
         }
-        let top = header(&mut drawing, &self.title, &entries);
+        let top = header(page, &self.title, &entries)?;
 
         let points = [self.p1, self.p2];
         let marked = points.iter().flatten();
@@ -84,38 +79,36 @@ impl RegimeMapFigure {
             .chain(marked.clone().map(|p| p.1))
             .chain(self.final_ratio);
         let y = Axis::holding("contact ratio a/R", "", Scale::Log, heights, 0.1);
-        let height = match width {
-            Width::Column => 140.0,
-            Width::Full => 230.0,
-        };
-        let panels = layout(&mut drawing, top, 8.0, &[(height, vec![Some(Spec::new(x, y))])]);
-        let Some(panel) = panels.into_iter().flatten().flatten().next() else { return Ok(drawing) };
-        panel.line(&mut drawing, &self.grid_s, &envelope, wide);
+        let height = page.of_width(140.0, 230.0);
+        let panels = layout(page, top, 8.0, &[(height, vec![Some(Spec::new(x, y))])])?;
+        let Some(panel) = panels.into_iter().flatten().flatten().next() else { return Ok(()) };
+        panel.line(&self.grid_s, &envelope, wide)?;
         if let Some(end) = self.final_ratio {
-            panel.across(&mut drawing, end, Pen::dashed(Ink::GREY, 0.6, &[1.2, 1.4]));
+            panel.across(end, Pen::dashed(GREY, 0.6, &[1.2, 1.4]))?;
         }
         for (values, role, _) in &stages {
-            panel.line(&mut drawing, &self.grid_s, values, role.pen());
+            panel.line(&self.grid_s, values, role.pen())?;
         }
-        panel.data(&mut drawing, &self.data_time_s, &self.data_ratio);
+        panel.data(&self.data_time_s, &self.data_ratio)?;
         // Above p1 on the left and below p2 on the right nothing runs; near an edge the other side is taken.
-        let below = ((4.5, 4.0), Anchor::TOP_LEFT);
-        let above = ((-3.5, -4.5), Anchor::BOTTOM_RIGHT);
+        let below = ((4.5, 4.0), anchor::TOP_LEFT);
+        let above = ((-3.5, -4.5), anchor::BOTTOM_RIGHT);
         for (point, name, sides) in
             [(self.p1, "p_{1}", [above, below]), (self.p2, "p_{2}", [below, above])]
         {
             let Some((time_s, ratio)) = point else { continue };
-            let ink = Ink::BLACK;
-            panel.markers(&mut drawing, &[time_s], &[ratio], Marker::Circle, 2.2, ink, None);
-            let Some((x, y)) = panel.at(time_s, ratio).filter(|&at| panel.holds(at)) else {
+            let ink = BLACK;
+            panel.markers(&[time_s], &[ratio], Look::filled(Marker::Circle, 2.2, ink))?;
+            let Some((x, y)) = panel.on_page(time_s, ratio) else {
                 continue;
             };
+            let Some(inner) = panel.inner(1.0) else { continue };
             for ((dx, dy), anchor) in sides {
-                if panel.label(&mut drawing, name, (x + dx, y + dy), anchor) {
+                if page.text_where_free(name, TITLE_SIZE, (x + dx, y + dy), anchor, &inner)? {
                     break;
                 }
             }
         }
-        Ok(drawing)
+        Ok(())
     }
 }

@@ -1,11 +1,13 @@
 //! Residuals: is what the model leaves over noise?
+use plotters::style::Color as _;
 
 use super::axis::{Axis, Scale};
-use super::drawing::{Drawing, Ink, Pen};
+use super::elements::Look;
 use super::header::{Swatch, header};
-use super::palette::Marker;
-use super::panel::{Spec, layout};
-use super::{Columns, PlotError, Role, Width};
+use super::layout::{Spec, layout};
+use super::page::Page;
+use super::palette::{GREY, Marker, Pen};
+use super::{Columns, PlotError, Role};
 
 /// Residuals against time, their autocorrelation, and their normal quantiles.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -23,24 +25,16 @@ pub struct ResidualsFigure {
 }
 
 impl ResidualsFigure {
-    pub(super) fn draw(&self, width: Width) -> Result<Drawing, PlotError> {
+    pub(super) fn draw(&self, page: &Page) -> Result<(), PlotError> {
         Columns("residuals").need("residual", &self.residual, self.time_s.len(), "time")?;
         let sigma = if self.sigma.is_finite() { self.sigma.abs() } else { f64::NAN };
         let ink = Role::Posterior.ink();
-        let outline = Some(Pen::solid(Role::Data.ink(), 0.65));
-        let mut drawing = Drawing::new(width);
         let entries = [
-            (
-                "measured − model".to_owned(),
-                Swatch::Point { marker: Marker::Circle, fill: Ink::WHITE, outline },
-            ),
-            ("±2σ of the noise".to_owned(), Swatch::Band(ink.with_opacity(0.25))),
-            (
-                "95 % if uncorrelated".to_owned(),
-                Swatch::Line(Pen::dashed(Ink::GREY, 0.8, &[1.2, 1.4])),
-            ),
+            ("measured − model".to_owned(), Swatch::measurement()),
+            ("±2σ of the noise".to_owned(), Swatch::Band(ink.mix(0.25))),
+            ("95 % if uncorrelated".to_owned(), Swatch::Line(Pen::dashed(GREY, 0.8, &[1.2, 1.4]))),
         ];
-        let top = header(&mut drawing, &self.title, &entries);
+        let top = header(page, &self.title, &entries)?;
 
         let scale = if self.log_time { Scale::Log } else { Scale::Linear };
         let x = Axis::holding("time t", "s", scale, self.time_s.iter().copied(), 0.02);
@@ -67,10 +61,7 @@ impl ResidualsFigure {
         let sorted_axis =
             Axis::holding("residual", "σ", Scale::Linear, sorted.iter().copied(), 0.05);
 
-        let heights = match width {
-            Width::Column => (95.0, 80.0),
-            Width::Full => (140.0, 130.0),
-        };
+        let heights = page.of_width((95.0, 80.0), (140.0, 130.0));
         let rows = [
             (heights.0, vec![Some(Spec::new(x, y))]),
             (
@@ -82,40 +73,28 @@ impl ResidualsFigure {
             ),
         ];
         let panels: Vec<_> =
-            layout(&mut drawing, top, 10.0, &rows).into_iter().flatten().flatten().collect();
-        let [time, lag, quantile] = panels.as_slice() else { return Ok(drawing) };
+            layout(page, top, 10.0, &rows)?.into_iter().flatten().flatten().collect();
+        let [time, lag, quantile] = panels.as_slice() else { return Ok(()) };
 
         let ends = if self.log_time {
             [10_f64.powf(time.x.low), 10_f64.powf(time.x.high)]
         } else {
             [time.x.low, time.x.high]
         };
-        time.band(
-            &mut drawing,
-            &ends,
-            &[-2.0 * sigma; 2],
-            &[2.0 * sigma; 2],
-            ink.with_opacity(0.15),
-        );
-        time.across(&mut drawing, 0.0, Pen::solid(ink, 0.8));
-        time.data(&mut drawing, &self.time_s, &self.residual);
+        time.band(&ends, &[-2.0 * sigma; 2], &[2.0 * sigma; 2], ink.mix(0.15))?;
+        time.across(0.0, Pen::solid(ink, 0.8))?;
+        time.data(&self.time_s, &self.residual)?;
 
         for level in [white, -white] {
-            lag.across(&mut drawing, level, Pen::dashed(Ink::GREY, 0.8, &[1.2, 1.4]));
+            lag.across(level, Pen::dashed(GREY, 0.8, &[1.2, 1.4]))?;
         }
-        lag.across(&mut drawing, 0.0, Pen::solid(Ink::GREY, 0.5));
-        lag.bars(
-            &mut drawing,
-            &lags,
-            &vec![0.0; lags.len()],
-            &correlation,
-            Pen::solid(Role::Data.ink(), 0.9),
-        );
-        lag.markers(&mut drawing, &lags, &correlation, Marker::Circle, 1.4, Role::Data.ink(), None);
+        lag.across(0.0, Pen::solid(GREY, 0.5))?;
+        lag.bars(&lags, &vec![0.0; lags.len()], &correlation, Pen::solid(Role::Data.ink(), 0.9))?;
+        lag.markers(&lags, &correlation, Look::filled(Marker::Circle, 1.4, Role::Data.ink()))?;
 
-        quantile.line(&mut drawing, &[-10.0, 10.0], &[-10.0, 10.0], Pen::solid(ink, 0.8));
-        quantile.data(&mut drawing, &normal, &sorted);
-        Ok(drawing)
+        quantile.line(&[-10.0, 10.0], &[-10.0, 10.0], Pen::solid(ink, 0.8))?;
+        quantile.data(&normal, &sorted)?;
+        Ok(())
     }
 }
 

@@ -139,16 +139,16 @@ pub(super) fn figures(
                 .map(|(i, m)| m + z * width / (1.0 + i as f64).sqrt())
                 .collect(),
         };
-        (median.clone(), spread(0.67), spread(1.96))
+        (median.clone(), spread(0.67), spread(1.64))
     };
     let recursion_parameter =
-        |symbol: &str, unit: &str, (median, interval50, interval95), paper| RecursionParameter {
+        |symbol: &str, unit: &str, (median, interval50, interval90), paper| RecursionParameter {
             symbol: symbol.to_owned(),
             unit: unit.to_owned(),
             log10: true,
             median,
             interval50,
-            interval95,
+            interval90,
             paper,
         };
     let recursion = RecursionFigure {

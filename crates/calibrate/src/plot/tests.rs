@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 
 use super::axis::{Axis, Direction, Scale, TICK_SIZE, Ticks};
-use super::drawing::Drawing;
+use super::page::Page;
 use super::*;
 
 /// Enough to find what has been found so far, in seconds without optimisation; 400 have passed.
@@ -88,8 +88,8 @@ fn a_shortened_text_fits_and_never_shows_markup() {
 }
 
 /// The figures of every kind, at both widths, with few and many observations and with long names.
-fn every_drawing() -> Vec<(String, Drawing)> {
-    let mut drawings = Vec::new();
+fn every_page() -> Vec<(String, Page)> {
+    let mut pages = Vec::new();
     for (n, end_s, long_names) in [
         (0, 1.0, false),
         (1, 1.0, false),
@@ -100,29 +100,28 @@ fn every_drawing() -> Vec<(String, Drawing)> {
     ] {
         for (name, figure) in synthetic::figures(n, end_s, long_names) {
             for width in [Width::Column, Width::Full] {
-                let drawing = figure.drawing(width).expect("the columns match");
-                drawings.push((format!("{name} with {n} observations, {width:?}"), drawing));
+                let page = figure.page(width).expect("the columns match");
+                pages.push((format!("{name} with {n} observations, {width:?}"), page));
             }
         }
     }
-    drawings
+    pages
 }
 
 /// Panics, naming both, if two texts touch or one leaves the canvas.
-fn assert_texts_are_apart(name: &str, drawing: &Drawing) {
-    for (i, one) in drawing.texts.iter().enumerate() {
+fn assert_texts_are_apart(name: &str, page: &Page) {
+    let canvas = page.canvas();
+    let (width, height) = canvas.size_in_points();
+    for (i, one) in canvas.texts.iter().enumerate() {
         let b = one.bounds;
         assert!(
-            b.left() >= 0.0
-                && b.top() >= 0.0
-                && b.right() <= drawing.width
-                && b.bottom() <= drawing.height,
+            b.left() >= 0.0 && b.top() >= 0.0 && b.right() <= width && b.bottom() <= height,
             "{name}: `{}` at {b:?} leaves the canvas of {} x {}",
             one.text,
-            drawing.width,
-            drawing.height
+            width,
+            height
         );
-        for other in &drawing.texts[..i] {
+        for other in &canvas.texts[..i] {
             let o = other.bounds;
             let apart = b.left() > o.right()
                 || o.left() > b.right()
@@ -135,9 +134,9 @@ fn assert_texts_are_apart(name: &str, drawing: &Drawing) {
 
 #[test]
 fn no_text_overlaps_another_or_leaves_the_canvas() {
-    for (name, drawing) in every_drawing() {
-        assert!(drawing.texts.len() >= 3, "{name} has lost its texts");
-        assert_texts_are_apart(&name, &drawing);
+    for (name, page) in every_page() {
+        assert!(page.canvas().texts.len() >= 3, "{name} has lost its texts");
+        assert_texts_are_apart(&name, &page);
     }
 }
 
@@ -325,7 +324,7 @@ proptest! {
         };
         let other = CornerParameter { draws: ys.clone(), log10: false, ..parameter.clone() };
         let recursion = RecursionParameter {
-            median: ys.clone(), interval50: band.clone(), interval95: band.clone(), paper: Some(shift), log10: log,
+            median: ys.clone(), interval50: band.clone(), interval90: band.clone(), paper: Some(shift), log10: log,
             ..Default::default()
         };
         let stage = |i: usize| ConvergenceStage {
@@ -364,9 +363,9 @@ proptest! {
             Box::new(WorkPrecisionFigure { series: vec![series], guide_slope: Some(shift), ..Default::default() }),
         ];
         for (i, figure) in figures.iter().enumerate() {
-            let drawing = figure.drawing(Width::Column).expect("the columns match");
-            assert_texts_are_apart(&format!("figure {i}"), &drawing);
-            assert_well_formed(&drawing.svg());
+            let page = figure.page(Width::Column).expect("the columns match");
+            assert_texts_are_apart(&format!("figure {i}"), &page);
+            assert_well_formed(&page.canvas().svg());
         }
     }
 }

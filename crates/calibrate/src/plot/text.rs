@@ -2,6 +2,7 @@
 
 use std::sync::LazyLock;
 
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 use tiny_skia::{Path, PathBuilder, Transform};
 use ttf_parser::{Face, OutlineBuilder};
 
@@ -18,25 +19,16 @@ static FACE: LazyLock<Face<'static>> = LazyLock::new(|| {
     Face::parse(dejavu::sans::regular(), 0).expect("the face is part of the program and parses")
 });
 
-/// Which point of a text is put where, and in which direction it runs.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Anchor {
-    /// 0: left end, 0.5: middle, 1: right end.
-    along: f32,
-    /// 0: baseline, 0.5: middle of the capitals, 1: top of the capitals.
-    up: f32,
-    /// Reads upwards, turned by a quarter.
-    turned: bool,
-}
+/// Points of a text that are put somewhere. Vertically a text ends with its baseline and its capitals.
+pub(super) mod anchor {
+    use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-impl Anchor {
-    pub(super) const LEFT: Anchor = Anchor { along: 0.0, up: 0.5, turned: false };
-    pub(super) const RIGHT: Anchor = Anchor { along: 1.0, up: 0.5, turned: false };
-    pub(super) const TOP: Anchor = Anchor { along: 0.5, up: 1.0, turned: false };
-    pub(super) const TOP_LEFT: Anchor = Anchor { along: 0.0, up: 1.0, turned: false };
-    pub(super) const BOTTOM_LEFT: Anchor = Anchor { along: 0.0, up: 0.0, turned: false };
-    pub(super) const BOTTOM_RIGHT: Anchor = Anchor { along: 1.0, up: 0.0, turned: false };
-    pub(super) const TURNED: Anchor = Anchor { along: 0.5, up: 1.0, turned: true };
+    pub(crate) const LEFT: Pos = Pos { h_pos: HPos::Left, v_pos: VPos::Center };
+    pub(crate) const RIGHT: Pos = Pos { h_pos: HPos::Right, v_pos: VPos::Center };
+    pub(crate) const TOP: Pos = Pos { h_pos: HPos::Center, v_pos: VPos::Top };
+    pub(crate) const TOP_LEFT: Pos = Pos { h_pos: HPos::Left, v_pos: VPos::Top };
+    pub(crate) const BOTTOM_LEFT: Pos = Pos { h_pos: HPos::Left, v_pos: VPos::Bottom };
+    pub(crate) const BOTTOM_RIGHT: Pos = Pos { h_pos: HPos::Right, v_pos: VPos::Bottom };
 }
 
 /// Characters of a text with the size and shift of each, in ems.
@@ -102,12 +94,28 @@ pub(super) fn shortened(text: &str, size: f32, room: f32) -> String {
     String::new()
 }
 
-/// Outlines of a text, or nothing for a text without ink.
-pub(super) fn outline(text: &str, size: f32, at: (f32, f32), anchor: Anchor) -> Option<Path> {
+/// Outlines of a text, or nothing for a text without ink. A turned text reads upwards.
+pub(super) fn outline(
+    text: &str,
+    size: f32,
+    at: (f32, f32),
+    anchor: Pos,
+    turned: bool,
+) -> Option<Path> {
+    let along = match anchor.h_pos {
+        HPos::Left => 0.0,
+        HPos::Center => 0.5,
+        HPos::Right => 1.0,
+    };
+    let up = match anchor.v_pos {
+        VPos::Bottom => 0.0,
+        VPos::Center => 0.5,
+        VPos::Top => 1.0,
+    };
     let mut pen = Outlines { path: PathBuilder::new(), scale: 1.0, x: 0.0, y: 0.0 };
     let em = f32::from(FACE.units_per_em());
-    let mut x = -anchor.along * length(text, size);
-    let y = anchor.up * CAP_HEIGHT * size;
+    let mut x = -along * length(text, size);
+    let y = up * CAP_HEIGHT * size;
     for (c, scale, shift) in glyphs(text) {
         pen.scale = size * scale / em;
         pen.x = x;
@@ -116,7 +124,7 @@ pub(super) fn outline(text: &str, size: f32, at: (f32, f32), anchor: Anchor) -> 
         x += advance_em(c) * scale * size;
     }
     let path = pen.path.finish()?;
-    let turn = if anchor.turned {
+    let turn = if turned {
         Transform::from_row(0.0, -1.0, 1.0, 0.0, at.0, at.1)
     } else {
         Transform::from_translate(at.0, at.1)

@@ -1,10 +1,13 @@
 //! Work against precision, both logarithmic.
+use plotters::style::Color as _;
 
 use super::axis::{Axis, Scale};
-use super::drawing::{Drawing, Ink, Pen};
+use super::elements::Look;
 use super::header::{Swatch, header};
-use super::panel::{Spec, layout};
-use super::{Band, Columns, PlotError, Role, Width};
+use super::layout::{Spec, layout};
+use super::page::Page;
+use super::palette::{GREY, Pen};
+use super::{Band, Columns, PlotError, Role};
 
 /// One method of a [`WorkPrecisionFigure`].
 #[derive(Debug, Clone, PartialEq)]
@@ -41,29 +44,23 @@ pub struct WorkPrecisionFigure {
 }
 
 impl WorkPrecisionFigure {
-    pub(super) fn draw(&self, width: Width) -> Result<Drawing, PlotError> {
+    pub(super) fn draw(&self, page: &Page) -> Result<(), PlotError> {
         let columns = Columns("work precision");
         for s in &self.series {
             columns.need(&format!("error of {}", s.name), &s.error, s.cost.len(), "cost")?;
             columns.allow_band(&format!("band of {}", s.name), &s.band, s.cost.len(), "cost")?;
         }
-        let guide_pen = Pen::solid(Ink::GREY, 0.7);
-        let mut drawing = Drawing::new(width);
+        let guide_pen = Pen::solid(GREY, 0.7);
         let mut entries: Vec<_> = self
             .series
             .iter()
-            .map(|s| {
-                (
-                    s.name.clone(),
-                    Swatch::LineAndPoint { pen: s.role.pen(), marker: s.role.marker() },
-                )
-            })
+            .map(|s| (s.name.clone(), Swatch::LineAndPoint(s.role.pen(), s.role.marker())))
             .collect();
         if let Some(slope) = self.guide_slope.filter(|s| s.is_finite()) {
             let slope = slope.to_string().replace('-', "−");
             entries.push((format!("slope {slope}"), Swatch::Line(guide_pen)));
         }
-        let top = header(&mut drawing, &self.title, &entries);
+        let top = header(page, &self.title, &entries)?;
         let x = Axis::holding(
             &self.cost_name,
             &self.cost_unit,
@@ -77,12 +74,9 @@ impl WorkPrecisionFigure {
             .flat_map(|s| s.error.iter().chain(&s.band.upper).chain(&s.band.lower));
         let y =
             Axis::holding(&self.error_name, &self.error_unit, Scale::Log, values.copied(), 0.06);
-        let height = match width {
-            Width::Column => 140.0,
-            Width::Full => 230.0,
-        };
-        let panels = layout(&mut drawing, top, 8.0, &[(height, vec![Some(Spec::new(x, y))])]);
-        let Some(panel) = panels.into_iter().flatten().flatten().next() else { return Ok(drawing) };
+        let height = page.of_width(140.0, 230.0);
+        let panels = layout(page, top, 8.0, &[(height, vec![Some(Spec::new(x, y))])])?;
+        let Some(panel) = panels.into_iter().flatten().flatten().next() else { return Ok(()) };
         if let Some(slope) = self.guide_slope.filter(|s| s.is_finite()) {
             // Through the middle of the panel, as far as it goes; in coordinates, then back to values.
             let (x0, y0) = ((panel.x.low + panel.x.high) / 2.0, (panel.y.low + panel.y.high) / 2.0);
@@ -91,30 +85,20 @@ impl WorkPrecisionFigure {
                 .iter()
                 .map(|dx| (10_f64.powf(x0 + dx), 10_f64.powf(y0 + slope * dx)))
                 .unzip();
-            panel.line(&mut drawing, &xs, &ys, guide_pen);
+            panel.line(&xs, &ys, guide_pen)?;
         }
         for s in &self.series {
-            panel.band(
-                &mut drawing,
-                &s.cost,
-                &s.band.lower,
-                &s.band.upper,
-                s.role.ink().with_opacity(0.15),
-            );
+            panel.band(&s.cost, &s.band.lower, &s.band.upper, s.role.ink().mix(0.15))?;
         }
         for s in &self.series {
-            panel.line(&mut drawing, &s.cost, &s.error, s.role.pen());
+            panel.line(&s.cost, &s.error, s.role.pen())?;
             let radius = if s.cost.len() <= 120 { 1.8 } else { 0.7 };
             panel.markers(
-                &mut drawing,
                 &s.cost,
                 &s.error,
-                s.role.marker(),
-                radius,
-                s.role.ink(),
-                None,
-            );
+                Look::filled(s.role.marker(), radius, s.role.ink()),
+            )?;
         }
-        Ok(drawing)
+        Ok(())
     }
 }
