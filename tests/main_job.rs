@@ -32,10 +32,19 @@ fn names(sandbox: &Sandbox, folder: &str) -> Vec<String> {
     names
 }
 
+/// Reads a run's `posterior.json` and holds it against the schema.
 fn posterior(sandbox: &Sandbox, folder: &str) -> serde_json::Value {
     let text = fs::read_to_string(sandbox.path().join(folder).join("posterior.json"))
         .expect("posterior.json");
-    serde_json::from_str(&text).expect("JSON")
+    let file = serde_json::from_str(&text).expect("JSON");
+    let schema = crate::sandbox::root().join("crates/calibrate/schema/posterior.schema.json");
+    let schema = fs::read_to_string(schema).expect("the schema");
+    let schema = serde_json::from_str(&schema).expect("JSON");
+    let validator = jsonschema::validator_for(&schema).expect("a schema");
+    let mistakes: Vec<String> =
+        validator.iter_errors(&file).map(|error| error.to_string()).collect();
+    assert!(mistakes.is_empty(), "{mistakes:#?}");
+    file
 }
 
 /// The default budget of each material against quadrature: `--verify` fails where they differ.

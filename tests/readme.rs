@@ -43,7 +43,10 @@ fn every_path_in_the_readmes_tables_exists_and_no_folder_or_crate_is_left_out() 
         assert!(listed.contains(&format!("{name}/")), "the README does not name {name}/");
     }
     for name in folders("crates") {
-        assert!(listed.contains(&format!("crates/{name}")), "the README does not name crates/{name}");
+        assert!(
+            listed.contains(&format!("crates/{name}")),
+            "the README does not name crates/{name}"
+        );
     }
 }
 

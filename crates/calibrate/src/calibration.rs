@@ -109,6 +109,7 @@ fn report(
     };
     let mut advice = planned.warnings.clone();
     advice.extend(posterior.warnings.iter().map(ToString::to_string));
+    advice.extend(posterior.parameters.iter().filter_map(magnitude_advice));
     advice.extend(kinetics_advice(kinetics));
     // The input's warnings and the sampler's may say the same (fewer observations than parameters).
     let mut seen = std::collections::BTreeSet::new();
@@ -143,6 +144,20 @@ fn report(
         warnings: posterior.warnings.clone(),
         advice,
         counters: posterior.counters,
+    })
+}
+
+/// A 95 % interval over more than this factor is knowledge of the order of magnitude only.
+const MAGNITUDE: f64 = 100.0;
+
+fn magnitude_advice(summary: &smc_calib::ParameterSummary) -> Option<String> {
+    let interval = &summary.in_si.eti95;
+    let factor = interval.upper / interval.lower;
+    (interval.lower > 0.0 && factor > MAGNITUDE).then(|| {
+        format!(
+            "{} is known to its order of magnitude at best: its 95 % interval spans a factor of {factor:.0}",
+            summary.parameter.name
+        )
     })
 }
 

@@ -33,6 +33,23 @@ pub fn with_error(value: f64, error: f64, least: usize) -> String {
     format!("{value:.*}", decimals.max(least))
 }
 
+/// A percentile as a person writes it: `1st`, `22nd`, `13th`; below 1 and above 99 with a decimal.
+#[must_use]
+pub fn percentile(value: f64) -> String {
+    if !(0.5..99.5).contains(&value) {
+        return format!("{value:.1}th percentile");
+    }
+    let whole = value.round() as u32;
+    let suffix = match (whole % 10, whole % 100) {
+        (_, 11..=13) => "th",
+        (1, _) => "st",
+        (2, _) => "nd",
+        (3, _) => "rd",
+        _ => "th",
+    };
+    format!("{whole}{suffix} percentile")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -47,6 +64,13 @@ mod tests {
         assert_eq!(significant(-3.809_52, 3), "-3.81");
         assert_eq!(significant(0.0, 3), "0");
         assert_eq!(significant(f64::INFINITY, 3), "inf");
+    }
+
+    #[test]
+    fn percentiles_are_ordinals() {
+        let read = [1.2, 2.0, 13.4, 22.0, 97.8, 0.04, 99.97].map(percentile);
+        let expected = ["1st", "2nd", "13th", "22nd", "98th", "0.0th", "100.0th"];
+        assert_eq!(read, expected.map(|ordinal| format!("{ordinal} percentile")));
     }
 
     #[test]

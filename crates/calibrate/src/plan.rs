@@ -15,6 +15,7 @@ use crate::material::Material;
 use crate::prior_file::{ParameterName, PriorFile};
 
 /// What is calibrated, on what, and how.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Plan {
@@ -43,6 +44,7 @@ pub struct Plan {
 }
 
 /// The measurements of a plan. All SI.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlannedExperiment {
@@ -77,6 +79,7 @@ pub struct PlannedExperiment {
 }
 
 /// The solver of a plan.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlannedSolver {

@@ -24,6 +24,7 @@ pub const SCHEMA_VERSION: u32 = 1;
 pub const FILE_NAME: &str = "posterior.json";
 
 /// A calibration that was done.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PosteriorFile {
@@ -80,6 +81,7 @@ pub struct PosteriorFile {
 }
 
 /// A parameter in the form printed in Table 3.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PrintedParameter {
@@ -108,6 +110,7 @@ pub struct PrintedParameter {
 }
 
 /// The paper's parameters.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PaperComparison {
@@ -121,6 +124,7 @@ pub struct PaperComparison {
 }
 
 /// How far a curve is from the measurements.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FitError {
@@ -142,6 +146,7 @@ impl FitError {
 }
 
 /// How well four curves fit.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Fit {
@@ -158,6 +163,7 @@ pub struct Fit {
 }
 
 /// A derived quantity under the posterior.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Derived {
@@ -172,6 +178,7 @@ pub struct Derived {
 }
 
 /// The knee between zipping and stretching.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KneeSummary {
@@ -185,6 +192,7 @@ pub struct KneeSummary {
 }
 
 /// Curves on a fine grid of times, all of the same length.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Curves {
@@ -266,5 +274,26 @@ fn bad_json(name: &str, error: &serde_json::Error) -> InputError {
             .found(format_args!("JSON that is no posterior ({error})"))
             .expected("a posterior.json written by this program")
             .help("name the posterior.json of a run, or its folder"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The committed schema is what the types say; `UPDATE_SCHEMA=1 cargo test -p calibrate schema` writes it anew.
+    #[test]
+    fn the_committed_schema_is_that_of_the_types() {
+        let path =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("schema").join("posterior.schema.json");
+        let schema = schemars::schema_for!(PosteriorFile);
+        let mut text = serde_json::to_string_pretty(&schema).expect("a schema is JSON");
+        text.push('\n');
+        if std::env::var_os("UPDATE_SCHEMA").is_some() {
+            std::fs::create_dir_all(path.parent().expect("has a parent")).expect("a folder");
+            std::fs::write(&path, &text).expect("the schema");
+        }
+        let committed = std::fs::read_to_string(&path).expect("the committed schema");
+        assert!(committed == text, "run UPDATE_SCHEMA=1 cargo test -p calibrate schema");
     }
 }

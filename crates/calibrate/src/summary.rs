@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use crate::figures::KHAT_LIMIT;
-use crate::number::{significant, with_error};
+use crate::number::{self, significant, with_error};
 use crate::posterior_file::PosteriorFile;
 
 /// Fewest effective samples that a 95 % interval is read from without a warning.
@@ -56,8 +56,9 @@ pub fn text(file: &PosteriorFile, seconds: Option<f64>, out: Option<&Path>) -> S
         {
             let _ = write!(
                 line,
-                "; paper {} ({percentile:.0}th percentile)",
-                significant(paper.si[at], 3)
+                "; paper {} ({})",
+                significant(paper.si[at], 3),
+                number::percentile(*percentile)
             );
         }
         if summary.information_gain_bits < 0.5 {

@@ -7,6 +7,7 @@ use statrs::function::gamma::ln_gamma;
 use thiserror::Error;
 
 /// How measured values scatter around the simulated ones.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Noise {
@@ -37,6 +38,7 @@ impl Default for Noise {
 }
 
 /// A known noise standard deviation.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FixedSigma {

@@ -4,6 +4,7 @@ use crate::{Coordinate, Noise, Parameter, Settings, Warning};
 use serde::{Deserialize, Serialize};
 
 /// Everything a calibration reports.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Posterior {
     /// False for tuned weights (`ess-target`), which are no posterior.
@@ -51,6 +52,7 @@ pub struct Posterior {
 }
 
 /// One simulated sample.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sample {
     /// Normal scores.
@@ -70,6 +72,7 @@ pub struct Sample {
 }
 
 /// One equally weighted posterior draw.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Draw {
     /// Index into `samples`.
@@ -79,6 +82,7 @@ pub struct Draw {
 }
 
 /// An interval and the standard errors of its ends.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Interval {
     /// Lower end.
@@ -92,6 +96,7 @@ pub struct Interval {
 }
 
 /// Moments and intervals of a marginal.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Moments {
     /// Mean.
@@ -121,6 +126,7 @@ pub struct Moments {
 }
 
 /// What is known about one parameter.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ParameterSummary {
     /// Name, unit and prior.
@@ -144,6 +150,7 @@ pub struct ParameterSummary {
 }
 
 /// Log evidence: natural log of the probability of the data under the model.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
     /// From all samples.
@@ -159,6 +166,7 @@ pub struct Evidence {
 }
 
 /// Effective sample size.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct EffectiveSampleSize {
     /// Of the importance weights: (sum w)^2 / sum w^2.
@@ -168,6 +176,7 @@ pub struct EffectiveSampleSize {
 }
 
 /// The maximum a posteriori point, of the density in the priors' coordinates.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MapPoint {
     /// Parameters in SI.
@@ -183,6 +192,7 @@ pub struct MapPoint {
 }
 
 /// Posterior of the noise standard deviation.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SigmaSummary {
     /// Mean (exact mixture of conditional inverse gammas).
@@ -202,6 +212,7 @@ pub struct SigmaSummary {
 }
 
 /// Residuals, observed minus simulated, of the MAP curve and their independence.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Residuals {
     /// Observed minus simulated.
@@ -215,6 +226,7 @@ pub struct Residuals {
 }
 
 /// Posterior predictive distribution at one point of a curve.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct BandPoint {
     /// Index of the point.
@@ -238,6 +250,7 @@ pub struct BandPoint {
 }
 
 /// What was known after one observation.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PathPoint {
     /// Observation, from 0.
@@ -253,6 +266,7 @@ pub struct PathPoint {
 }
 
 /// What was known about one parameter after one observation, in its prior's coordinate.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PathParameter {
     /// Mean.
@@ -268,6 +282,7 @@ pub struct PathParameter {
 }
 
 /// What one stage did.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StageRecord {
     /// Stage, from 0 (the prior).
@@ -301,6 +316,7 @@ pub struct StageRecord {
 }
 
 /// A mixture of Student-t components in normal scores, beside a share of the prior.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MixtureRecord {
     /// Share of the prior (1 in the first stage).
@@ -310,6 +326,7 @@ pub struct MixtureRecord {
 }
 
 /// One component of a proposal.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ComponentRecord {
     /// Share of the draws.
@@ -323,6 +340,7 @@ pub struct ComponentRecord {
 }
 
 /// Failed simulations of one cause.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Failure {
     /// The cause, as the simulator put it.
@@ -332,6 +350,7 @@ pub struct Failure {
 }
 
 /// Why a run ended.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
@@ -347,6 +366,7 @@ pub enum StopReason {
 }
 
 /// Work done.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Counters {
     /// Simulations of the sampler.

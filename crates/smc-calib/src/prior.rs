@@ -9,6 +9,7 @@ use std::f64::consts::LN_10;
 use thiserror::Error;
 
 /// A prior as a user writes it; [`Prior::new`] checks it.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum PriorSpec {
@@ -54,6 +55,7 @@ pub enum PriorSpec {
 }
 
 /// The coordinate in which a prior is plain, and in which results are summarised first.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Coordinate {
@@ -125,6 +127,7 @@ pub enum PriorError {
 }
 
 /// A checked prior.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "PriorSpec", into = "PriorSpec")]
 pub struct Prior {

@@ -4,6 +4,7 @@ use crate::{Noise, Observations, Prior, Simulator};
 use serde::{Deserialize, Serialize};
 
 /// A parameter to infer.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Parameter {

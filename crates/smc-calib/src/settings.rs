@@ -5,6 +5,7 @@ use crate::sobol::MAX_DIMENSIONS;
 use serde::{Deserialize, Serialize};
 
 /// Settings of the sampler. The defaults were measured; see each field.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
