@@ -98,7 +98,8 @@ fn main() {
             let (mut worst, mut zz, mut ze, mut zs) = (0f64, 0.0, 0.0, 0.0);
             let mut comps: Vec<usize> = vec![];
             let mut em = 0;
-            for seed in 1..=seeds {
+            let first: u64 = std::env::var("FIRST").map_or(1, |v| v.parse().unwrap());
+            for seed in first..first + seeds {
                 let settings: Settings = Settings { samples, seed, ..tuned() };
                 let start = Instant::now();
                 let s = smc_calib::calibrate(&problem, &settings, &mut ()).unwrap();
@@ -114,6 +115,10 @@ fn main() {
                 }
                 dz += (s.log_evidence.value - exact.log_evidence).powi(2);
                 ze += ((s.log_evidence.value - exact.log_evidence) / s.log_evidence.se).powi(2);
+                if std::env::var("MAP").is_ok() {
+                    let x: Vec<f64> = s.map.theta.iter().map(|t| t.log10()).collect();
+                    println!("  map {x:?} {} {}", s.map.log_likelihood, s.map.simulations);
+                }
                 kh = kh.max(s.khat);
                 ess += s.ess.importance;
                 comps = s.stages.iter().map(|s| s.proposal.components.len()).collect();

@@ -117,11 +117,14 @@ pub struct Moments {
     pub eti90: Interval,
     /// Equal-tailed 95 % interval.
     pub eti95: Interval,
-    /// Highest-density 50 % interval, of the density in the prior's coordinate.
+    /// Shortest 50 % interval in the prior's coordinate: the highest-density one where the marginal has one peak.
+    /// One interval is assumed; with two far peaks the region of highest density is two, and this one spans the gap.
     pub hdi50: Interval,
-    /// Highest-density 90 % interval, of the density in the prior's coordinate.
+    /// Shortest 90 % interval in the prior's coordinate: the highest-density one where the marginal has one peak.
+    /// One interval is assumed; with two far peaks the region of highest density is two, and this one spans the gap.
     pub hdi90: Interval,
-    /// Highest-density 95 % interval, of the density in the prior's coordinate.
+    /// Shortest 95 % interval in the prior's coordinate: the highest-density one where the marginal has one peak.
+    /// One interval is assumed; with two far peaks the region of highest density is two, and this one spans the gap.
     pub hdi95: Interval,
 }
 

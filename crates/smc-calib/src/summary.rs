@@ -1,7 +1,7 @@
 //! From weighted samples to a [`Posterior`].
 
 use crate::estimate::Estimator;
-use crate::map_search;
+use crate::map_search::{self, MOST_STARTS, Start};
 use crate::marginal::{Marginal, in_si, mean_and_sd};
 use crate::noise::Likelihood;
 use crate::path::path;
@@ -193,7 +193,55 @@ fn correlation(columns: &[Vec<f64>], e: &Estimator) -> Vec<Vec<f64>> {
     c
 }
 
-/// Local search from the best sample, in normal scores.
+/// Places to search from: the best sample of every component of the last proposal, the best first, so that each
+/// peak and each stretch of a ridge that the mixture tells apart has one.
+fn map_starts(sampler: &Sampler<'_>, estimator: &Estimator, density: &[f64]) -> Vec<Start> {
+    let pool = &sampler.pool;
+    let d = pool.d;
+    let components =
+        sampler.proposals.last().map_or(&[] as &[_], |(_, proposal)| &proposal.components);
+    let top = density.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    // Per component: its best sample among those that are nearest to it.
+    let mut best: Vec<Option<usize>> = vec![None; components.len().max(1)];
+    for i in (0..pool.len()).filter(|i| density[*i] > top - 50.0) {
+        let z = pool.point(i);
+        let mut nearest = (0, f64::INFINITY);
+        for (c, component) in components.iter().enumerate() {
+            let m = component.distance2(z);
+            if m < nearest.1 {
+                nearest = (c, m);
+            }
+        }
+        let best = &mut best[nearest.0];
+        if best.is_none_or(|b| density[i] > density[b]) {
+            *best = Some(i);
+        }
+    }
+    let mut starts: Vec<(usize, usize)> =
+        best.into_iter().enumerate().filter_map(|(c, i)| i.map(|i| (c, i))).collect();
+    starts.sort_by(|a, b| density[b.1].total_cmp(&density[a.1]).then(a.1.cmp(&b.1)));
+    starts.truncate(MOST_STARTS);
+    starts
+        .into_iter()
+        .map(|(c, i)| {
+            let mut axes = vec![0.0; d * d];
+            for a in 0..d {
+                match components.get(c) {
+                    // Columns of the factor: the directions in which the component is wide and narrow.
+                    Some(c) => (a..d).for_each(|j| axes[a * d + j] = 0.3 * c.factor[j * d + a]),
+                    None => {
+                        let mean = estimator.mean(|i| pool.z[i * d + a]);
+                        let variance = estimator.mean(|i| (pool.z[i * d + a] - mean).powi(2));
+                        axes[a * d + a] = 0.5 * variance.max(0.0).sqrt().max(1e-6);
+                    }
+                }
+            }
+            Start { point: pool.point(i).to_vec(), axes }
+        })
+        .collect()
+}
+
+/// The highest density of the prior's coordinate, searched for in normal scores.
 fn find_map(
     target: &CurveTarget<'_>,
     likelihood: &Likelihood,
@@ -202,7 +250,6 @@ fn find_map(
     settings: &Settings,
 ) -> Result<MapPoint, CalibrateError> {
     let pool = &sampler.pool;
-    let d = pool.d;
     let ln_prior = |z: &[f64]| -> f64 {
         target
             .problem
@@ -212,30 +259,25 @@ fn find_map(
             .map(|(p, z)| p.prior.ln_density_in_coordinate(p.prior.from_z(*z)))
             .sum()
     };
-    let mut best = (0, f64::NEG_INFINITY);
-    for i in (0..pool.len()).filter(|i| pool.ln_l[*i].is_finite()) {
-        let v = pool.ln_l[i] + ln_prior(pool.point(i));
-        if v > best.1 {
-            best = (i, v);
-        }
-    }
-    let start = pool.point(best.0).to_vec();
-    let step: Vec<f64> = (0..d)
-        .map(|j| {
-            let (_, _, sd, _) = {
-                let mean = estimator.mean(|i| pool.z[i * d + j]);
-                let v = estimator.mean(|i| (pool.z[i * d + j] - mean).powi(2));
-                (0.0, 0.0, v.max(0.0).sqrt(), 0.0)
-            };
-            0.5 * sd.max(1e-6)
+    let density: Vec<f64> = (0..pool.len())
+        .into_par_iter()
+        .with_min_len(256)
+        .map(|i| {
+            if pool.ln_l[i].is_finite() {
+                pool.ln_l[i] + ln_prior(pool.point(i))
+            } else {
+                f64::NEG_INFINITY
+            }
         })
         .collect();
+    let starts = map_starts(sampler, estimator, &density);
+    let start = starts.first().map_or_else(|| pool.point(0).to_vec(), |s| s.point.clone());
     let mut outputs = vec![0.0; target.problem.observations.len()];
     let mut fatal = None;
     let (z, _, simulations) = if settings.map_simulations == 0 {
         (start.clone(), 0.0, 0)
     } else {
-        map_search::maximise(&start, &step, settings.map_simulations, &mut |z| {
+        map_search::best_of(&starts, settings.map_simulations, &mut |z| {
             // Beyond 8 the parameter is its bound to all digits.
             if z.iter().any(|z| z.abs() > 8.0) {
                 return f64::NEG_INFINITY;

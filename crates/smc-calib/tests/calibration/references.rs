@@ -93,3 +93,32 @@ fn a_needle_of_a_millionth_of_the_prior_is_found() {
     assert!((r.mean[0] - reference.mean[0]).abs() < 0.05 * reference.sd[0]);
     assert!(r.khat < 0.7 && r.ess > 4000.0);
 }
+
+#[test]
+fn the_map_is_the_higher_of_two_peaks_though_most_of_the_posterior_lies_at_the_other() {
+    use smc_calib::{
+        FixedSigma, FnSimulator, Noise, Observations, Parameter, PriorSpec, Problem, calibrate,
+    };
+    // A wide valley that misses the data by 0.02 at 0.2, a narrow one that meets them at 0.9.
+    let simulator = FnSimulator::new(1, 2, |x: &[f64], out: &mut [f64]| {
+        out.fill((0.02 + 0.3 * (x[0] - 0.2).abs()).min(5.0 * (x[0] - 0.9).abs()));
+        Ok(())
+    });
+    let problem = Problem {
+        simulator: &simulator,
+        parameters: vec![Parameter::new(
+            "x",
+            "1",
+            crate::support::prior(PriorSpec::Uniform { lower: 0.0, upper: 1.0 }),
+        )],
+        observations: Observations::new(vec![0.0, 1.0], vec![0.0, 0.0]).unwrap(),
+        noise: Noise::Fixed { sigma: FixedSigma::Absolute(0.03) },
+    };
+    for seed in 0..8 {
+        let settings = Settings { samples: 1024, seed, ..Settings::default() };
+        let p = calibrate(&problem, &settings, &mut ()).unwrap();
+        assert!(p.parameters[0].in_coordinate.median < 0.4, "{:?}", p.parameters[0]);
+        assert!((p.map.theta[0] - 0.9).abs() < 1e-4, "seed {seed}: {:?}", p.map);
+        assert!(p.counters.map_simulations <= 420);
+    }
+}
