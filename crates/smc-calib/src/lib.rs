@@ -34,6 +34,7 @@ mod density;
 mod em;
 mod error;
 mod estimate;
+mod leave_one_out;
 mod map_search;
 mod marginal;
 mod mixture;
@@ -62,6 +63,7 @@ mod warning;
 pub use calibrate::{Observer, calibrate};
 pub use density::{DensitySummary, sample_density};
 pub use error::CalibrateError;
+pub use leave_one_out::{LeaveOneOut, LeaveOneOutPoint, leave_one_out};
 pub use noise::{FixedSigma, Likelihood, Noise, NoiseError};
 pub use observations::{ObservationError, Observations};
 pub use posterior::{

@@ -19,6 +19,8 @@ pub(crate) enum Purpose {
     Predictive = 6,
     /// Noise standard deviation of each draw.
     Sigma = 5,
+    /// Noise standard deviation of each sample, for leaving observations out.
+    LeaveOneOut = 7,
 }
 
 /// The stream of `seed` for one purpose, stage and index (sample or sub-net, below 2^40).

@@ -1,0 +1,280 @@
+//! How well each observation is predicted by the others.
+//!
+//! A. Vehtari, A. Gelman, J. Gabry, "Practical Bayesian model evaluation using leave-one-out cross-validation and
+//! WAIC", Stat. Comput. 27 (2017) 1413. Given theta and sigma the observations are independent, so a sample of the
+//! posterior becomes one of the posterior without observation i when its weight is divided by
+//! `p(y_i | theta, sigma^2)`; the tail of these ratios is Pareto smoothed ([`psis`]), and its shape
+//! says whether the answer can be trusted.
+
+use crate::noise::Likelihood;
+use crate::normal::LN_SQRT_2PI;
+use crate::stream::{Purpose, stream};
+use crate::{CalibrateError, Posterior, Problem, psis};
+use rand_distr::{ChiSquared, Distribution};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Most numbers kept of all curves together (480 MB); with more, only as many samples as fit are used.
+const MAX_KEPT: usize = 60_000_000;
+
+/// Leave-one-out predictive density of a posterior.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LeaveOneOut {
+    /// One entry per observation.
+    pub points: Vec<LeaveOneOutPoint>,
+    /// Sum of the log densities (elpd).
+    pub ln_density: f64,
+    /// Its spread over data sets: sqrt(m) times the standard deviation over the m observations.
+    pub spread: f64,
+    /// Its Monte Carlo standard error.
+    pub se: f64,
+    /// Effective number of parameters: log density with each observation included minus with it left out.
+    pub effective_parameters: f64,
+    /// Largest Pareto shape.
+    pub khat: f64,
+}
+
+/// One observation predicted by the others.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LeaveOneOutPoint {
+    /// Observation, from 0.
+    pub index: usize,
+    /// Control value (time).
+    pub control: f64,
+    /// `ln p(y_i | all others)`.
+    pub ln_density: f64,
+    /// Pareto shape of the ratios; trustworthy below 0.7.
+    pub khat: f64,
+}
+
+/// Leaves out each observation in turn, without new inference.
+///
+/// Each sample of positive weight is simulated once more, and sigma^2 drawn for it from
+/// Inverse-Gamma((nu0 + m)/2, (nu0 s0^2 + S(theta))/2) where it is inferred. `None` for tuned noise, which has no
+/// posterior.
+///
+/// # Errors
+/// Noise that does not fit, or a fatal simulator error.
+pub fn leave_one_out(
+    problem: &Problem<'_>,
+    posterior: &Posterior,
+) -> Result<Option<LeaveOneOut>, CalibrateError> {
+    if !posterior.is_posterior {
+        return Ok(None);
+    }
+    let likelihood = Likelihood::new(&problem.noise, &problem.observations)?;
+    let m = problem.observations.len();
+    let mut chosen: Vec<usize> =
+        (0..posterior.samples.len()).filter(|s| posterior.samples[*s].weight > 0.0).collect();
+    let most = (MAX_KEPT / m.max(1)).max(1000);
+    if chosen.len() > most {
+        chosen.sort_unstable_by(|a, b| {
+            let weight = |s: &usize| posterior.samples[*s].weight;
+            weight(b).total_cmp(&weight(a)).then(a.cmp(b))
+        });
+        chosen.truncate(most);
+        chosen.sort_unstable();
+    }
+    // Row by row: ln p(y_i | theta_s, sigma_s^2).
+    let rows: Vec<Option<Vec<f64>>> = chosen
+        .par_iter()
+        .map(|&s| densities(problem, &likelihood, posterior, s, m))
+        .collect::<Result<_, _>>()?;
+    let (ln_weights, labels, rows): (Vec<f64>, Vec<usize>, Vec<Vec<f64>>) = {
+        let mut kept = (Vec::new(), Vec::new(), Vec::new());
+        for (s, row) in chosen.iter().zip(rows) {
+            if let Some(row) = row {
+                let sample = &posterior.samples[*s];
+                kept.0.push(sample.weight.ln());
+                kept.1.push(sample.replicate);
+                kept.2.push(row);
+            }
+        }
+        kept
+    };
+    let replicates = labels.iter().max().map_or(0, |l| l + 1);
+    let total: f64 = ln_weights.iter().map(|w| w.exp()).sum();
+    let results: Vec<(LeaveOneOutPoint, f64, Vec<f64>)> = (0..m)
+        .into_par_iter()
+        .map(|i| {
+            let ln_ratios: Vec<f64> =
+                ln_weights.iter().zip(&rows).map(|(w, row)| w - row[i]).collect();
+            let smoothed = psis::smooth(&ln_ratios);
+            let density: f64 =
+                smoothed.weights.iter().zip(&rows).map(|(w, row)| w * row[i].exp()).sum();
+            let included: f64 =
+                ln_weights.iter().zip(&rows).map(|(w, row)| w.exp() * row[i].exp()).sum::<f64>()
+                    / total;
+            let mut parts = vec![0.0; replicates];
+            for ((w, row), label) in smoothed.weights.iter().zip(&rows).zip(&labels) {
+                parts[*label] += w * (row[i].exp() / density - 1.0);
+            }
+            let point = LeaveOneOutPoint {
+                index: i,
+                control: problem.observations.control()[i],
+                ln_density: density.ln(),
+                khat: smoothed.khat,
+            };
+            (point, included.ln() - density.ln(), parts)
+        })
+        .collect();
+    let points: Vec<LeaveOneOutPoint> = results.iter().map(|r| r.0).collect();
+    let ln_density: f64 = points.iter().map(|p| p.ln_density).sum();
+    let mean = ln_density / m as f64;
+    let variance = points.iter().map(|p| (p.ln_density - mean).powi(2)).sum::<f64>()
+        / (m.saturating_sub(1)).max(1) as f64;
+    let parts: Vec<f64> =
+        (0..replicates).map(|r| results.iter().map(|result| result.2[r]).sum()).collect();
+    Ok(Some(LeaveOneOut {
+        ln_density,
+        spread: (m as f64 * variance).sqrt(),
+        se: spread_of_parts(&parts),
+        effective_parameters: results.iter().map(|r| r.1).sum(),
+        khat: points.iter().map(|p| p.khat).fold(f64::NEG_INFINITY, f64::max),
+        points,
+    }))
+}
+
+/// Standard error of a sum of independent, equally distributed parts.
+fn spread_of_parts(parts: &[f64]) -> f64 {
+    let r = parts.len() as f64;
+    if parts.len() < 2 {
+        return f64::INFINITY;
+    }
+    let mean = parts.iter().sum::<f64>() / r;
+    (r / (r - 1.0) * parts.iter().map(|p| (p - mean).powi(2)).sum::<f64>()).sqrt()
+}
+
+/// `ln p(y_i | theta, sigma^2)` of every observation for sample `s`; none where it cannot be simulated again.
+fn densities(
+    problem: &Problem<'_>,
+    likelihood: &Likelihood,
+    posterior: &Posterior,
+    s: usize,
+    m: usize,
+) -> Result<Option<Vec<f64>>, CalibrateError> {
+    let mut curve = vec![0.0; m];
+    match problem.simulator.simulate(&posterior.samples[s].theta, &mut curve) {
+        Ok(()) => {}
+        Err(error) if error.is_recoverable() => return Ok(None),
+        Err(error) => {
+            return Err(CalibrateError::Fatal { cause: error.cause().to_owned(), simulations: s });
+        }
+    }
+    let drawn = likelihood.inferred().and_then(|(nu0, sum0)| {
+        let chi_squared = ChiSquared::new(nu0 + m as f64).ok()?;
+        let mut rng = stream(posterior.settings.seed, Purpose::LeaveOneOut, 0, s);
+        let sum = sum0 + likelihood.sum_of_squares(&curve);
+        Some((sum / chi_squared.sample(&mut rng)).sqrt())
+    });
+    for (i, value) in curve.iter_mut().enumerate() {
+        let Some(sigma) = drawn.or_else(|| likelihood.fixed_sigma(i)) else {
+            return Ok(None);
+        };
+        let r = (likelihood.values()[i] - *value) / sigma;
+        *value = -0.5 * r * r - sigma.ln() - LN_SQRT_2PI;
+    }
+    Ok(Some(curve))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::quadrature::{QuadratureSettings, quadrature};
+    use crate::{
+        FixedSigma, FnSimulator, Noise, Observations, Parameter, Prior, PriorSpec, Settings,
+        calibrate,
+    };
+
+    const Y: [f64; 8] = [0.31, 0.12, 0.55, 0.71, 0.38, 0.83, 0.47, 0.66];
+
+    fn t() -> Vec<f64> {
+        (1..=Y.len()).map(|k| 0.25 * k as f64).collect()
+    }
+
+    fn posterior(problem: &Problem<'_>) -> LeaveOneOut {
+        let settings = Settings { seed: 3, ..Settings::default() };
+        let posterior = calibrate(problem, &settings, &mut ()).expect("a posterior");
+        leave_one_out(problem, &posterior).expect("no error").expect("a posterior")
+    }
+
+    #[test]
+    fn leaving_out_one_observation_of_a_normal_mean_gives_the_conjugate_predictive_density() {
+        // y_i = mu + noise, sigma 0.2, mu ~ N(0, 1): the others give mu ~ N(v sum/sigma^2, v), v = 1/(1 + 7/sigma^2).
+        let sigma = 0.2;
+        let mean = FnSimulator::new(1, Y.len(), |theta: &[f64], out: &mut [f64]| {
+            out.fill(theta[0]);
+            Ok(())
+        });
+        let prior = Prior::new(PriorSpec::Normal { mean: 0.0, sd: 1.0 }).expect("a prior");
+        let problem = Problem {
+            simulator: &mean,
+            parameters: vec![Parameter::new("mu", "1", prior)],
+            observations: Observations::new(t(), Y.to_vec()).expect("observations"),
+            noise: Noise::Fixed { sigma: FixedSigma::Absolute(sigma) },
+        };
+        let found = posterior(&problem);
+        let mut exact_sum = 0.0;
+        for (i, point) in found.points.iter().enumerate() {
+            let v = 1.0 / (1.0 + (Y.len() - 1) as f64 / sigma.powi(2));
+            let centre = v * (Y.iter().sum::<f64>() - Y[i]) / sigma.powi(2);
+            let sd = (v + sigma * sigma).sqrt();
+            let exact = -0.5 * ((Y[i] - centre) / sd).powi(2) - sd.ln() - LN_SQRT_2PI;
+            assert!((point.ln_density - exact).abs() < 3e-3, "{i}: {} {exact}", point.ln_density);
+            assert!(point.khat < 0.5, "{i}: {}", point.khat);
+            exact_sum += exact;
+        }
+        assert!((found.ln_density - exact_sum).abs() < 5.0 * found.se + 1e-3, "{found:?}");
+        assert!(found.se < 0.01, "{}", found.se);
+        assert!((0.5..1.5).contains(&found.effective_parameters), "one parameter: {found:?}");
+    }
+
+    #[test]
+    fn leaving_out_agrees_with_quadrature_of_the_evidence_without_each_observation() {
+        // Inferred noise, a curve that bends: p(y_i | others) = Z(all)/Z(others), both by brute force.
+        let curve = |t: Vec<f64>| {
+            let n = t.len();
+            FnSimulator::new(2, n, move |theta: &[f64], out: &mut [f64]| {
+                for (o, t) in out.iter_mut().zip(&t) {
+                    *o = theta[0] * (1.0 - (-t / theta[1]).exp());
+                }
+                Ok(())
+            })
+        };
+        let log_uniform = |lower, upper| {
+            Prior::new(PriorSpec::LogUniform { lower, upper }).expect("a prior")
+        };
+        let parameters = vec![
+            Parameter::new("height", "1", log_uniform(0.1, 3.0)),
+            Parameter::new("time", "s", log_uniform(0.05, 5.0)),
+        ];
+        let evidence = |keep: &dyn Fn(usize) -> bool| {
+            let pick = |v: &[f64]| -> Vec<f64> {
+                v.iter().enumerate().filter(|(i, _)| keep(*i)).map(|(_, v)| *v).collect()
+            };
+            let simulator = curve(pick(&t()));
+            let problem = Problem {
+                simulator: &simulator,
+                parameters: parameters.clone(),
+                observations: Observations::new(pick(&t()), pick(&Y)).expect("observations"),
+                noise: Noise::Inferred { nu0: 4.0, s0: 0.1 },
+            };
+            quadrature(&problem, &QuadratureSettings::default()).expect("a number").log_evidence
+        };
+        let simulator = curve(t());
+        let problem = Problem {
+            simulator: &simulator,
+            parameters: parameters.clone(),
+            observations: Observations::new(t(), Y.to_vec()).expect("observations"),
+            noise: Noise::Inferred { nu0: 4.0, s0: 0.1 },
+        };
+        let found = posterior(&problem);
+        let all = evidence(&|_| true);
+        for point in &found.points {
+            let exact = all - evidence(&|i| i != point.index);
+            assert!((point.ln_density - exact).abs() < 0.03, "{point:?}: {exact}");
+        }
+    }
+}
