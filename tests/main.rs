@@ -6,5 +6,6 @@ mod bad_input;
 mod determinism;
 mod files;
 mod main_job;
+mod predict;
 mod readme;
 mod simulate;

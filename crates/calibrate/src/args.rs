@@ -73,6 +73,8 @@ pub enum Command {
     Inspect(InspectArgs),
     /// Read experiment, prior or posterior files and say what is wrong with them, without running
     Check(CheckArgs),
+    /// Predict sintering times of a pair from a saved posterior, with their intervals
+    Predict(PredictArgs),
     /// Print the completion script for a shell
     Completions(CompletionsArgs),
 }
@@ -255,6 +257,45 @@ pub struct InspectArgs {
     pub json: bool,
 }
 
+const PREDICT_EXAMPLES: &str = "\
+Examples:
+  calibrate predict --posterior results/pa12 --contact-ratio 0.9
+  calibrate predict --posterior results/pa12 --coalescence 60 --coalescence 100
+  calibrate predict --posterior results/pa12 --after 1,2,5 --radius-m 25e-6";
+
+/// What to predict from a saved posterior.
+#[derive(Debug, Clone, PartialEq, ArgsOf)]
+#[command(after_help = PREDICT_EXAMPLES)]
+pub struct PredictArgs {
+    /// A posterior.json, or the folder it is in; draws.csv must be beside it
+    #[arg(short, long, value_name = "FILE")]
+    pub posterior: PathBuf,
+
+    /// When is this contact ratio a/R reached?
+    #[arg(short, long, value_name = "A/R", value_delimiter = ',', value_parser = parse_target, allow_negative_numbers = true)]
+    pub contact_ratio: Vec<f64>,
+
+    /// When is this much coalescence reached, in percent of a/R = 1?
+    #[arg(long, value_name = "PERCENT", value_delimiter = ',', value_parser = parse_percent, allow_negative_numbers = true)]
+    pub coalescence: Vec<f64>,
+
+    /// What is a/R after this time [s]?
+    #[arg(short, long, value_name = "S", value_delimiter = ',', value_parser = parse_positive, allow_negative_numbers = true)]
+    pub after: Vec<f64>,
+
+    /// Radius of the pair [m] [default: the one that was calibrated]; tau_s moves in proportion
+    #[arg(short, long, value_name = "M", value_parser = parse_positive, allow_negative_numbers = true)]
+    pub radius_m: Option<f64>,
+
+    /// Write the predictions as CSV too
+    #[arg(short, long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// Files to validate.
 #[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
 pub struct CheckArgs {
@@ -319,6 +360,22 @@ fn number(text: &str) -> Result<f64, String> {
 fn parse_positive(text: &str) -> Result<f64, String> {
     let value = number(text)?;
     if value > 0.0 { Ok(value) } else { Err("expected a number > 0".to_owned()) }
+}
+
+fn parse_target(text: &str) -> Result<f64, String> {
+    let value = number(text)?;
+    if value > 0.0 && value <= crate::observation_table::LARGEST_CONTACT_RATIO {
+        Ok(value)
+    } else {
+        Err("expected a contact ratio above 0, at most 2".to_owned())
+    }
+}
+
+fn parse_percent(text: &str) -> Result<f64, String> {
+    let value = number(text.trim_end_matches('%'))?;
+    parse_target(&(value / 100.0).to_string())
+        .map(|_| value)
+        .map_err(|_| "expected percent of a/R = 1, above 0, at most 200".to_owned())
 }
 
 fn parse_phi(text: &str) -> Result<f64, String> {

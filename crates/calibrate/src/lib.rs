@@ -16,6 +16,7 @@ pub mod output;
 pub mod plan;
 pub mod plot;
 pub mod posterior_file;
+pub mod predict;
 pub mod prior_file;
 pub mod run;
 pub mod simulate;

@@ -255,6 +255,65 @@ pub fn sample_columns(posterior: &Posterior) -> SampleColumns {
     }
 }
 
+/// The parameter columns \[SI\] of a `draws.csv`, one draw per row.
+///
+/// # Errors
+///
+/// [`InputError`] with line and column for a file that is cut off or not a table of draws.
+pub fn read_parameters(
+    name: &str,
+    text: &str,
+    dimensions: usize,
+) -> Result<Vec<Vec<f64>>, InputError> {
+    let mut lines = text.lines().enumerate();
+    let width = match lines.next() {
+        Some((_, header)) if !header.is_empty() => header.split(',').count(),
+        _ => return Err(InputError::new(name, Mistake::Empty).found("an empty file")),
+    };
+    let mut columns = vec![Vec::new(); dimensions];
+    for (line, row) in lines {
+        let fields = row_of(name, line, row, width)?;
+        for (place, column) in columns.iter_mut().enumerate() {
+            column.push(number_at(name, line, &fields, place)?);
+        }
+    }
+    if columns.first().is_none_or(Vec::is_empty) {
+        return Err(InputError::new(name, Mistake::Empty)
+            .found("a table without draws")
+            .help("run the calibration again"));
+    }
+    Ok(columns)
+}
+
+/// The fields of a row that has as many as the header.
+fn row_of<'a>(
+    name: &str,
+    line: usize,
+    row: &'a str,
+    width: usize,
+) -> Result<Vec<&'a str>, InputError> {
+    let fields: Vec<&str> = row.split(',').collect();
+    if fields.len() == width {
+        return Ok(fields);
+    }
+    Err(InputError::new(name, Mistake::Syntax)
+        .at_line(line + 1)
+        .found(format_args!("{} columns", fields.len()))
+        .expected(width)
+        .help("the file is cut off or edited; run the calibration again"))
+}
+
+fn number_at(name: &str, line: usize, fields: &[&str], place: usize) -> Result<f64, InputError> {
+    let refused = || {
+        InputError::new(name, Mistake::WrongType)
+            .at_line(line + 1)
+            .found(format_args!("\"{}\"", fields.get(place).copied().unwrap_or_default()))
+            .expected("a finite number")
+    };
+    let number = fields.get(place).and_then(|field| field.parse::<f64>().ok());
+    number.filter(|number| number.is_finite()).ok_or_else(refused)
+}
+
 /// The columns that the corner plot needs, from the text of a `samples.csv`.
 ///
 /// # Errors
@@ -279,26 +338,11 @@ pub fn read_sample_columns(
     let mut columns =
         SampleColumns { parameters: vec![Vec::new(); dimensions], weights: Vec::new() };
     for (line, row) in lines {
-        let fields: Vec<&str> = row.split(',').collect();
-        if fields.len() != width || weight_place < dimensions {
-            return Err(InputError::new(name, Mistake::Syntax)
-                .at_line(line + 1)
-                .found(format_args!("{} columns", fields.len()))
-                .expected(width)
-                .help("the file is cut off; run the calibration again"));
-        }
-        let number = |place: usize| {
-            fields[place].parse::<f64>().map_err(|_| {
-                InputError::new(name, Mistake::WrongType)
-                    .at_line(line + 1)
-                    .found(format_args!("\"{}\"", fields[place]))
-                    .expected("a number")
-            })
-        };
+        let fields = row_of(name, line, row, width)?;
         for (place, column) in columns.parameters.iter_mut().enumerate() {
-            column.push(number(place)?);
+            column.push(number_at(name, line, &fields, place)?);
         }
-        columns.weights.push(number(weight_place)?);
+        columns.weights.push(number_at(name, line, &fields, weight_place)?);
     }
     Ok(columns)
 }

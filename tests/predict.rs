@@ -1,0 +1,73 @@
+//! `calibrate predict`: from a saved posterior to sintering times.
+
+use crate::sandbox::Sandbox;
+
+fn calibrated(options: &str) -> Sandbox {
+    let sandbox = Sandbox::new();
+    sandbox.run(&format!("--samples 4096 --out run {options}")).succeeded();
+    sandbox
+}
+
+fn json(sandbox: &Sandbox, options: &str) -> serde_json::Value {
+    let ran = sandbox.run(&format!("predict --posterior run --json {options}"));
+    serde_json::from_str(&ran.succeeded().stdout).expect("JSON")
+}
+
+/// Frenkel's law without a knee: x = x0 + t/tau_s, so that the time to a/R is tau_s (ratio^2 - x0), draw by
+/// draw, and so is every quantile.
+#[test]
+fn frenkel_times_are_the_draws_of_tau_s_times_a_constant() {
+    let sandbox = calibrated("--material pa12 --kinetics frenkel");
+    let predicted = json(&sandbox, "--contact-ratio 0.9");
+    let time = &predicted["sintering"][0]["time_s"];
+    let draws = std::fs::read_to_string(sandbox.path().join("run/draws.csv")).expect("draws.csv");
+    let mut tau_s: Vec<f64> = draws
+        .lines()
+        .skip(1)
+        .map(|line| line.split(',').next().expect("a column").parse().expect("a number"))
+        .collect();
+    tau_s.sort_by(f64::total_cmp);
+    let median = 0.5 * (tau_s[tau_s.len() / 2 - 1] + tau_s[tau_s.len() / 2]);
+    let expected = median * (0.81 - 1e-3);
+    let found = time["median"].as_f64().expect("a number");
+    assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
+}
+
+#[test]
+fn coalescence_in_percent_is_the_contact_ratio_of_one_and_time_and_ratio_are_inverse() {
+    let sandbox = calibrated("--material peek");
+    let by_ratio = json(&sandbox, "--contact-ratio 0.6");
+    let by_percent = json(&sandbox, "--coalescence 60%");
+    assert_eq!(by_ratio["sintering"], by_percent["sintering"]);
+    let median = by_ratio["sintering"][0]["time_s"]["median"].as_f64().expect("a number");
+    let after = json(&sandbox, &format!("--after {median}"));
+    let ratio = after["after"][0]["contact_ratio"]["median"].as_f64().expect("a number");
+    assert!((ratio - 0.6).abs() < 1e-3, "{ratio}");
+}
+
+#[test]
+fn frenkel_times_scale_with_the_radius_and_draws_that_never_arrive_are_counted() {
+    let sandbox = calibrated("--material ps --kinetics frenkel");
+    let own = json(&sandbox, "--contact-ratio 0.9");
+    let double = json(&sandbox, "--contact-ratio 0.9 --radius-m 61e-6");
+    let median = |value: &serde_json::Value| {
+        value["sintering"][0]["time_s"]["median"].as_f64().expect("a number")
+    };
+    assert!((median(&double) / median(&own) - 2.0).abs() < 1e-9);
+    // phi of PS is 1.08.
+    let beyond = json(&sandbox, "--contact-ratio 1.1");
+    assert!(beyond["sintering"][0]["time_s"].is_null());
+    assert_eq!(beyond["sintering"][0]["never"], beyond["sintering"][0]["draws"]);
+    let said = sandbox.run("predict --posterior run --contact-ratio 1.1");
+    assert!(said.succeeded().stdout.contains("never reached"), "{}", said.stdout);
+}
+
+#[test]
+fn nothing_to_predict_and_missing_or_damaged_draws_are_refused() {
+    let sandbox = calibrated("--material ps");
+    sandbox.run("predict --posterior run").refused(&["--contact-ratio"]);
+    sandbox.run("predict --posterior nowhere --after 1").refused(&["nowhere"]);
+    sandbox.run("predict --posterior run --after 1 --radius-m 1e9").refused(&["radius"]);
+    sandbox.write("run/draws.csv", "c1,tau_s,delta_c\n1,2,three\n");
+    sandbox.run("predict --posterior run --after 1").refused(&["draws.csv, line 2", "three"]);
+}
