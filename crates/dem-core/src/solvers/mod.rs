@@ -108,6 +108,9 @@ pub struct SolverSettings {
     /// Whether the Verlet solver starts at first contact, delta = 0, as the paper's run did, instead
     /// of at rest in the adhesive contact.
     pub from_contact: bool,
+    /// Whether the Verlet solver ends its run where the pair is fully coalesced and at rest. Nothing
+    /// happens after that: off only to measure what it saves.
+    pub stop_when_coalesced: bool,
     /// Largest number of steps of one run.
     pub max_work: u64,
 }
@@ -119,6 +122,7 @@ impl Default for SolverSettings {
             tolerance: 1e-6,
             step_over_collision_time: 0.02,
             from_contact: false,
+            stop_when_coalesced: true,
             max_work: 1_000_000_000,
         }
     }

@@ -16,13 +16,13 @@ fn force_balance_by_radau_is_not_the_exact_solution() {
             let times: Vec<f64> =
                 (0..30).map(|i| 2.0 * s.tau_s * (f64::from(i) / 29.0).powi(2)).collect();
             let found =
-                settled(Equations::ForceBalance, &scene, kinetics, &s, &times, 3e-11, 100_000)
+                settled(Equations::ForceBalance, &scene, kinetics, &s, &times, 1e-9, 100_000)
                     .expect("settles");
             let mut exact = vec![0.0; times.len()];
             contact_ratios(&scene, kinetics, &s, &SolverSettings::default(), &times, &mut exact)
                 .expect("valid");
             let error = largest_difference(&found.contact_ratio, &exact);
-            assert!(error < 2e-10, "{kinetics}: {error:e}");
+            assert!(error < 2e-9, "{kinetics}: {error:e}");
         }
     }
 }
@@ -38,7 +38,7 @@ fn motion_by_radau_is_not_that_by_extrapolation() {
                     .iter()
                     .map(|y| y[0].sqrt())
                     .collect();
-            let found = settled(Equations::Motion, scene, kinetics, s, &times, 1e-9, 1_000_000)
+            let found = settled(Equations::Motion, scene, kinetics, s, &times, 1e-8, 1_000_000)
                 .expect("settles");
             let error = largest_difference(&found.contact_ratio, &expected);
             assert!(error < 3e-8, "{kinetics}: {error:e}");
@@ -49,7 +49,7 @@ fn motion_by_radau_is_not_that_by_extrapolation() {
 #[test]
 fn a_reference_runs_without_end_or_hides_that_it_stopped() {
     let (scene, s) = &materials()[0];
-    let tired = integrate(Equations::Motion, scene, Kinetics::ThreeStage, s, &[0.1], 3e-11, 50);
+    let tired = integrate(Equations::Motion, scene, Kinetics::ThreeStage, s, &[0.1], 1e-9, 50);
     assert!(matches!(tired, Err(ReferenceError::WorkLimit { max_steps: 50, .. })), "{tired:?}");
     let fast = Sintering { c1: 1e6, ..*s };
     let other =

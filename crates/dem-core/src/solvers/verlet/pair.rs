@@ -402,7 +402,8 @@ impl<'a> Clock<'a> {
             self.stop = Some(StopReason::LastObservation);
             return Ok(());
         };
-        let rests = pair.plastic >= self.end_plastic
+        let rests = self.solver.stop_when_coalesced
+            && pair.plastic >= self.end_plastic
             && (pair.overlap - self.final_overlap).abs() < AT_REST
             && pair.drift.abs() < AT_REST * self.phase;
         if rests && self.steps.is_multiple_of(LOOK_EVERY) {
