@@ -73,6 +73,8 @@ pub enum Command {
     Inspect(InspectArgs),
     /// Read experiment, prior or posterior files and say what is wrong with them, without running
     Check(CheckArgs),
+    /// Measure run time against error, and write tables and figures
+    Bench(BenchArgs),
     /// Predict sintering times of a pair from a saved posterior, with their intervals
     Predict(PredictArgs),
     /// Print the completion script for a shell
@@ -306,6 +308,47 @@ pub struct CheckArgs {
     /// Say nothing about files that are right
     #[arg(short, long)]
     pub quiet: bool,
+}
+
+/// Benchmarks.
+#[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
+pub struct BenchArgs {
+    /// What to measure.
+    #[command(subcommand)]
+    pub study: BenchStudy,
+}
+
+/// The benchmarks by name.
+#[derive(Debug, Clone, PartialEq, Eq, Subcommand)]
+pub enum BenchStudy {
+    /// Every solver: time per curve against error of a/R (some minutes)
+    Simulator(SimulatorBenchArgs),
+    /// What a scene does not need, and what leaving it out saves
+    Savings(SavingsBenchArgs),
+}
+
+/// Time per curve against error.
+#[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
+pub struct SimulatorBenchArgs {
+    /// Folder for tables and figures
+    #[arg(short, long, value_name = "DIR", default_value = "results/benchmarks")]
+    pub out: PathBuf,
+
+    /// Parameter vectors drawn from each prior
+    #[arg(long, value_name = "N", default_value_t = 200)]
+    pub draws: usize,
+}
+
+/// What leaving out saves.
+#[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
+pub struct SavingsBenchArgs {
+    /// Folder for the table
+    #[arg(short, long, value_name = "DIR", default_value = "results/benchmarks")]
+    pub out: PathBuf,
+
+    /// Run one scene that often and stop: what the instructions are counted of
+    #[arg(long, value_name = "SCENE", num_args = 2, value_names = ["SCENE", "TIMES"], hide = true)]
+    pub only: Option<Vec<String>>,
 }
 
 /// Shell completions.

@@ -1,6 +1,7 @@
 //! The library behind the command `calibrate`.
 
 pub mod args;
+pub mod bench;
 pub mod calibration;
 pub mod check;
 pub mod error;

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use calibrate::args::{Args, Command, SHORT_HELP};
 use calibrate::error::Failure;
-use calibrate::{check, inspect, predict, run, simulate};
+use calibrate::{bench, check, inspect, predict, run, simulate};
 use clap::{CommandFactory as _, Parser as _};
 
 fn main() -> ExitCode {
@@ -27,6 +27,7 @@ fn dispatch(args: &Args) -> Result<(), Failure> {
         Some(Command::Simulate(args)) => simulate::run(args),
         Some(Command::Inspect(args)) => inspect::run(args),
         Some(Command::Check(args)) => check::run(args, inspect::understand),
+        Some(Command::Bench(args)) => bench::run(args),
         Some(Command::Predict(args)) => predict::run(args),
         Some(Command::Completions(args)) => {
             let mut script = Vec::new();

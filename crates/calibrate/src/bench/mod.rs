@@ -1,0 +1,43 @@
+//! `calibrate bench`: run time against error.
+//!
+//! Each study writes a table (CSV and Markdown) and log-log figures (PNG and SVG), each with the machine, the
+//! revision and the date it was made at.
+
+mod draws;
+mod report;
+mod savings;
+#[cfg(feature = "stiff-reference")]
+mod simulator;
+mod timing;
+#[cfg(feature = "stiff-reference")]
+mod validity;
+
+use crate::args::{BenchArgs, BenchStudy, SimulatorBenchArgs};
+use crate::error::Failure;
+
+/// Runs one study.
+///
+/// # Errors
+///
+/// [`Failure`]: files that cannot be written, or a method that fails where it must not.
+pub fn run(args: &BenchArgs) -> Result<(), Failure> {
+    match &args.study {
+        BenchStudy::Simulator(args) => simulator(args),
+        BenchStudy::Savings(args) => savings::run(args),
+    }
+}
+
+#[cfg(feature = "stiff-reference")]
+fn simulator(args: &SimulatorBenchArgs) -> Result<(), Failure> {
+    simulator::run(args)?;
+    validity::run(&args.out)
+}
+
+#[cfg(not(feature = "stiff-reference"))]
+fn simulator(_: &SimulatorBenchArgs) -> Result<(), Failure> {
+    Err(crate::error::RunError::new(
+        "this program was built without the references to measure errors against",
+    )
+    .help("cargo run --release --features stiff-reference -- bench simulator")
+    .into())
+}
