@@ -1,4 +1,43 @@
 //! Beds: many particles with the contact law and the kinetics of the pair.
+//!
+//! | what | where |
+//! |---|---|
+//! | a scene from TOML, its phases, its run | [`SceneFile`], [`Scene::run`], [`Series`] |
+//! | the engine: velocity Verlet, neighbour list, threads | [`Bed::advance`] |
+//! | force balance at every instant, for times that no step of inertia reaches | [`Bed::advance_quasi_static`] |
+//! | random and jammed packings | [`random_packing`], [`jammed_packing`] |
+//! | tables, pictures' data, restarts | [`write_csv`], [`write_vtk`], [`Bed::checkpoint`] |
+//!
+//! A contact is the pair of the calibration at the effective radius `R = 2 Ri Rj/(Ri + Rj)`; a wall has
+//! `2 Ri` and does not grow. What a scene does not have (images, unequal radii, friction and with it rotation, walls, gravity,
+//! drag, growth) is left out by the compiler; `README.md` beside this module has what each costs.
+//!
+//! ```
+//! use std::ops::ControlFlow;
+//!
+//! use dem_core::bed::SceneFile;
+//!
+//! let scene = r#"
+//!     name = "pair"
+//!     phases = [{ name = "heat", duration_s = 0.05, heated = true, outputs = 5 }]
+//!     [particles.table]
+//!     positions_m = [[0.0, 0.0, 0.0], [62.9685e-6, 0.0, 0.0]]
+//!     radii_m = [31.5e-6, 31.5e-6]
+//!     [material]
+//!     youngs_modulus_pa = 1.65e9
+//!     surface_tension_n_per_m = 40.7e-3
+//!     density_kg_per_m3 = 1000.0
+//!     [sintering]
+//!     kinetics = "three-stage"
+//!     c1 = 1.177e-5
+//!     tau_s = 3.81
+//!     delta_c = 9.55e-8
+//!     calibrated_radius_m = 31.5e-6
+//! "#;
+//! let series = SceneFile::parse(scene, "pair.toml")?.build()?.run(|_, _| ControlFlow::Continue(()))?;
+//! assert!(series.samples[5].mean_contact_ratio > 0.1);
+//! # Ok::<(), dem_core::bed::BedError>(())
+//! ```
 
 mod checkpoint;
 mod contact;

@@ -68,6 +68,8 @@ pub struct QuasiStaticReport {
     pub conjugate_gradients: u64,
     /// Sum of the errors of a/R of all steps.
     pub error_estimate: f64,
+    /// The time up to which the bed is known to be in balance \[s\].
+    pub balanced_at_s: Option<f64>,
 }
 
 /// A contact as one Newton iteration sees it.
@@ -82,6 +84,8 @@ struct Spring {
     /// Stiffness \[N/m\] and pull \[N\].
     stiffness: f64,
     pull: f64,
+    /// `K1 alpha/(g dt)` \[N/m\], or the stiffness where nothing grows.
+    drag: f64,
 }
 
 /// What a step makes of a contact.
@@ -125,6 +129,9 @@ const HOLD: f64 = 1e-4;
 /// Overlap, in effective radii, that a contact may be made with, over the tolerance of a/R.
 const NEW_OVERLAP: f64 = 50.0;
 
+/// Newton iterations after which contacts that open stay open, and moves are halved.
+const PATIENCE: u64 = 15;
+
 /// Length of the first step over the time in which the start overlap would double.
 const FIRST: f64 = 0.1;
 
@@ -153,7 +160,9 @@ impl Bed {
         self.fastest = 0.0;
         let rate = self.rate();
         // Where growth has to start from, force balance with p as it is.
-        self.balance(0.0, rate, settings, report)?;
+        if report.balanced_at_s != Some(self.time_s) {
+            self.balance(0.0, rate, settings, report)?;
+        }
         let mut step_s = self.first_step_s(rate);
         let mut balanced = self.clone();
         while self.time_s < until_s {
@@ -197,10 +206,11 @@ impl Bed {
             self.time_s = if this_s == left_s { until_s } else { self.time_s + this_s };
             report.steps += 1;
             report.error_estimate += error;
-            let growth = (0.8 * settings.tolerance / error.max(1e-300)).clamp(0.5, 1.6);
+            let growth = (0.8 * settings.tolerance / error.max(1e-300)).clamp(0.5, 2.5);
             step_s = if this_s < step_s { step_s.max(this_s * growth) } else { this_s * growth };
             balanced.clone_from(self);
         }
+        report.balanced_at_s = Some(self.time_s);
         // The next phase starts its clock here.
         self.phase_start_s = self.time_s;
         self.phase_steps = 0;
@@ -250,12 +260,16 @@ impl Bed {
         let mut hold = None;
         // Here, as nothing moves by velocities: the displacements in this step.
         self.particles.half_velocity.fill(ZERO);
-        for _ in 0..MOST {
+        for iteration in 0..MOST {
             self.follow()?;
+            if iteration >= PATIENCE {
+                self.let_go(step_s, rate)?;
+            }
             let springs = self.springs(step_s, rate)?;
             let (mut force, strain_force) = self.net(&springs, settings.free_box);
             let hold = *hold.get_or_insert_with(|| {
-                let sum = springs.iter().map(|spring| spring.stiffness).sum::<f64>();
+                // The drag of a contact, alpha/(g dt); where nothing grows, its stiffness.
+                let sum = springs.iter().map(|spring| spring.drag).sum::<f64>();
                 HOLD * sum / springs.len().max(1) as f64
             });
             for (force, &moved) in force.iter_mut().zip(&self.particles.half_velocity) {
@@ -277,7 +291,8 @@ impl Bed {
             report.conjugate_gradients += iterations;
             let furthest = moves.iter().map(|&m| norm(m)).fold(0.0, f64::max);
             let furthest = furthest.max(strain.abs() * 2.0 * mean_radius);
-            let share = (0.1 * mean_radius / furthest).min(1.0);
+            let patience = if iteration < PATIENCE { 1.0 } else { 0.5 };
+            let share = patience * (0.1 * mean_radius / furthest).min(1.0);
             let particles = &mut self.particles;
             for (i, &by) in moves.iter().enumerate() {
                 let by = scale(by, share);
@@ -339,6 +354,37 @@ impl Bed {
             }
         }
         share
+    }
+
+    /// Ends the contacts that have opened or are on the cohesive branch. There a contact holds the less
+    /// the further it is pulled: it has no balance, and the next thing it does is to open.
+    fn let_go(&mut self, step_s: f64, rate: Option<RateOf>) -> Result<(), BedError> {
+        let equal = self.equal_constants()?;
+        for i in 0..self.particles.len() {
+            for k in self.list.row(i) {
+                let memory = self.pairs.memory[k];
+                if !memory.is_contact() {
+                    continue;
+                }
+                let j = index_of(self.list.other[k]);
+                let reach = self.particles.radius_m[i] + self.particles.radius_m[j];
+                let constants = self.contact_constants(&equal, k);
+                let x1 = (reach - norm(self.distance(i, k))) / constants.radius;
+                if x1 < 0.0
+                    || self.outcome(&memory, x1, &constants, step_s, rate).force
+                        <= -self.law.law.kc * x1
+                {
+                    self.pairs.memory[k] = Memory::APART;
+                }
+            }
+            for k in self.wall_list.row(i) {
+                let wall = &self.walls[self.wall_list.wall[k] as usize];
+                if wall.distance(self.particles.position_m[i]) > self.particles.radius_m[i] {
+                    self.wall_list.memory[k] = Memory::APART;
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Keeps the list complete.
@@ -424,6 +470,11 @@ impl Bed {
                     length,
                     stiffness: k1 * outcome.stiffness,
                     pull: k1 * constants.radius * (alpha - outcome.force),
+                    drag: if outcome.free_growth > 0.0 {
+                        k1 * alpha / outcome.free_growth
+                    } else {
+                        k1 * outcome.stiffness
+                    },
                 });
             }
             let (position, radius) = (self.particles.position_m[i], self.particles.radius_m[i]);
@@ -443,6 +494,7 @@ impl Bed {
                     length: 0.0,
                     stiffness: k1 * self.law.stiffness(plastic),
                     pull: k1 * 2.0 * radius * (alpha - force),
+                    drag: 0.0,
                 });
             }
         }

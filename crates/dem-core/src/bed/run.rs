@@ -88,6 +88,7 @@ impl Scene {
             };
             bed.begin(&drive)?;
             let start_s = bed.time_s();
+            series.quasi_static.balanced_at_s = None;
             series.phase_start_s.push(start_s);
             let every_s = phase.duration_s / phase.outputs as f64;
             let mut steps = 0;
