@@ -122,7 +122,7 @@ impl Axis {
 
     /// As [`Axis::coordinate`], but what lies far outside the range is moved nearer, to where rounding does no harm.
     pub(super) fn near(&self, value: f64) -> Option<f64> {
-        let far = 1e3 * (self.high - self.low);
+        let far = 1e9 * (self.high - self.low);
         self.coordinate(value).map(|c| c.clamp(self.low - far, self.high + far))
     }
 

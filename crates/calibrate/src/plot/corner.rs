@@ -1,5 +1,6 @@
 //! The corner plot: marginal densities on the diagonal, densities of the pairs below it.
 use plotters::style::Color as _;
+use tiny_skia::Rect;
 
 use super::axis::{Axis, Scale};
 use super::density::{self, Bins};
@@ -96,10 +97,11 @@ impl CornerFigure {
 
         let prepared: Vec<Prepared> = self.parameters.iter().map(|p| prepare(p, weight)).collect();
         let count = prepared.len();
-        let gap = 7.0;
+        let gap = if count > 3 { 7.0 } else { 10.0 };
         let panel = ((page.width - 50.0 - gap * count.saturating_sub(1) as f32)
             / count.max(1) as f32)
             .min(page.of_width(130.0, 180.0));
+        let summarised = panel > 45.0;
         let rows: Vec<(f32, Vec<Option<Spec>>)> = (0..count)
             .map(|row| {
                 let cells = (0..count)
@@ -135,7 +137,8 @@ impl CornerFigure {
                 (panel, cells)
             })
             .collect();
-        let panels = layout(page, top + 2.0 * SUMMARY_LINE, gap, &rows)?;
+        let panels =
+            layout(page, top + if summarised { 2.0 * SUMMARY_LINE } else { 0.0 }, gap, &rows)?;
         for (row, cells) in panels.iter().enumerate() {
             for (column, panel) in cells.iter().enumerate() {
                 let Some(panel) = panel else { continue };
@@ -146,6 +149,9 @@ impl CornerFigure {
                     pair(panel, (&prepared[column], &prepared[row]), parameters, weight)?;
                 }
             }
+        }
+        if !summarised {
+            return Ok(());
         }
         let diagonal: Vec<&Panel> =
             panels.iter().enumerate().filter_map(|(row, cells)| cells[row].as_ref()).collect();
@@ -208,7 +214,7 @@ fn marginal(
         if (panel.x.low..=panel.x.high).contains(&paper) {
             panel.upright(paper, Role::Paper.pen())?;
         } else {
-            far_away(page, panel, paper, p.log10)?;
+            far_away(page, panel, prepared, paper, p.log10)?;
         }
     }
     if let Some(map) = p.map {
@@ -218,19 +224,30 @@ fn marginal(
 }
 
 /// An arrow at the edge of a marginal, and the value it points to where there is room for it.
-fn far_away(page: &Page, panel: &Panel, paper: f64, log10: bool) -> Result<(), PlotError> {
+fn far_away(
+    page: &Page,
+    panel: &Panel,
+    prepared: &Prepared,
+    paper: f64,
+    log10: bool,
+) -> Result<(), PlotError> {
     let below = paper < panel.x.low;
     let edge = if below { panel.x.low } else { panel.x.high };
     let height = panel.y.low + 0.9 * (panel.y.high - panel.y.low);
     let marker = if below { Marker::Left } else { Marker::Right };
     panel.markers(&[edge], &[height], Look::filled(marker, 2.2, Role::Paper.ink()))?;
-    let (Some((x, y)), Some(inner)) = (panel.on_page(edge, height), panel.inner(0.5)) else {
-        return Ok(());
-    };
-    let value = written(paper, log10);
+    let Some((x, y)) = panel.on_page(edge, height) else { return Ok(()) };
+    // The label must end before the density rises to its height.
+    let tall = |bin: &usize| prepared.density[*bin] > 0.6 * panel.y.high;
+    let mut bins = 0..prepared.bins.count;
+    let first = if below { bins.find(tall) } else { bins.rfind(tall) };
+    let limit = first.map_or(x, |bin| panel.along(prepared.bins.centre(bin)));
     let (x, anchor) = if below { (x + 4.5, anchor::LEFT) } else { (x - 4.5, anchor::RIGHT) };
-    for label in [format!("paper {value}"), value] {
-        if page.text_where_free(&label, SUMMARY_SIZE, (x, y), anchor, &inner)? {
+    let (left, right) = if below { (x - 0.5, limit - 2.0) } else { (limit + 2.0, x + 0.5) };
+    let Some(room) = Rect::from_ltrb(left, panel.top, right, panel.bottom) else { return Ok(()) };
+    let value = written(paper, log10, 3);
+    for label in [&format!("paper {value}"), &value, "paper"] {
+        if page.text_where_free(label, SUMMARY_SIZE, (x, y), anchor, &room)? {
             break;
         }
     }
@@ -251,10 +268,14 @@ fn summaries(
         if !(low.is_finite() && median.is_finite() && high.is_finite()) {
             return Ok(());
         }
-        let [low, median, high] = [low, median, high].map(|q| written(q, p.log10));
+        // As many digits as tell the ends of the interval apart.
+        let value = |q: f64| if p.log10 { 10_f64.powf(q) } else { q };
+        let narrow = (value(median) / (value(high) - value(low))).abs().log10();
+        let digits = (2.0 + narrow.floor()).clamp(3.0, 6.0) as usize;
+        let [low, median, high] = [low, median, high].map(|q| written(q, p.log10, digits));
         let unit = if p.unit.is_empty() { String::new() } else { format!(" {}", p.unit) };
         // The last one ends with its panel; the others may reach into the empty half.
-        let last = texts.len() + 1 == diagonal.len();
+        let last = texts.len() / 2 + 1 == diagonal.len();
         let (x, from) = if last && diagonal.len() > 1 {
             (panel.right, panel.left - gap / 2.0)
         } else {
@@ -282,16 +303,17 @@ fn summaries(
     Ok(())
 }
 
-/// A value of a coordinate to three digits, or as a power of ten where it is large or small.
-fn written(coordinate: f64, log10: bool) -> String {
+/// A value of a coordinate to so many digits, or to one less and a power of ten where it is large or small.
+fn written(coordinate: f64, log10: bool, digits: usize) -> String {
     let (mut mantissa, mut exponent) = if log10 {
         (10_f64.powf(coordinate - coordinate.floor()), coordinate.floor())
     } else {
         let exponent = coordinate.abs().max(1e-300).log10().floor();
         (coordinate / 10_f64.powf(exponent), exponent)
     };
-    // Two digits after the point may round up to ten.
-    if (mantissa * 100.0).round().abs() >= 1000.0 {
+    // What rounds up to ten is one of the next power.
+    let scale = 10_f64.powi(digits as i32 - 1);
+    if (mantissa * scale).round().abs() >= 10.0 * scale {
         mantissa /= 10.0;
         exponent += 1.0;
     }
@@ -299,9 +321,13 @@ fn written(coordinate: f64, log10: bool) -> String {
         return "0".to_owned();
     }
     let text = if (-2.0..3.0).contains(&exponent) {
-        format!("{:.*}", (2.0 - exponent) as usize, mantissa * 10_f64.powf(exponent))
+        format!(
+            "{:.*}",
+            (digits as f64 - 1.0 - exponent) as usize,
+            mantissa * 10_f64.powf(exponent)
+        )
     } else {
-        format!("{mantissa:.1}×10^{{{exponent}}}")
+        format!("{mantissa:.*}×10^{{{exponent}}}", digits.saturating_sub(2))
     };
     text.replace('-', "−")
 }

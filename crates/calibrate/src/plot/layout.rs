@@ -15,8 +15,6 @@ const TICK_LENGTH: f32 = 2.5;
 const EDGE: f32 = 4.0;
 /// How far a tick label may stand out beyond its panel.
 pub(super) const OVERHANG: f32 = 10.0;
-/// Narrower panels have upright tick labels.
-const NARROW: f32 = 50.0;
 const AXIS_PEN: Pen = Pen::solid(BLACK, 0.6);
 const MINOR_PEN: Pen = Pen::solid(BLACK, 0.4);
 
@@ -64,15 +62,23 @@ impl Spec {
         }
     }
 
-    /// Ticks of the horizontal axis, whether their labels are upright, and how deep these reach.
-    fn across(&self, width: f32, overhang: f32) -> Across {
-        let flat = self.x.ticks(width, Direction::Across { overhang });
-        if width >= NARROW || flat.labelled.len() > 2 {
-            return Across { ticks: flat, upright: false, depth: TICK_SIZE };
+    /// Whether fewer than two labels of the horizontal axis have room unless they stand upright.
+    fn crowded(&self, width: f32, overhang: f32) -> bool {
+        let labels = |direction| self.x.ticks(width, direction).labelled.len();
+        let flat = labels(Direction::Across { overhang });
+        flat < 2 && flat < labels(Direction::Up)
+    }
+
+    /// Ticks of the horizontal axis, and how deep their labels reach.
+    fn across(&self, width: f32, overhang: f32, upright: bool) -> Across {
+        if upright {
+            let ticks = self.x.ticks(width, Direction::Up);
+            let depth = widest(&ticks);
+            Across { ticks, upright, depth }
+        } else {
+            let ticks = self.x.ticks(width, Direction::Across { overhang });
+            Across { ticks, upright, depth: TICK_SIZE }
         }
-        let ticks = self.x.ticks(width, Direction::Up);
-        let depth = widest(&ticks);
-        Across { ticks, upright: true, depth }
     }
 }
 
@@ -102,9 +108,10 @@ pub(super) fn layout(
         let taken = lefts.iter().sum::<f32>() + gap * (columns - 1) as f32 + EDGE + OVERHANG;
         let width = ((page.width - taken) / columns as f32).max(10.0);
         let overhang = if columns == 1 { OVERHANG } else { (gap / 2.0 - 1.0).min(OVERHANG) };
+        let upright = cells.iter().flatten().any(|spec| spec.crowded(width, overhang));
         let across: Vec<Option<Across>> = cells
             .iter()
-            .map(|cell| cell.as_ref().map(|spec| spec.across(width, overhang)))
+            .map(|cell| cell.as_ref().map(|spec| spec.across(width, overhang, upright)))
             .collect();
         let depth = across.iter().flatten().map(|a| a.depth).fold(TICK_SIZE, f32::max);
 

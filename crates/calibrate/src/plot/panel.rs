@@ -204,12 +204,12 @@ impl Panel {
     /// Measurements: open circles, smaller and without outline where there are many.
     pub(super) fn data(&self, xs: &[f64], ys: &[f64]) -> Result<(), PlotError> {
         let ink = Role::Data.ink();
-        let look = match xs.len() {
-            0..=FEW => {
-                Look::filled(Marker::Circle, 1.7, WHITE.mix(0.85)).outlined(Pen::solid(ink, 0.65))
-            }
-            ..=600 => Look::filled(Marker::Circle, 1.0, ink.mix(0.6)),
-            _ => Look::filled(Marker::Dot, 0.6, ink.mix(0.45)),
+        let look = if !Panel::dense(xs) {
+            Look::filled(Marker::Circle, 1.7, WHITE.mix(0.85)).outlined(Pen::solid(ink, 0.65))
+        } else if xs.len() <= 600 {
+            Look::filled(Marker::Circle, 1.0, ink.mix(0.6))
+        } else {
+            Look::filled(Marker::Dot, 0.6, ink.mix(0.45))
         };
         self.markers(xs, ys, look)
     }
