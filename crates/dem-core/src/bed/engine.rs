@@ -655,7 +655,7 @@ impl Bed {
         let allowed_m = 0.25 * smallest;
         for step in 1..=steps {
             let displacement_m = self.fastest * h;
-            if !(displacement_m <= allowed_m) {
+            if displacement_m > allowed_m || displacement_m.is_nan() {
                 let time_s = self.time_s;
                 return Err(BedError::RunAway { time_s, displacement_m, allowed_m });
             }

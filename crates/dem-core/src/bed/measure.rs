@@ -264,13 +264,13 @@ impl Bed {
             forces[i] = add(forces[i], push);
             forces[j] = add(forces[j], scale(push, -1.0));
         }
-        for i in 0..p.len() {
+        for (i, force) in forces.iter_mut().enumerate() {
             for k in self.wall_list.row(i) {
                 let memory = &self.wall_list.memory[k];
                 if memory.is_contact() {
                     let wall = &self.walls[self.wall_list.wall[k] as usize];
                     let scale = self.material.k1_n_per_m() * 2.0 * p.radius_m[i];
-                    forces[i][wall.axis] -= wall.inward * memory.pull * scale;
+                    force[wall.axis] -= wall.inward * memory.pull * scale;
                 }
             }
         }

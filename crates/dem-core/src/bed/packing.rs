@@ -67,7 +67,7 @@ impl Radii {
                     return Err(field("radii.edges_m", format!("{edges_m:?}"), remedy));
                 }
                 let total: f64 = weights.iter().sum();
-                if weights.iter().any(|&weight| !(weight >= 0.0))
+                if weights.iter().any(|&weight| weight < 0.0 || weight.is_nan())
                     || !(total > 0.0 && total.is_finite())
                 {
                     let remedy = "weights must not be negative, and not all zero";

@@ -91,14 +91,14 @@ impl Region {
     pub(crate) fn nearest_image(&self, mut d: Vec3) -> (Vec3, u32) {
         let mut code = NO_SHIFT;
         let mut weight = 1;
-        for axis in 0..3 {
+        for (axis, along) in d.iter_mut().enumerate() {
             if self.sides[axis] == Side::Periodic {
                 let size = self.size_m[axis];
-                if d[axis] > 0.5 * size {
-                    d[axis] -= size;
+                if *along > 0.5 * size {
+                    *along -= size;
                     code -= weight;
-                } else if d[axis] < -0.5 * size {
-                    d[axis] += size;
+                } else if *along < -0.5 * size {
+                    *along += size;
                     code += weight;
                 }
             }
@@ -109,12 +109,12 @@ impl Region {
 
     /// Brings a position back into the periodic box.
     pub(crate) fn wrap(&self, position: &mut Vec3) {
-        for axis in 0..3 {
+        for (axis, along) in position.iter_mut().enumerate() {
             if self.sides[axis] == Side::Periodic {
                 let size = self.size_m[axis];
-                position[axis] -= size * (position[axis] / size).floor();
-                if position[axis] >= size {
-                    position[axis] = 0.0;
+                *along -= size * (*along / size).floor();
+                if *along >= size {
+                    *along = 0.0;
                 }
             }
         }
