@@ -20,5 +20,5 @@ row sintering 2 20020
 row friction 2 20020
 for scene in normal open+normal unequal walls normal+gravity normal+drag friction sintering sintering+unequal \
     sintering+friction+walls+gravity+drag; do
-    row "$scene" 500 420
+    row "$scene" 500 2020
 done
