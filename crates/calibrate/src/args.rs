@@ -11,6 +11,7 @@ use dem_core::{Kinetics, SolverKind};
 use smc_calib::{FixedSigma, Noise};
 
 use crate::material::Material;
+use crate::plot::Width;
 
 const AFTER_HELP: &str = "\
 Examples:
@@ -20,6 +21,9 @@ Examples:
   calibrate --experiment experiments/example-my-powder.toml --prior priors/example-my-powder.toml
                                                 own powder, own measurements, own priors
   calibrate inspect results/ps/posterior.json   print a posterior again
+  calibrate plot results/ps --width full        draw its figures again
+  calibrate compare --material ps               which kinetics do the data support?
+  calibrate table3                              the paper's Table 3, all three materials
 
 All quantities are SI. Exit codes: 0 done, 1 the run failed, 2 a mistake in what was given,
 130 interrupted.";
@@ -71,6 +75,12 @@ pub enum Command {
     Simulate(SimulateArgs),
     /// Print the posterior of a run that was saved
     Inspect(InspectArgs),
+    /// Draw the figures of a saved run again, without simulating anything
+    Plot(PlotArgs),
+    /// Compare the five kinetics on measured data: evidence, errors, prediction of left-out points
+    Compare(CompareArgs),
+    /// Regenerate Table 3 of the paper: calibrate PS, PA12 and PEEK 450PF and report
+    Table3(Table3Args),
     /// Read experiment, prior or posterior files and say what is wrong with them, without running
     Check(CheckArgs),
     /// Measure run time against error, and write tables and figures
@@ -159,6 +169,15 @@ pub struct RunArgs {
     /// Hold the posterior against quadrature afterwards, and fail where they differ
     #[arg(long, help_heading = "Output")]
     pub verify: bool,
+}
+
+impl Default for RunArgs {
+    /// The documented defaults, with nothing to calibrate yet.
+    fn default() -> Self {
+        Args::try_parse_from(["calibrate"]).map(|args| args.run).expect(
+            "every option of the main job has a default or may be left out, as a test holds",
+        )
+    }
 }
 
 const SIMULATE_EXAMPLES: &str = "\
@@ -298,6 +317,126 @@ pub struct PredictArgs {
     pub json: bool,
 }
 
+const PLOT_EXAMPLES: &str = "\
+Examples:
+  calibrate plot results/ps
+  calibrate plot results/ps/posterior.json --log-time --width full --out figures
+
+Draws fit, corner, recursion, convergence and residuals (.png and .svg) from posterior.json and samples.csv.
+Without options they are the files of the run itself, byte for byte.";
+
+/// Figures of a saved run.
+#[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
+#[command(after_help = PLOT_EXAMPLES)]
+pub struct PlotArgs {
+    /// A posterior.json, or the folder it is in; samples.csv must be beside it
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+
+    /// Logarithmic time axes, for stages that span decades
+    #[arg(long)]
+    pub log_time: bool,
+
+    /// Printed width: column is 85 mm, full is 170 mm
+    #[arg(long, value_name = "WIDTH", default_value = "column", value_parser = width_parser())]
+    pub width: Width,
+
+    /// Folder for the figures [default: the folder of the run]
+    #[arg(short, long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+
+    /// Say nothing but errors
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+const COMPARE_EXAMPLES: &str = "\
+Examples:
+  calibrate compare                             all three built-in materials
+  calibrate compare --material ps --phi         with the final contact ratio as a fourth parameter
+  calibrate compare --experiment experiments/example-my-powder.toml --prior priors/example-my-powder.toml
+
+The priors are those of the materials, the same for every kinetics that has the parameter.";
+
+/// A comparison of kinetics.
+#[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
+#[command(after_help = COMPARE_EXAMPLES)]
+pub struct CompareArgs {
+    /// Built-in material [default: all three]
+    #[arg(short, long, value_name = "NAME", value_parser = material_parser())]
+    pub material: Option<Material>,
+
+    /// Own measurements: a description (.toml), a bare table (.csv; needs --material), or the name of
+    /// a built-in experiment
+    #[arg(short, long, value_name = "FILE")]
+    pub experiment: Option<PathBuf>,
+
+    /// Own priors (.toml) [default: the material's]
+    #[arg(short, long, value_name = "FILE", requires = "experiment")]
+    pub prior: Option<PathBuf>,
+
+    /// Calibrate the final contact ratio phi too, uniform from 1.0 to 1.35 for every kinetics
+    #[arg(long)]
+    pub phi: bool,
+
+    /// Simulations per calibration
+    #[arg(short = 'n', long, value_name = "N", default_value_t = 16_384, value_parser = parse_samples)]
+    pub samples: usize,
+
+    /// Seed of the random numbers
+    #[arg(short, long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+
+    /// Threads [default: all cores]
+    #[arg(short = 'j', long, value_name = "N", value_parser = parse_threads)]
+    pub threads: Option<usize>,
+
+    /// Logarithmic time axis in the figures
+    #[arg(long)]
+    pub log_time: bool,
+
+    /// Folder for the results
+    #[arg(short, long, value_name = "DIR", default_value = "results/compare")]
+    pub out: PathBuf,
+
+    /// Say nothing but warnings and errors
+    #[arg(short, long)]
+    pub quiet: bool,
+
+    /// Print the comparison as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+const TABLE3_NOTES: &str = "\
+Writes table3.md, .csv, .json and .tex (the table), report.md (errors, statements of the paper, the check that
+was not fitted, how the table is read), and Figures 2, 4, 5 and 6 of the paper. The same seed gives the same bytes.";
+
+/// The paper's Table 3.
+#[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
+#[command(after_help = TABLE3_NOTES)]
+pub struct Table3Args {
+    /// Simulations per calibration
+    #[arg(short = 'n', long, value_name = "N", default_value_t = 16_384, value_parser = parse_samples)]
+    pub samples: usize,
+
+    /// Seed of the random numbers
+    #[arg(short, long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+
+    /// Threads [default: all cores]
+    #[arg(short = 'j', long, value_name = "N", value_parser = parse_threads)]
+    pub threads: Option<usize>,
+
+    /// Folder for the results
+    #[arg(short, long, value_name = "DIR", default_value = "results/table3")]
+    pub out: PathBuf,
+
+    /// Say nothing but warnings and errors
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
 /// Files to validate.
 #[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
 pub struct CheckArgs {
@@ -371,6 +510,13 @@ pub enum SolverArg {
 fn material_parser() -> impl TypedValueParser<Value = Material> {
     PossibleValuesParser::new(Material::NAMES)
         .try_map(|name| Material::from_name(&name).ok_or("unknown material"))
+}
+
+fn width_parser() -> impl TypedValueParser<Value = Width> {
+    PossibleValuesParser::new(["column", "full"]).map(|name| match name.as_str() {
+        "full" => Width::Full,
+        _ => Width::Column,
+    })
 }
 
 fn kinetics_parser() -> impl TypedValueParser<Value = Kinetics> {

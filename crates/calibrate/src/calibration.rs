@@ -16,6 +16,7 @@ use crate::posterior_file::{
     SCHEMA_VERSION,
 };
 use crate::prior_file::ParameterName;
+use crate::product;
 use crate::weighted::Weighted;
 
 /// Most posterior draws that are run on the fine grid of times.
@@ -121,6 +122,7 @@ fn report(
         parameters: posterior.parameters.clone(),
         printed: printed_parameters(plan, model, posterior, paper.as_ref()),
         paper,
+        product: product::summary(plan, kinetics, posterior),
         correlation: posterior.correlation.clone(),
         correlation_si: posterior.correlation_si.clone(),
         sigma: posterior.sigma,

@@ -14,8 +14,21 @@ use crate::model::NeckGrowth;
 ///
 /// [`SimError`] where no curve can be computed.
 pub fn best_tau_s(model: &NeckGrowth, observed: &[f64]) -> Result<f64, SimError> {
+    best_tau_s_of(Kinetics::Frenkel, model, observed)
+}
+
+/// The same for other kinetics whose only parameter is tau_s (`pokluda`).
+///
+/// # Errors
+///
+/// As [`best_tau_s`].
+pub fn best_tau_s_of(
+    kinetics: Kinetics,
+    model: &NeckGrowth,
+    observed: &[f64],
+) -> Result<f64, SimError> {
     const SCAN: usize = 400;
-    let frenkel = model.with_kinetics(Kinetics::Frenkel);
+    let frenkel = model.with_kinetics(kinetics);
     let mut curve = vec![0.0; observed.len()];
     let mut cost = |ln_tau: f64| -> Result<f64, SimError> {
         let sintering = dem_core::Sintering { c1: 1.0, tau_s: ln_tau.exp(), delta_c: 1.0 };

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use calibrate::args::{Args, Command, SHORT_HELP};
 use calibrate::error::Failure;
-use calibrate::{bench, check, inspect, predict, run, simulate};
+use calibrate::{bench, check, compare, inspect, plot_command, predict, run, simulate, table3};
 use clap::{CommandFactory as _, Parser as _};
 
 fn main() -> ExitCode {
@@ -26,6 +26,9 @@ fn dispatch(args: &Args) -> Result<(), Failure> {
         None => run::run(&args.run),
         Some(Command::Simulate(args)) => simulate::run(args),
         Some(Command::Inspect(args)) => inspect::run(args),
+        Some(Command::Plot(args)) => plot_command::run(args),
+        Some(Command::Compare(args)) => compare::run(args),
+        Some(Command::Table3(args)) => table3::run(args),
         Some(Command::Check(args)) => check::run(args, inspect::understand),
         Some(Command::Bench(args)) => bench::run(args),
         Some(Command::Predict(args)) => predict::run(args),

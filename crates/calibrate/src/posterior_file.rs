@@ -40,6 +40,8 @@ pub struct PosteriorFile {
     pub printed: Vec<PrintedParameter>,
     /// The paper's parameters for this material and where they fall in the posterior.
     pub paper: Option<PaperComparison>,
+    /// The one combination of c1 and delta_c that the data inform, for kinetics that do not separate them.
+    pub product: Option<ProductSummary>,
     /// Correlation in the priors' coordinates, row by row.
     pub correlation: Vec<Vec<f64>>,
     /// Correlation in SI, row by row.
@@ -104,6 +106,33 @@ pub struct PrintedParameter {
     /// Equal-tailed 95 % interval.
     pub eti95: [f64; 2],
     /// What the paper prints.
+    pub paper: Option<f64>,
+    /// Posterior probability of a smaller value, in percent.
+    pub paper_percentile: Option<f64>,
+}
+
+/// The product c1 delta_c^2, all that the `regime-map` kinetics see of the two.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProductSummary {
+    /// `c1 * delta_c^2`.
+    pub name: String,
+    /// Its unit.
+    pub unit: String,
+    /// At the MAP.
+    pub map: f64,
+    /// Posterior median.
+    pub median: f64,
+    /// Equal-tailed 95 % interval.
+    pub eti95: [f64; 2],
+    /// Mean of log10.
+    pub mean_log10: f64,
+    /// Standard deviation of log10.
+    pub sd_log10: f64,
+    /// Divergence of its posterior from its prior \[bits\].
+    pub information_gain_bits: f64,
+    /// With the paper's parameters.
     pub paper: Option<f64>,
     /// Posterior probability of a smaller value, in percent.
     pub paper_percentile: Option<f64>,

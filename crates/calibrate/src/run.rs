@@ -112,7 +112,7 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
                 write("samples.csv", tables::samples_csv(&file, &posterior).as_bytes())?;
                 write("draws.csv", tables::draws_csv(&file, &posterior).as_bytes())
             },
-            || draw(&file, &samples, false, &write),
+            || draw(&file, &samples, false, Width::Column, &write),
         );
         tables.and(pictures)
     })?;
@@ -125,7 +125,7 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
     write("timings.json", pretty(&timings)?.as_bytes())?;
     let published = staging.publish()?;
 
-    announce(&published, &planned, args.quiet);
+    announce(&published, &planned.out, args.quiet);
     if args.quiet {
         for line in &file.advice {
             eprintln!("warning: {line}");
@@ -152,13 +152,14 @@ pub fn draw(
     file: &PosteriorFile,
     samples: &SampleColumns,
     log_time: bool,
+    width: Width,
     write: &(dyn Fn(&str, &[u8]) -> Result<(), RunError> + Sync),
 ) -> Result<(), RunError> {
     figures::all(file, samples, log_time)
         .par_iter()
         .map(|(name, figure)| {
             let picture = figure
-                .render(Width::Column)
+                .render(width)
                 .map_err(|error| RunError::new(format_args!("figure {name}: {error}")))?;
             write(&format!("{name}.png"), &picture.png)?;
             write(&format!("{name}.svg"), picture.svg.as_bytes())
@@ -178,7 +179,8 @@ fn posterior_json(file: &PosteriorFile) -> Result<String, RunError> {
     }
 }
 
-fn pretty(value: &impl Serialize) -> Result<String, RunError> {
+/// JSON as it is written to files.
+pub(crate) fn pretty(value: &impl Serialize) -> Result<String, RunError> {
     let mut text = serde_json::to_string_pretty(value).map_err(unserialisable)?;
     text.push('\n');
     Ok(text)
@@ -189,7 +191,7 @@ fn unserialisable(error: serde_json::Error) -> RunError {
 }
 
 /// A pool of the asked number of threads, or of all cores.
-fn pool(threads: Option<usize>) -> Result<rayon::ThreadPool, Failure> {
+pub(crate) fn pool(threads: Option<usize>) -> Result<rayon::ThreadPool, Failure> {
     rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build().map_err(|error| {
         InputError::new("--threads", Mistake::OutOfRange)
             .found(threads.map_or_else(|| "all cores".to_owned(), |n| n.to_string()))
@@ -198,11 +200,12 @@ fn pool(threads: Option<usize>) -> Result<rayon::ThreadPool, Failure> {
     })
 }
 
-fn announce(published: &Published, planned: &Planned, quiet: bool) {
+/// Says what became of an earlier run in the folder.
+pub(crate) fn announce(published: &Published, out: &Path, quiet: bool) {
     if quiet {
         return;
     }
-    let out = planned.out.display();
+    let out = out.display();
     match published {
         Published::New => {}
         Published::Replaced => eprintln!("note: {out}: replaced the earlier run of the same plan"),

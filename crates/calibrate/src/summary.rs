@@ -11,6 +11,8 @@ use crate::posterior_file::PosteriorFile;
 
 /// Fewest effective samples that a 95 % interval is read from without a warning.
 const ENOUGH: f64 = 400.0;
+/// Information \[bits\] below which the data are said not to inform a parameter.
+pub const INFORMED_BITS: f64 = 0.5;
 
 /// Whether the sampler's own diagnostics let the result be trusted.
 #[must_use]
@@ -61,10 +63,22 @@ pub fn text(file: &PosteriorFile, seconds: Option<f64>, out: Option<&Path>) -> S
                 number::percentile(*percentile)
             );
         }
-        if summary.information_gain_bits < 0.5 {
+        if summary.information_gain_bits < INFORMED_BITS {
             let _ = write!(line, "; NOT INFORMED ({:.2} bits)", summary.information_gain_bits);
         }
         let _ = writeln!(text, "{line}");
+    }
+    if let Some(product) = &file.product {
+        let _ = writeln!(
+            text,
+            "  {} {} {}  95 % {} .. {} ({:.1} bits): all that these kinetics see of the two",
+            product.name,
+            significant(product.median, 3),
+            product.unit,
+            significant(product.eti95[0], 3),
+            significant(product.eti95[1], 3),
+            product.information_gain_bits,
+        );
     }
     if !file.printed.is_empty() {
         let medians: Vec<String> = file

@@ -8,6 +8,7 @@ use crate::error::{InputError, Mistake};
 use crate::figures::SampleColumns;
 use crate::number::{significant, with_error};
 use crate::posterior_file::PosteriorFile;
+use crate::summary::INFORMED_BITS;
 
 /// One line of the posterior table.
 struct Row {
@@ -45,6 +46,21 @@ fn rows(file: &PosteriorFile) -> Vec<Row> {
             bits: Some(summary.information_gain_bits),
             paper: paper.and_then(|(_, paper)| si_of(paper, &summary.parameter.name)),
             percentile: paper.map(|(percentile, _)| percentile),
+        });
+    }
+    if let Some(product) = &file.product {
+        rows.push(Row {
+            parameter: product.name.clone(),
+            unit: product.unit.clone(),
+            form: "SI",
+            map: product.map,
+            median: product.median,
+            lower95: product.eti95[0],
+            upper95: product.eti95[1],
+            mean_sd: Some((product.mean_log10, product.sd_log10, Coordinate::Log10)),
+            bits: Some(product.information_gain_bits),
+            paper: product.paper,
+            percentile: product.paper_percentile,
         });
     }
     for printed in &file.printed {
@@ -137,7 +153,10 @@ pub fn markdown(file: &PosteriorFile) -> String {
             significant(row.lower95, 3),
             significant(row.upper95, 3),
             or_dash(mean_sd),
-            or_dash(row.bits.map(|bits| format!("{bits:.2}"))),
+            or_dash(row.bits.map(|bits| {
+                let not = if bits < INFORMED_BITS { " (not informed)" } else { "" };
+                format!("{bits:.2}{not}")
+            })),
             or_dash(row.paper.map(|paper| significant(paper, 3))),
             or_dash(row.percentile.map(|percentile| format!("{percentile:.1} %"))),
         );

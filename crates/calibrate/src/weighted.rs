@@ -77,6 +77,12 @@ impl Weighted {
         0.5 * (up_to(below) + up_to(equal)) / total
     }
 
+    /// Sum of the weights.
+    #[must_use]
+    pub fn total(&self) -> f64 {
+        self.cumulative.last().copied().unwrap_or(0.0)
+    }
+
     /// Mean and standard deviation.
     #[must_use]
     pub fn moments(&self) -> (f64, f64) {

@@ -243,9 +243,8 @@ mod tests {
                 Ok(())
             })
         };
-        let log_uniform = |lower, upper| {
-            Prior::new(PriorSpec::LogUniform { lower, upper }).expect("a prior")
-        };
+        let log_uniform =
+            |lower, upper| Prior::new(PriorSpec::LogUniform { lower, upper }).expect("a prior");
         let parameters = vec![
             Parameter::new("height", "1", log_uniform(0.1, 3.0)),
             Parameter::new("time", "s", log_uniform(0.05, 5.0)),

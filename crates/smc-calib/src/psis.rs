@@ -151,8 +151,7 @@ mod tests {
         let (mut raw_error, mut smooth_error) = (0.0, 0.0);
         for r in 0..200 {
             let mut rng = stream(13, Purpose::Draws, 0, r);
-            let ln: Vec<f64> =
-                (0..2000).map(|_| -0.6 * (1.0 - rng.random::<f64>()).ln()).collect();
+            let ln: Vec<f64> = (0..2000).map(|_| -0.6 * (1.0 - rng.random::<f64>()).ln()).collect();
             let smoothed = smooth(&ln);
             assert!((smoothed.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
             let mut order: Vec<usize> = (0..ln.len()).collect();

@@ -1,0 +1,130 @@
+//! Quantities that follow from the parameters, under the posterior, with Monte Carlo errors.
+
+use serde::{Deserialize, Serialize};
+use smc_calib::Posterior;
+
+use crate::weighted::Weighted;
+
+/// Median and 95 % interval of a quantity, and how far the next seed may be from them.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Estimate {
+    /// Posterior probability that the quantity exists (a knee, a time at which a height is reached); the rest is
+    /// conditional on it.
+    pub probability: f64,
+    /// Median.
+    pub median: f64,
+    /// Equal-tailed 95 % interval.
+    pub eti95: [f64; 2],
+    /// Monte Carlo standard errors of the lower end, the median and the upper end.
+    pub se: [f64; 3],
+}
+
+/// The quantity `value` under a posterior, with its weighted samples; none where no sample has it.
+pub fn estimate(
+    posterior: &Posterior,
+    value: impl Fn(&[f64]) -> Option<f64>,
+) -> Option<(Estimate, Weighted)> {
+    let values: Vec<(f64, f64, usize)> = posterior
+        .samples
+        .iter()
+        .filter(|sample| sample.weight > 0.0)
+        .filter_map(|sample| {
+            let value = value(&sample.theta).filter(|value| value.is_finite())?;
+            Some((value, sample.weight, sample.replicate))
+        })
+        .collect();
+    if values.is_empty() {
+        return None;
+    }
+    let marginal = Weighted::new(values.iter().map(|(value, weight, _)| (*value, *weight)));
+    let all: f64 = posterior.samples.iter().map(|sample| sample.weight).sum();
+    let [lower, median, upper] = [0.025, 0.5, 0.975].map(|p| {
+        let quantile = marginal.quantile(p);
+        (quantile, quantile_error(&values, &marginal, p, quantile))
+    });
+    let estimate = Estimate {
+        probability: (marginal.total() / all).min(1.0),
+        median: median.0,
+        eti95: [lower.0, upper.0],
+        se: [lower.1, median.1, upper.1],
+    };
+    Some((estimate, marginal))
+}
+
+/// Standard error of a quantile: that of the share below it, from the spread over the independent sub-nets,
+/// carried over by the marginal itself.
+fn quantile_error(values: &[(f64, f64, usize)], marginal: &Weighted, p: f64, quantile: f64) -> f64 {
+    let replicates = values.iter().map(|value| value.2).max().map_or(0, |largest| largest + 1);
+    if replicates < 2 {
+        return f64::MAX;
+    }
+    let mut parts = vec![0.0; replicates];
+    for &(value, weight, replicate) in values {
+        let below = if value < quantile { 1.0 } else { 0.0 };
+        parts[replicate] += weight * (below - p) / marginal.total();
+    }
+    let r = replicates as f64;
+    let mean = parts.iter().sum::<f64>() / r;
+    let variance = r / (r - 1.0) * parts.iter().map(|part| (part - mean).powi(2)).sum::<f64>();
+    let shift = variance.sqrt();
+    let [below, above] = [p - shift, p + shift].map(|p| marginal.quantile(p.clamp(0.0, 1.0)));
+    0.5 * (above - below)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::args::RunArgs;
+    use crate::calibration::Calibration;
+    use crate::material::Material;
+    use crate::plan::Planned;
+
+    fn posterior(seed: u64) -> Posterior {
+        let args = RunArgs {
+            material: Some(Material::Pa12),
+            kinetics: dem_core::Kinetics::Frenkel,
+            samples: 1024,
+            seed,
+            ..RunArgs::default()
+        };
+        let planned = Planned::from_args(&args).expect("a plan");
+        Calibration::run(&planned, &mut (), &|| {}).expect("a posterior").posterior
+    }
+
+    #[test]
+    fn a_parameter_as_a_derived_quantity_has_the_samplers_own_median_interval_and_error() {
+        let posterior = posterior(5);
+        let (found, _) = estimate(&posterior, |theta| Some(theta[0])).expect("an estimate");
+        let own = &posterior.parameters[0].in_si;
+        assert!((found.median / own.median - 1.0).abs() < 1e-3, "{found:?} {own:?}");
+        assert!((found.eti95[0] / own.eti95.lower - 1.0).abs() < 1e-3);
+        assert!((found.eti95[1] / own.eti95.upper - 1.0).abs() < 1e-3);
+        assert_eq!(found.probability, 1.0);
+        let ratio = found.se[1] / own.median_se;
+        assert!((0.3..3.0).contains(&ratio), "error {} against {}", found.se[1], own.median_se);
+    }
+
+    #[test]
+    fn errors_are_as_large_as_the_scatter_over_seeds() {
+        let runs: Vec<Estimate> = (0..20)
+            .map(|seed| estimate(&posterior(seed), |theta| Some(theta[0].ln())).expect("there").0)
+            .collect();
+        let mean = runs.iter().map(|run| run.median).sum::<f64>() / 20.0;
+        let scatter =
+            (runs.iter().map(|run| (run.median - mean).powi(2)).sum::<f64>() / 19.0).sqrt();
+        let stated = runs.iter().map(|run| run.se[1]).sum::<f64>() / 20.0;
+        assert!((0.4..2.5).contains(&(stated / scatter)), "stated {stated}, scatter {scatter}");
+    }
+
+    #[test]
+    fn a_quantity_that_few_samples_have_is_conditional_on_having_it() {
+        let posterior = posterior(5);
+        let middle = posterior.parameters[0].in_si.median;
+        let (found, _) =
+            estimate(&posterior, |theta| (theta[0] > middle).then_some(theta[0])).expect("half");
+        assert!((found.probability - 0.5).abs() < 0.02, "{found:?}");
+        assert!(found.eti95[0] >= middle);
+        assert!(estimate(&posterior, |_| None).is_none());
+    }
+}

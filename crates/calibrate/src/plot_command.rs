@@ -1,0 +1,61 @@
+//! `calibrate plot`: the figures of a saved run, drawn again from its files.
+
+use std::fs;
+use std::path::Path;
+
+use crate::args::PlotArgs;
+use crate::error::{Failure, InputError, Mistake, RunError};
+use crate::output;
+use crate::plot::Width;
+use crate::posterior_file;
+use crate::run::{draw, read_samples};
+
+/// Draws every figure of the run that `args` name.
+///
+/// # Errors
+///
+/// [`Failure::Input`] for files that are missing or damaged, or a folder that cannot be written;
+/// [`Failure::Run`] where writing fails.
+pub fn run(args: &PlotArgs) -> Result<(), Failure> {
+    let path = posterior_file::locate(&args.file);
+    let file = posterior_file::read(&path)?;
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    let samples = read_samples(&file, folder)?;
+    if samples.weights.is_empty() {
+        return Err(InputError::new(
+            folder.join("samples.csv").display().to_string(),
+            Mistake::Empty,
+        )
+        .found("a table without samples")
+        .expected("the samples of the run")
+        .help("run the calibration again")
+        .into());
+    }
+    let out = args.out.as_deref().unwrap_or(folder);
+    if args.out.is_some() {
+        fs::create_dir_all(out).map_err(|error| {
+            InputError::new("--out", Mistake::Unwritable)
+                .found(format_args!("{} ({error})", out.display()))
+                .expected("a folder for the figures")
+        })?;
+    }
+    output::check_file(&out.join("fit.png"))?;
+    draw(&file, &samples, args.log_time, args.width, &|name, bytes| {
+        output::write_file(&out.join(name), bytes)
+            .map_err(|error| RunError::new(format_args!("{}: {error}", out.join(name).display())))
+    })?;
+    if !args.quiet {
+        let width = match args.width {
+            Width::Column => "85 mm",
+            Width::Full => "170 mm",
+        };
+        println!(
+            "{}/: fit, corner, recursion, convergence, residuals (.png, .svg; {width} wide)",
+            out.display()
+        );
+    }
+    Ok(())
+}
