@@ -91,7 +91,10 @@ impl Draw {
         };
         let spec = if self.one_in(2) {
             // Half of the cases as in Table 2, where all numbers of the kinetics matter.
-            PairSpec { damping: spec.damping, ..PairSpec::new(dem_core::paper::PA12, spec.final_contact_ratio) }
+            PairSpec {
+                damping: spec.damping,
+                ..PairSpec::new(dem_core::paper::PA12, spec.final_contact_ratio)
+            }
         } else {
             spec
         };
@@ -101,7 +104,8 @@ impl Draw {
         let tau_s = t_c * self.number(1e-8, 1e6);
         // The knee from far below the start to far above phi.
         let delta_c = r * self.number(1e-8, 1e3);
-        let c1 = r / (8.0 * scene.powder().surface_tension_n_per_m * tau_s) * self.number(1e-9, 1e9);
+        let c1 =
+            r / (8.0 * scene.powder().surface_tension_n_per_m * tau_s) * self.number(1e-9, 1e9);
         let last = tau_s * self.number(1e-6, 1e3);
         let first = last * self.log(1e-9, 1.0);
         let times_s = std::iter::once(0.0)
@@ -202,7 +206,9 @@ impl Case {
         }
         let end = phi * phi * self.scene.radius_m() * (1.0 + 1e-12);
         if plastic_overlap_m.iter().any(|&p| p > end) {
-            return Err(format!("verlet: plastic overlap beyond its end {end}: {plastic_overlap_m:?}"));
+            return Err(format!(
+                "verlet: plastic overlap beyond its end {end}: {plastic_overlap_m:?}"
+            ));
         }
         Ok(())
     }
@@ -210,7 +216,8 @@ impl Case {
     /// Holds the closed form against Radau, where Radau can do it.
     fn against_reference(&self, tally: &mut Tally) -> Result<(), String> {
         let settings = SolverSettings::default();
-        let Ok(exact) = simulate(&self.scene, self.kinetics, &self.sintering, &settings, &self.times_s)
+        let Ok(exact) =
+            simulate(&self.scene, self.kinetics, &self.sintering, &settings, &self.times_s)
         else {
             return Ok(());
         };
@@ -234,7 +241,9 @@ impl Case {
                     ));
                 }
             }
-            Err(ReferenceError::OtherBranch { .. }) => return Err("other branch in force balance".to_owned()),
+            Err(ReferenceError::OtherBranch { .. }) => {
+                return Err("other branch in force balance".to_owned());
+            }
             Err(_) => tally.reference_ended += 1,
         }
         Ok(())

@@ -29,6 +29,9 @@ use crate::{PairScene, Sintering, SolveError};
 /// F(w)    = -ln(1 - w) + (1/2) ln(1 + w + w^2) - sqrt(3) atan((2w + 1)/sqrt(3))
 /// ```
 ///
+/// The overlap is computed from a series in `exp(-F(w))` with an absolute error of rounding: a/R within 2e-14,
+/// which for the smallest necks (a/R = 0.03) is 6e-13 of it.
+///
 /// Source: O. Pokluda, C.T. Bellehumeur, J. Vlachopoulos, AIChE J. 43 (1997) 3253.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pokluda {
