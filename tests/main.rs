@@ -3,9 +3,12 @@
 mod sandbox;
 
 mod bad_input;
+mod compare;
 mod determinism;
 mod files;
 mod main_job;
+mod plot;
 mod predict;
 mod readme;
 mod simulate;
+mod table3;

@@ -71,16 +71,23 @@ impl<'a> ProductPrior<'a> {
     }
 }
 
-/// Divergence from the prior of a marginal given in normal scores: 64 bins of equal posterior mass.
+/// Divergence from the prior of a marginal given in normal scores: 64 bins of equal posterior mass, and two of 0.05 %
+/// at the ends, beyond which all that the prior has is counted.
 fn information_gain_bits(scores: &Weighted) -> f64 {
     const BINS: usize = 64;
-    let mass = 1.0 / BINS as f64;
-    let mut edges: Vec<f64> = (0..=BINS).map(|k| scores.quantile(k as f64 * mass)).collect();
-    edges[0] = f64::NEG_INFINITY;
-    edges[BINS] = f64::INFINITY;
+    const END: f64 = 5e-4;
+    let inner = (1.0 - 2.0 * END) / BINS as f64;
+    let mut bins = vec![END];
+    bins.extend([inner; BINS]);
+    bins.push(END);
+    let mut edges = vec![f64::NEG_INFINITY];
+    edges.extend((0..=BINS).map(|k| scores.quantile(END + k as f64 * inner)));
+    edges.push(f64::INFINITY);
     let gain: f64 = edges
         .windows(2)
-        .map(|edge| {
+        .zip(bins)
+        .map(|(edge, mass)| {
+            // On the side on which the areas are small.
             let prior = if edge[0] > 0.0 {
                 normal::cdf(-edge[0]) - normal::cdf(-edge[1])
             } else {
@@ -107,7 +114,7 @@ mod tests {
             }))
         };
         assert!(information_gain_bits(&scores(0.0, 1.0)) < 1e-3);
-        assert!((information_gain_bits(&scores(0.5, 1.0)) - 1.0).abs() < 0.01);
+        assert!((information_gain_bits(&scores(0.5, 1.0)) - 1.0).abs() < 0.02);
         assert!((information_gain_bits(&scores(0.25, 0.5)) - 2.0).abs() < 0.03);
     }
 

@@ -211,7 +211,7 @@ mod tests {
 
     #[test]
     fn large_bayes_factors_are_powers_of_ten() {
-        assert_eq!(bayes_factor(12.0f64.ln()), "12.0");
+        assert_eq!(bayes_factor(12.0f64.ln()), "12");
         assert_eq!(bayes_factor(1e30f64.ln()), "10^30");
     }
 }

@@ -11,7 +11,9 @@ use crate::summary::INFORMED_BITS;
 /// A document around `table3.tex`, to see that it compiles: `pdflatex document.tex`.
 pub const DOCUMENT: &str = "\
 \\documentclass{article}
+\\usepackage[margin=25mm]{geometry}
 \\begin{document}
+\\noindent\\small
 \\input{table3}
 \\end{document}
 ";
