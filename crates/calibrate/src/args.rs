@@ -462,6 +462,10 @@ pub struct BenchArgs {
 pub enum BenchStudy {
     /// Every solver: time per curve against error of a/R (some minutes)
     Simulator(SimulatorBenchArgs),
+    /// Six ways to a posterior: error against simulations and time (some minutes)
+    Calibration(CalibrationBenchArgs),
+    /// Print the exact posterior of a material, or what one run says of it, as JSON
+    Exact(ExactBenchArgs),
     /// What a scene does not need, and what leaving it out saves
     Savings(SavingsBenchArgs),
 }
@@ -488,6 +492,42 @@ pub struct SavingsBenchArgs {
     /// Run one scene that often and stop: what the instructions are counted of
     #[arg(long, value_name = "SCENE", num_args = 2, value_names = ["SCENE", "TIMES"], hide = true)]
     pub only: Option<Vec<String>>,
+}
+
+/// Error of posteriors against work.
+#[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
+pub struct CalibrationBenchArgs {
+    /// Folder for tables and figures
+    #[arg(short, long, value_name = "DIR", default_value = "results/benchmarks")]
+    pub out: PathBuf,
+
+    /// Runs of each method [default: 20; with --full 1000]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..))]
+    pub seeds: Option<u64>,
+
+    /// Hold the sampler alone against its promises instead: error, honest error bars, unbiased evidence
+    #[arg(long)]
+    pub full: bool,
+
+    /// One problem only
+    #[arg(long, value_name = "NAME")]
+    pub only: Option<String>,
+}
+
+/// One exact posterior.
+#[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
+pub struct ExactBenchArgs {
+    /// Built-in material
+    #[arg(short, long, value_name = "NAME", value_parser = material_parser())]
+    pub material: Material,
+
+    /// Run the sampler with N simulations instead, and say what it finds and how long it took
+    #[arg(short = 'n', long, value_name = "N", value_parser = parse_samples)]
+    pub samples: Option<usize>,
+
+    /// Seed of that run
+    #[arg(short, long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
 }
 
 /// Shell completions.

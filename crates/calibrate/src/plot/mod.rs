@@ -46,7 +46,7 @@ pub use palette::Role;
 pub use recursion::{RecursionFigure, RecursionParameter};
 pub use regime_map::RegimeMapFigure;
 pub use residuals::ResidualsFigure;
-pub use work_precision::{WorkPrecisionFigure, WorkPrecisionSeries};
+pub use work_precision::{WorkPrecisionFigure, WorkPrecisionGrid, WorkPrecisionSeries};
 
 /// One figure as bytes of both formats, drawn from the same list of strokes and fills.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -158,7 +158,8 @@ figures!(
     RecursionFigure,
     RegimeMapFigure,
     ResidualsFigure,
-    WorkPrecisionFigure
+    WorkPrecisionFigure,
+    WorkPrecisionGrid
 );
 
 /// Checks the columns of a figure, named for its messages.

@@ -1,0 +1,303 @@
+//! The posteriors that calibration methods are held against: three materials and three reference problems, each
+//! with its exact answer.
+
+use clap::Parser as _;
+use smc_calib::quadrature::{QuadratureSettings, quadrature};
+use smc_calib::reference::{self, Reference};
+use smc_calib::{
+    CalibrateError, DensitySummary, Likelihood, Noise, Observations, Parameter, Posterior, Problem,
+    Settings, Simulator as _, Target as _, calibrate, sample_density,
+};
+
+use super::rivals::{Bayes, Estimate};
+use crate::args::Args;
+use crate::error::{Failure, RunError};
+use crate::material::Material;
+use crate::model::NeckGrowth;
+use crate::plan::Planned;
+
+/// The true posterior.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub(super) struct Exact {
+    /// Means in the priors' coordinates.
+    pub(super) mean: Vec<f64>,
+    /// Standard deviations.
+    pub(super) sd: Vec<f64>,
+    /// Log evidence.
+    pub(super) log_evidence: f64,
+    /// What quadrature settled to, in posterior sds; 0 for closed forms.
+    pub(super) settled: f64,
+}
+
+/// What one run of the sampler says, with its own error bars.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Run {
+    pub(super) estimate: Estimate,
+    pub(super) mean_se: Vec<f64>,
+    pub(super) sd_se: Vec<f64>,
+    pub(super) log_evidence_se: f64,
+    /// Log evidence of the frozen stage alone.
+    pub(super) frozen_log_evidence: f64,
+}
+
+/// A problem with its answer.
+pub(super) struct Case {
+    pub(super) name: String,
+    pub(super) title: String,
+    pub(super) exact: Exact,
+    kind: Kind,
+}
+
+enum Kind {
+    Curve(Box<Curve>),
+    Density(Reference),
+}
+
+/// A material as `calibrate --material` calibrates it.
+struct Curve {
+    model: NeckGrowth,
+    parameters: Vec<Parameter>,
+    observations: Observations,
+    noise: Noise,
+    likelihood: Likelihood,
+}
+
+impl Curve {
+    fn of(material: Material) -> Result<Self, Failure> {
+        let args = Args::parse_from(["calibrate", "--material", material.name()]);
+        let plan = Planned::from_args(&args.run)?.plan;
+        let observations = plan.observations()?;
+        let likelihood = Likelihood::new(&plan.noise, &observations)
+            .map_err(|error| RunError::new(error.to_string()))?;
+        Ok(Self {
+            model: NeckGrowth::of(&plan)?,
+            parameters: plan.parameters,
+            observations,
+            noise: plan.noise,
+            likelihood,
+        })
+    }
+
+    fn run(&self, samples: usize, seed: u64) -> Result<Run, CalibrateError> {
+        calibrate(&self.problem(), &settings(samples, seed), &mut ()).map(Run::of_posterior)
+    }
+
+    fn problem(&self) -> Problem<'_> {
+        Problem {
+            simulator: &self.model,
+            parameters: self.parameters.clone(),
+            observations: self.observations.clone(),
+            noise: self.noise.clone(),
+        }
+    }
+
+    /// What `value` says of the curve at normal scores; none where it cannot be simulated.
+    fn at<T>(&self, z: &[f64], value: impl FnOnce(&[f64]) -> T) -> Option<T> {
+        let theta: Vec<f64> =
+            self.parameters.iter().zip(z).map(|(p, z)| p.prior.from_z(*z)).collect();
+        let mut curve = vec![0.0; self.observations.len()];
+        self.model.simulate(&theta, &mut curve).ok()?;
+        curve.iter().all(|v| v.is_finite()).then(|| value(&curve))
+    }
+}
+
+impl Case {
+    /// All six.
+    pub(super) fn all() -> Result<Vec<Self>, Failure> {
+        let mut cases =
+            Material::ALL.into_iter().map(Self::material).collect::<Result<Vec<_>, _>>()?;
+        let densities = [reference::banana(), reference::two_modes(), reference::heavy_tail()];
+        cases.extend(densities.map(Self::density));
+        Ok(cases)
+    }
+
+    /// A material with its default data, priors and noise, against quadrature.
+    pub(super) fn material(material: Material) -> Result<Self, Failure> {
+        let curve = Curve::of(material)?;
+        let found = quadrature(&curve.problem(), &QuadratureSettings::default())
+            .map_err(|error| RunError::new(format_args!("{material}: quadrature: {error}")))?;
+        Ok(Self {
+            name: material.name().to_owned(),
+            title: material.title().to_owned(),
+            exact: Exact {
+                mean: found.mean,
+                sd: found.sd,
+                log_evidence: found.log_evidence,
+                settled: found.error,
+            },
+            kind: Kind::Curve(Box::new(curve)),
+        })
+    }
+
+    fn density(reference: Reference) -> Self {
+        Self {
+            name: reference.name.replace(' ', "-"),
+            title: reference.name.to_owned(),
+            exact: Exact {
+                mean: reference.mean.clone(),
+                sd: reference.sd.clone(),
+                log_evidence: reference.log_evidence,
+                settled: 0.0,
+            },
+            kind: Kind::Density(reference),
+        }
+    }
+
+    /// One run of the shipped sampler with its defaults.
+    pub(super) fn run(&self, samples: usize, seed: u64) -> Result<Run, RunError> {
+        let found = match &self.kind {
+            Kind::Curve(curve) => curve.run(samples, seed),
+            Kind::Density(reference) => {
+                sample_density(reference, &settings(samples, seed)).map(Run::of_density)
+            }
+        };
+        found.map_err(|error| {
+            RunError::new(format_args!("{}, {samples} samples, seed {seed}: {error}", self.name))
+        })
+    }
+}
+
+/// One run of the shipped sampler on a material, whose exact posterior is not asked for.
+pub(super) fn run_material(
+    material: Material,
+    samples: usize,
+    seed: u64,
+) -> Result<Estimate, Failure> {
+    let found = Curve::of(material)?.run(samples, seed);
+    Ok(found.map_err(|error| RunError::new(error.to_string()))?.estimate)
+}
+
+fn settings(samples: usize, seed: u64) -> Settings {
+    Settings { samples, seed, ..Settings::default() }
+}
+
+impl Run {
+    fn of_posterior(found: Posterior) -> Self {
+        let moments: Vec<_> = found.parameters.iter().map(|p| p.in_coordinate).collect();
+        Self {
+            estimate: Estimate {
+                mean: moments.iter().map(|m| m.mean).collect(),
+                sd: moments.iter().map(|m| m.sd).collect(),
+                log_evidence: Some(found.log_evidence.value),
+                simulations: found.samples.len(),
+            },
+            mean_se: moments.iter().map(|m| m.mean_se).collect(),
+            sd_se: moments.iter().map(|m| m.sd_se).collect(),
+            log_evidence_se: found.log_evidence.se,
+            frozen_log_evidence: found.log_evidence.frozen_value,
+        }
+    }
+
+    fn of_density(found: DensitySummary) -> Self {
+        Self {
+            estimate: Estimate {
+                mean: found.mean,
+                sd: found.sd,
+                log_evidence: Some(found.log_evidence.value),
+                simulations: found.counters.simulations,
+            },
+            mean_se: found.mean_se,
+            sd_se: found.sd_se,
+            log_evidence_se: found.log_evidence.se,
+            frozen_log_evidence: found.log_evidence.frozen_value,
+        }
+    }
+}
+
+impl Bayes for Case {
+    fn dimension(&self) -> usize {
+        self.exact.mean.len()
+    }
+
+    fn ln_likelihood(&self, z: &[f64]) -> f64 {
+        let ln = match &self.kind {
+            Kind::Curve(curve) => curve.at(z, |values| curve.likelihood.ln_joint(values)),
+            Kind::Density(reference) => reference.ln_likelihood(z, &mut []).ok(),
+        };
+        ln.filter(|ln| !ln.is_nan()).unwrap_or(f64::NEG_INFINITY)
+    }
+
+    /// Half the sum of squared residuals, each relative to the measured value; minus the log likelihood of a density.
+    fn misfit(&self, z: &[f64]) -> f64 {
+        let relative = |values: &[f64], curve: &Curve| {
+            let pairs = values.iter().zip(curve.observations.values());
+            0.5 * pairs.map(|(v, y)| ((v - y) / y).powi(2)).sum::<f64>()
+        };
+        match &self.kind {
+            Kind::Curve(curve) => {
+                curve.at(z, |values| relative(values, curve)).unwrap_or(f64::INFINITY)
+            }
+            Kind::Density(_) => -self.ln_likelihood(z),
+        }
+    }
+
+    fn coordinate(&self, parameter: usize, z: f64) -> f64 {
+        match &self.kind {
+            Kind::Curve(curve) => {
+                let prior = &curve.parameters[parameter].prior;
+                prior.to_coordinate(prior.from_z(z))
+            }
+            Kind::Density(_) => z,
+        }
+    }
+}
+
+/// Errors of an estimate in units of the exact posterior.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Errors {
+    /// Per parameter: mean off by so many posterior sds.
+    pub(super) mean: Vec<f64>,
+    /// Per parameter: relative error of the sd.
+    pub(super) sd: Vec<f64>,
+    /// Error of the log evidence, where there is one.
+    pub(super) log_evidence: Option<f64>,
+}
+
+impl Errors {
+    /// Of an estimate; infinite where the method found nothing.
+    pub(super) fn of(exact: &Exact, found: &Estimate) -> Self {
+        let d = exact.mean.len();
+        if found.mean.len() != d {
+            let nothing = vec![f64::INFINITY; d];
+            return Self { mean: nothing.clone(), sd: nothing, log_evidence: found.log_evidence };
+        }
+        Self {
+            mean: (0..d).map(|j| (found.mean[j] - exact.mean[j]) / exact.sd[j]).collect(),
+            sd: (0..d).map(|j| found.sd[j] / exact.sd[j] - 1.0).collect(),
+            log_evidence: found.log_evidence.map(|found| found - exact.log_evidence),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_rivals_sample_another_posterior_than_ours() {
+        // Ours, through the sampler's own path from parameters to likelihood, agrees with quadrature, and the log
+        // likelihood that rivals see at a sample is the one the sampler saw.
+        let case = Case::material(Material::Ps).expect("a case");
+        let run = case.run(4096, 1).expect("a run");
+        let errors = Errors::of(&case.exact, &run.estimate);
+        assert!(errors.mean.iter().all(|e| e.abs() < 0.3), "{errors:?}");
+        let Kind::Curve(curve) = &case.kind else { panic!("a curve") };
+        let posterior = calibrate(&curve.problem(), &settings(256, 1), &mut ()).expect("a run");
+        for sample in &posterior.samples {
+            let own = sample.ln_likelihood.expect("a simulation");
+            assert!((case.ln_likelihood(&sample.z) - own).abs() < 1e-9);
+            assert!(case.misfit(&sample.z) >= 0.0);
+        }
+    }
+
+    #[test]
+    fn an_estimate_without_moments_counts_as_found() {
+        let exact = Exact { mean: vec![1.0], sd: vec![2.0], log_evidence: 3.0, settled: 0.0 };
+        let nothing = Errors::of(&exact, &Estimate::default());
+        assert!(nothing.mean[0].is_infinite() && nothing.log_evidence.is_none());
+        let off =
+            Estimate { mean: vec![2.0], sd: vec![1.0], log_evidence: Some(3.5), simulations: 1 };
+        let errors = Errors::of(&exact, &off);
+        assert_eq!((errors.mean[0], errors.sd[0], errors.log_evidence), (0.5, -0.5, Some(0.5)));
+    }
+}
