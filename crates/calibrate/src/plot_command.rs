@@ -1,6 +1,7 @@
 //! `calibrate plot`: the figures of a saved run, drawn again from its files.
 
 use std::fs;
+use std::io::Write as _;
 use std::path::Path;
 
 use crate::args::PlotArgs;
@@ -52,10 +53,11 @@ pub fn run(args: &PlotArgs) -> Result<(), Failure> {
             Width::Column => "85 mm",
             Width::Full => "170 mm",
         };
-        println!(
+        writeln!(
+            std::io::stdout().lock(),
             "{}/: fit, corner, recursion, convergence, residuals (.png, .svg; {width} wide)",
             out.display()
-        );
+        )?;
     }
     Ok(())
 }

@@ -143,6 +143,9 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Takes a file name and its bytes.
+pub type WriteFile<'a> = dyn Fn(&str, &[u8]) -> Result<(), RunError> + Sync + 'a;
+
 /// Writes every figure of a run as PNG and SVG.
 ///
 /// # Errors
@@ -153,7 +156,7 @@ pub fn draw(
     samples: &SampleColumns,
     log_time: bool,
     width: Width,
-    write: &(dyn Fn(&str, &[u8]) -> Result<(), RunError> + Sync),
+    write: &WriteFile<'_>,
 ) -> Result<(), RunError> {
     figures::all(file, samples, log_time)
         .par_iter()

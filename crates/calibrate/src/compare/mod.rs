@@ -53,7 +53,7 @@ pub fn run(args: &CompareArgs) -> Result<(), Failure> {
         let (comparison, mut figure) = pool.install(|| compare(plans))?;
         figure.log_time = args.log_time;
         if !args.quiet && !args.json {
-            print!("{}", render::terminal(&comparison));
+            write!(std::io::stdout().lock(), "{}", render::terminal(&comparison))?;
         }
         pictures.push((comparison.name.clone(), figure));
         comparisons.push(comparison);
@@ -85,10 +85,11 @@ pub fn run(args: &CompareArgs) -> Result<(), Failure> {
     if args.json {
         write!(std::io::stdout().lock(), "{}", pretty(&report)?)?;
     } else if !args.quiet {
-        println!(
+        writeln!(
+            std::io::stdout().lock(),
             "files: {}/ (compare.md, compare.csv, compare.json, compare-*.png, .svg)",
             args.out.display()
-        );
+        )?;
     }
     Ok(())
 }
