@@ -248,7 +248,8 @@ impl<F: FnMut(usize, f64, f64)> Run<'_, F> {
                     break;
                 }
                 let at = if step_s > 0.0 { (ahead_s / step_s).clamp(0.0, 1.0) } else { 0.0 };
-                let p = step.at(at).min(until_plastic);
+                // Growth never turns; the dense output may, within its error.
+                let p = step.at(at).min(until_plastic).max(self.plastic_overlap);
                 self.plastic_overlap = p;
                 self.overlap = contact.equilibrium_overlap(p);
                 self.observe_present();
