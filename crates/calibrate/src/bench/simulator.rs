@@ -78,7 +78,7 @@ pub(super) fn run(args: &SimulatorBenchArgs) -> Result<(), Failure> {
 const TEXT: &str = "\
 Error: the largest |a/R - reference| over the observation times. Against the *quasi-static limit*, which is what is
 calibrated (force balance, Radau IIA, tolerance tightened until it moves by less than 1e-9 twice running, for a few draws 1e-7): that is the error
-that counts. Against the *equations of motion* (likewise, settled to 1e-8): the error of the time step alone. The difference
+that counts. Against the *equations of motion* (likewise, settled to 1e-8, where the long run of PEEK keeps it from that to 1e-6): the error of the time step alone. The difference
 of the two is the inertia of the soft contact, which no smaller step removes. The reference has errors
 too: after the knee up to 30 times what it settled to, because an error of the time of the knee is carried into the
 faster stage. Where closed form and quasi-static solver at 1e-12, which share no formula, show the same error, it
@@ -134,7 +134,7 @@ impl Case {
 
     fn reference(&self, equations: Equations, s: &Sintering) -> Result<Reference, RunError> {
         let wanted = match equations {
-            Equations::Motion => [MOTION_SETTLED, 10.0 * MOTION_SETTLED],
+            Equations::Motion => [MOTION_SETTLED, 100.0 * MOTION_SETTLED],
             Equations::ForceBalance => [BALANCE_SETTLED, 100.0 * BALANCE_SETTLED],
         };
         let run = |wanted| {
@@ -250,10 +250,9 @@ impl Case {
         findings: &mut String,
     ) -> Result<WorkPrecisionFigure, Failure> {
         let draws = draws::from_prior(self.material, count)?;
-        let balance: Vec<Reference> = draws
-            .par_iter()
-            .map(|s| self.reference(Equations::ForceBalance, s))
-            .collect::<Result<_, _>>()?;
+        let balance: Vec<Option<Reference>> =
+            draws.par_iter().map(|s| self.reference(Equations::ForceBalance, s).ok()).collect();
+        let unsettled = balance.iter().filter(|reference| reference.is_none()).count();
         let motion: Vec<Option<Reference>> =
             draws.par_iter().map(|s| self.reference(Equations::Motion, s).ok()).collect();
         let missing = motion.iter().filter(|reference| reference.is_none()).count();
@@ -294,7 +293,9 @@ impl Case {
                     continue;
                 };
                 total += steps;
-                errors.balance.push(difference(out, &balance[i].contact_ratio));
+                if let Some(balance) = &balance[i] {
+                    errors.balance.push(difference(out, &balance.contact_ratio));
+                }
                 if let Some(motion) = &motion[i] {
                     errors.motion.push(difference(out, &motion.contact_ratio));
                 }
@@ -319,9 +320,11 @@ impl Case {
         }
         let _ = writeln!(
             findings,
-            "- {}, {count} draws: the equations of motion have a reference for {} of them (none where the \
-             motion leaves the elastic branch of the contact law).",
+            "- {}, {count} draws: the quasi-static limit has a reference for {} of them (settled to 1e-7 or better; none \
+             where a knee from very slow to very fast growth enlarges every error of time), the equations of motion \
+             for {} (none where the motion leaves the elastic branch either).",
             self.material.title(),
+            count - unsettled,
             count - missing
         );
         let line = |kind: SolverKind, errors: fn(&Errors) -> &Vec<f64>| {
@@ -487,7 +490,7 @@ fn order(findings: &mut String) -> Result<(), Failure> {
     let shown: Vec<String> = errors.iter().map(|error| format!("{error:.2e}")).collect();
     let _ = writeln!(
         findings,
-        "- verlet where the solution is smooth (PA12, Frenkel's law from rest, steps {steps:?} t_c): errors {} against the          equations of motion, **order {slope:.2}**. At the knee the rate bends within a step: first order once.",
+        "- verlet where the solution is smooth (PA12, Frenkel's law from rest, steps {steps:?} t_c): errors {} against the equations of motion, **order {slope:.2}**. At the knee the rate bends within a step: first order once.",
         shown.join(", ")
     );
     Ok(())

@@ -98,7 +98,7 @@ pub(super) fn run(out: &Path) -> Result<(), Failure> {
                 } else {
                     String::new()
                 },
-                errors.as_ref().map_or("the motion leaves the elastic branch".to_owned(), |e| {
+                errors.as_ref().map_or("no reference settles to 1e-8".to_owned(), |e| {
                     format!("{:.3e}", e[place])
                 }),
             ]);
