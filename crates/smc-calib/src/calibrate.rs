@@ -9,6 +9,7 @@ use crate::sampler::{Sampler, record};
 use crate::summary::{Run, summarise};
 use crate::target::CurveTarget;
 use crate::{CalibrateError, Noise, Posterior, Problem, Settings, StageRecord, StopReason, psis};
+use rayon::prelude::*;
 use std::ops::ControlFlow;
 
 /// Watches a run, and may end it.
@@ -165,6 +166,8 @@ fn stage_record(
         worst_mean_error = 0.0;
         for (j, p) in problem.parameters.iter().enumerate() {
             let x: Vec<f64> = (0..pool.len())
+                .into_par_iter()
+                .with_min_len(256)
                 .map(|i| {
                     if estimator.weights[i] > 0.0 {
                         p.prior.to_coordinate(p.prior.from_z(pool.z[i * pool.d + j]))

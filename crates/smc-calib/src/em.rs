@@ -3,7 +3,8 @@
 //! Everything happens in coordinates in which the weighted samples have mean zero and unit covariance, so
 //! that shrinkage and floors are relative to the spread of what is fitted.
 
-use crate::mixture::{cholesky, distance2, packed_inverse};
+use crate::lanes::{LANES, exp_of_nonpositive, ln_of_positive};
+use crate::mixture::{cholesky, packed_inverse};
 use crate::stream::{Purpose, stream};
 use rand::RngExt;
 use rayon::prelude::*;
@@ -45,6 +46,10 @@ pub(crate) struct Cloud {
     points: Vec<f64>,
     /// Weights, summing to one.
     weights: Vec<f64>,
+    /// The points again in blocks of [`LANES`], coordinate by coordinate within a block, and their weights; the last
+    /// block filled up with points of weight zero.
+    lanes: Vec<f64>,
+    lane_weights: Vec<f64>,
     mean: Vec<f64>,
     factor: Vec<f64>,
     /// Effective number of samples behind the weights.
@@ -126,7 +131,15 @@ impl Cloud {
             let kept_total: f64 = kept.iter().sum();
             kept.iter_mut().for_each(|w| *w /= kept_total);
         }
-        Some(Self { d, points, weights: kept, mean, factor, ess })
+        let mut lane_weights = kept.clone();
+        lane_weights.resize(kept.len().next_multiple_of(LANES), 0.0);
+        let mut lanes = vec![0.0; lane_weights.len() * d];
+        for (i, x) in points.chunks_exact(d).enumerate() {
+            for (j, x) in x.iter().enumerate() {
+                lanes[(i / LANES * d + j) * LANES + i % LANES] = *x;
+            }
+        }
+        Some(Self { d, points, weights: kept, lanes, lane_weights, mean, factor, ess })
     }
 
     /// The mixture with the best BIC among one to `max_components` components.
@@ -167,9 +180,9 @@ impl Cloud {
     /// One EM step of `k` components from a k-means++ start: the mean log density before it.
     pub(crate) fn one_step(&self, k: usize) -> f64 {
         let mut mixture = self.start(k, 1, 0);
-        let mut responsibilities = vec![0.0; self.weights.len() * k];
-        let ln = self.expect(&mixture, &mut responsibilities);
-        self.maximise(&mut mixture, &responsibilities);
+        let mut shares = vec![0.0; self.padded() * k];
+        let ln = self.expect(&mixture, &mut shares);
+        self.maximise(&mut mixture, &shares);
         ln
     }
 
@@ -231,9 +244,9 @@ impl Cloud {
                 }
             }
         }
-        let mut responsibilities = vec![0.0; n * k];
+        let mut shares = vec![0.0; self.padded() * k];
         for i in 0..n {
-            responsibilities[i * k + assigned[i]] = 1.0;
+            shares[(i / LANES * k + assigned[i]) * LANES + i % LANES] = self.weights[i];
         }
         let mut mixture = Mixture {
             k,
@@ -246,89 +259,161 @@ impl Cloud {
                 mixture.factors[c * d * d + j * d + j] = 1.0;
             }
         }
-        self.maximise(&mut mixture, &responsibilities);
+        self.maximise(&mut mixture, &shares);
         mixture
     }
 
     /// EM to convergence; mean log density per unit weight and the number of iterations.
     fn em(&self, mut mixture: Mixture) -> (Mixture, f64, usize) {
-        let mut responsibilities = vec![0.0; self.weights.len() * mixture.k];
+        let mut shares = vec![0.0; self.padded() * mixture.k];
         let mut last = f64::NEG_INFINITY;
         for iteration in 1..=MAX_ITERATIONS {
-            let ln = self.expect(&mixture, &mut responsibilities);
+            let ln = self.expect(&mixture, &mut shares);
             if mixture.k == 1 || ln - last < TOLERANCE || iteration == MAX_ITERATIONS {
                 return (mixture, ln, iteration);
             }
             last = ln;
-            self.maximise(&mut mixture, &responsibilities);
+            self.maximise(&mut mixture, &shares);
         }
         (mixture, last, MAX_ITERATIONS)
     }
 
-    /// Responsibilities; mean log density.
-    fn expect(&self, mixture: &Mixture, responsibilities: &mut [f64]) -> f64 {
-        let (d, k) = (self.d, mixture.k);
-        let inverses: Vec<Vec<f64>> =
-            mixture.factors.chunks_exact(d * d).map(|f| packed_inverse(f, d)).collect();
-        let constants: Vec<f64> = (0..k)
-            .map(|c| {
-                let ln_det: f64 = (0..d).map(|j| mixture.factors[c * d * d + j * d + j].ln()).sum();
-                mixture.weights[c].ln() - ln_det - d as f64 * crate::normal::LN_SQRT_2PI
-            })
-            .collect();
-        let mut mean = 0.0;
-        for ((x, w), row) in
-            self.points.chunks_exact(d).zip(&self.weights).zip(responsibilities.chunks_exact_mut(k))
-        {
-            let mut largest = f64::NEG_INFINITY;
-            for c in 0..k {
-                row[c] = constants[c]
-                    - 0.5 * distance2(&inverses[c], &mixture.means[c * d..(c + 1) * d], x);
-                largest = largest.max(row[c]);
-            }
-            let mut sum = 0.0;
-            for r in row.iter_mut() {
-                *r = (*r - largest).exp();
-                sum += *r;
-            }
-            let inverse = 1.0 / sum;
-            row.iter_mut().for_each(|r| *r *= inverse);
-            mean += w * (largest + sum.ln());
-        }
-        mean
+    /// Number of points with those of weight zero that fill the last block.
+    fn padded(&self) -> usize {
+        self.lane_weights.len()
     }
 
-    /// Weights, means and covariances from responsibilities, covariances shrunk towards a K-th of the cloud.
-    fn maximise(&self, mixture: &mut Mixture, responsibilities: &[f64]) {
-        let (d, k) = (self.d, mixture.k);
+    /// Weight times responsibility of each component, block of points by block of points, component by component
+    /// within; the mean log density.
+    fn expect(&self, mixture: &Mixture, shares: &mut [f64]) -> f64 {
+        // Wider instructions where the machine has them; the same sums in the same order.
+        pulp::Arch::new().dispatch(|| match self.d {
+            1 => self.expect_of::<1>(mixture, shares),
+            2 => self.expect_of::<2>(mixture, shares),
+            3 => self.expect_of::<3>(mixture, shares),
+            4 => self.expect_of::<4>(mixture, shares),
+            _ => self.expect_of::<0>(mixture, shares),
+        })
+    }
+
+    /// D is the dimension where it is known at compile time, else 0.
+    #[inline(always)]
+    fn expect_of<const D: usize>(&self, mixture: &Mixture, shares: &mut [f64]) -> f64 {
+        let d = if D > 0 { D } else { self.d };
+        let k = mixture.k;
+        // Per component: constant, mean, packed inverse factor.
+        let packed = d * (d + 1) / 2;
+        let width = 1 + d + packed;
+        let mut table = Vec::with_capacity(k * width);
+        for c in 0..k {
+            let factor = &mixture.factors[c * d * d..(c + 1) * d * d];
+            let ln_det: f64 = (0..d).map(|j| factor[j * d + j].ln()).sum();
+            table.push(mixture.weights[c].ln() - ln_det - d as f64 * crate::normal::LN_SQRT_2PI);
+            table.extend_from_slice(&mixture.means[c * d..(c + 1) * d]);
+            table.extend(packed_inverse(factor, d));
+        }
+        let mut mean = [0.0; LANES];
+        for ((x, w), block) in self
+            .lanes
+            .chunks_exact(d * LANES)
+            .zip(self.lane_weights.as_chunks::<LANES>().0)
+            .zip(shares.chunks_exact_mut(k * LANES))
+        {
+            let mut largest = [f64::NEG_INFINITY; LANES];
+            for (row, out) in table.chunks_exact(width).zip(block.as_chunks_mut::<LANES>().0) {
+                let (centre, inverse) = (&row[1..1 + d], &row[1 + d..]);
+                let mut squares = [0.0; LANES];
+                let mut at = 0;
+                for i in 0..d {
+                    let mut u = [0.0; LANES];
+                    for j in 0..=i {
+                        let (f, m) = (inverse[at], centre[j]);
+                        for l in 0..LANES {
+                            u[l] += f * (x[j * LANES + l] - m);
+                        }
+                        at += 1;
+                    }
+                    for l in 0..LANES {
+                        squares[l] += u[l] * u[l];
+                    }
+                }
+                for l in 0..LANES {
+                    out[l] = row[0] - 0.5 * squares[l];
+                    largest[l] = if out[l] > largest[l] { out[l] } else { largest[l] };
+                }
+            }
+            let mut sum = [0.0; LANES];
+            for out in block.as_chunks_mut::<LANES>().0 {
+                for l in 0..LANES {
+                    out[l] = exp_of_nonpositive(out[l] - largest[l]);
+                    sum[l] += out[l];
+                }
+            }
+            let mut scale = [0.0; LANES];
+            for l in 0..LANES {
+                scale[l] = w[l] / sum[l];
+                mean[l] += w[l] * (largest[l] + ln_of_positive(sum[l]));
+            }
+            for out in block.as_chunks_mut::<LANES>().0 {
+                for l in 0..LANES {
+                    out[l] *= scale[l];
+                }
+            }
+        }
+        mean.iter().sum()
+    }
+
+    /// Weights, means and covariances from the components' shares, covariances shrunk towards a K-th of the cloud.
+    fn maximise(&self, mixture: &mut Mixture, shares: &[f64]) {
+        pulp::Arch::new().dispatch(|| match self.d {
+            1 => self.maximise_of::<1>(mixture, shares),
+            2 => self.maximise_of::<2>(mixture, shares),
+            3 => self.maximise_of::<3>(mixture, shares),
+            4 => self.maximise_of::<4>(mixture, shares),
+            _ => self.maximise_of::<0>(mixture, shares),
+        });
+    }
+
+    #[inline(always)]
+    fn maximise_of<const D: usize>(&self, mixture: &mut Mixture, shares: &[f64]) {
+        let d = if D > 0 { D } else { self.d };
+        let k = mixture.k;
         let pull = d as f64 + 2.0;
         let target = (k as f64).powf(-2.0 / d as f64);
         let packed = d * (d + 1) / 2;
         // Moments about the previous centres, so that nothing cancels.
         let width = 1 + d + packed;
-        let mut sums = vec![0.0; k * width];
-        for ((x, w), row) in
-            self.points.chunks_exact(d).zip(&self.weights).zip(responsibilities.chunks_exact(k))
-        {
-            for c in 0..k {
-                let r = w * row[c];
-                if r < 1e-14 {
-                    continue;
-                }
+        let mut sums = vec![[0.0; LANES]; k * width];
+        let mut offset = vec![[0.0; LANES]; d];
+        for (x, block) in self.lanes.chunks_exact(d * LANES).zip(shares.chunks_exact(k * LANES)) {
+            for (c, r) in block.as_chunks::<LANES>().0.iter().enumerate() {
                 let m = &mixture.means[c * d..(c + 1) * d];
                 let s = &mut sums[c * width..(c + 1) * width];
-                s[0] += r;
+                for l in 0..LANES {
+                    s[0][l] += r[l];
+                }
+                for i in 0..d {
+                    for l in 0..LANES {
+                        offset[i][l] = x[i * LANES + l] - m[i];
+                    }
+                }
                 let mut at = 1 + d;
                 for i in 0..d {
-                    let u = r * (x[i] - m[i]);
-                    s[1 + i] += u;
+                    let mut u = [0.0; LANES];
+                    for l in 0..LANES {
+                        u[l] = r[l] * offset[i][l];
+                        s[1 + i][l] += u[l];
+                    }
                     for j in 0..=i {
-                        s[at] += u * (x[j] - m[j]);
+                        for l in 0..LANES {
+                            s[at][l] += u[l] * offset[j][l];
+                        }
                         at += 1;
                     }
                 }
             }
         }
+        let sums: Vec<f64> = sums.iter().map(|lanes| lanes.iter().sum()).collect();
         for c in 0..k {
             let s = &sums[c * width..(c + 1) * width];
             let mass = s[0];

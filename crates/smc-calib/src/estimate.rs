@@ -3,6 +3,7 @@
 //! Sub-net r of every stage together is one replicate of the whole estimate. The spread of the replicates'
 //! shares of an estimate's influence function is its standard error, at no extra simulation.
 
+use crate::planted::{self, Bug};
 use crate::pool::Pool;
 
 /// Weights of all samples for estimation, and what is needed for error bars.
@@ -56,7 +57,8 @@ impl Estimator {
         let scale = r as f64 / self.total;
         let mean = parts.iter().sum::<f64>() * scale / r as f64;
         let squares: f64 = parts.iter().map(|p| (p * scale - mean).powi(2)).sum();
-        (squares / (r * (r - 1)) as f64).sqrt()
+        let se = (squares / (r * (r - 1)) as f64).sqrt();
+        if planted::is(Bug::ErrorsTooSmall) { se / (r as f64).sqrt() } else { se }
     }
 
     /// Log evidence and its standard error.

@@ -1,6 +1,7 @@
 //! Proposals: a mixture of Student-t components beside a share of the prior.
 
 use crate::normal;
+use crate::planted::{self, Bug};
 use statrs::function::gamma::ln_gamma;
 use std::f64::consts::PI;
 
@@ -75,6 +76,28 @@ pub(crate) fn distance2(inverse: &[f64], mean: &[f64], z: &[f64]) -> f64 {
     sum
 }
 
+/// The density's constants with whatever mistake is planted.
+fn planted_in_density(ln_peak: f64, ln_det: f64, inverse: &mut [f64], d: usize) -> f64 {
+    if planted::is(Bug::MissingJacobian) {
+        return ln_peak + ln_det;
+    }
+    if planted::is(Bug::FlippedSign) {
+        let mut at = 0;
+        for i in 0..d {
+            for j in 0..=i {
+                inverse[at] *= if i == j { 1.0 } else { -1.0 };
+                at += 1;
+            }
+        }
+    }
+    if planted::is(Bug::StaleCovariance) {
+        let widen = 1.6f64.sqrt();
+        inverse.iter_mut().for_each(|f| *f *= widen);
+        return ln_peak + d as f64 * widen.ln();
+    }
+    ln_peak
+}
+
 impl Component {
     /// A component with the given lower Cholesky factor of its scale matrix.
     pub(crate) fn new(weight: f64, mean: Vec<f64>, factor: Vec<f64>, nu: f64) -> Self {
@@ -83,7 +106,8 @@ impl Component {
         let ln_det: f64 = (0..d).map(|i| factor[i * d + i].ln()).sum();
         let ln_peak =
             ln_gamma(0.5 * nu + half) - ln_gamma(0.5 * nu) - half * (nu * PI).ln() - ln_det;
-        let inverse = packed_inverse(&factor, d);
+        let mut inverse = packed_inverse(&factor, d);
+        let ln_peak = planted_in_density(ln_peak, ln_det, &mut inverse, d);
         Self { weight, mean, factor, inverse, peak: ln_peak.exp() }
     }
 
@@ -168,7 +192,11 @@ impl Proposal {
             target -= c.weight;
         }
         let nu = self.degrees_of_freedom;
-        let stretch = (nu / chi_square_quantile(u[d + 1], nu)).sqrt();
+        let stretch = if planted::is(Bug::NormalDraws) {
+            1.0
+        } else {
+            (nu / chi_square_quantile(u[d + 1], nu)).sqrt()
+        };
         for i in 0..d {
             z[i] = normal::quantile(u[1 + i]) * stretch;
         }

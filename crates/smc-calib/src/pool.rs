@@ -5,6 +5,7 @@
 
 use crate::mixture::Proposal;
 use crate::normal::LN_SQRT_2PI;
+use crate::planted::{self, Bug};
 use crate::target::Target;
 use crate::{Failure, SimError};
 use rayon::prelude::*;
@@ -31,6 +32,9 @@ pub(crate) struct Pool {
     student: Vec<f64>,
     /// sum_t n_t times the prior's share of q_t.
     prior_count: f64,
+    /// What planted mistakes weight by; empty otherwise.
+    planted_own: Vec<f64>,
+    planted_total: f64,
     /// Causes of failures.
     failures: BTreeMap<String, usize>,
     pub failed: usize,
@@ -50,6 +54,8 @@ impl Pool {
             ln_prior: Vec::new(),
             student: Vec::new(),
             prior_count: 0.0,
+            planted_own: Vec::new(),
+            planted_total: 0.0,
             failures: BTreeMap::new(),
             failed: 0,
             component_densities: 0,
@@ -149,7 +155,23 @@ impl Pool {
             Some(split) => split,
             None => return Ok(()),
         };
-        self.prior_count += newest.0 as f64 * newest.1.prior_share;
+        let share = |n: usize| if planted::is(Bug::EqualStages) { 1.0 } else { n as f64 };
+        if planted::is(Bug::EqualStages) {
+            self.planted_total = proposals.len() as f64;
+        }
+        if !(planted::is(Bug::DefensiveShareLeftOut) && stage > 0) {
+            self.prior_count += share(newest.0) * newest.1.prior_share;
+        }
+        if planted::is(Bug::FrozenWeights) {
+            // Densities of the newest stage alone, at its own samples alone, scaled to the whole.
+            let own: Vec<f64> = (old..old + n)
+                .map(|i| {
+                    newest.1.prior_share
+                        + newest.1.student_density(self.point(i)) / self.ln_prior[i].exp()
+                })
+                .collect();
+            self.planted_own.extend(own);
+        }
         let all_components: usize = proposals.iter().map(|p| p.1.components.len()).sum();
         self.component_densities += old * newest.1.components.len() + n * all_components;
         let z = &self.z;
@@ -157,10 +179,10 @@ impl Pool {
             for (i, sum) in sums.iter_mut().enumerate() {
                 let at = b * CHUNK + i;
                 let z = &z[at * d..(at + 1) * d];
-                *sum += newest.0 as f64 * newest.1.student_density(z);
+                *sum += share(newest.0) * newest.1.student_density(z);
                 if at >= old {
                     *sum +=
-                        before.iter().map(|(n, q)| *n as f64 * q.student_density(z)).sum::<f64>();
+                        before.iter().map(|(n, q)| share(*n) * q.student_density(z)).sum::<f64>();
                 }
             }
         });
@@ -169,7 +191,10 @@ impl Pool {
 
     /// Log of the mixture of all proposals over the prior, at sample i.
     pub(crate) fn ln_mixture_over_prior(&self, i: usize) -> f64 {
-        let n = self.len() as f64;
+        if planted::is(Bug::FrozenWeights) {
+            return self.planted_own[i].ln();
+        }
+        let n = if planted::is(Bug::EqualStages) { self.planted_total } else { self.len() as f64 };
         let a = (self.prior_count / n).ln();
         let b = if self.student[i] > 0.0 {
             (self.student[i] / n).ln() - self.ln_prior[i]

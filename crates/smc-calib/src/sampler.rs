@@ -3,6 +3,7 @@
 use crate::em::Cloud;
 use crate::estimate::Estimator;
 use crate::mixture::{Component, Proposal, cholesky};
+use crate::planted::{self, Bug};
 use crate::pool::{Pool, exponentiate, temper, tune};
 use crate::sobol::scrambled_net;
 use crate::stream::{Purpose, stream};
@@ -65,8 +66,9 @@ impl<'a> Sampler<'a> {
             .into_par_iter()
             .map(|k| {
                 let points = n / r + usize::from(k < n % r);
+                let key = if planted::is(Bug::SameScrambling) { 0 } else { k };
                 let net =
-                    scrambled_net(width, points, &mut stream(seed, Purpose::Scramble, stage, k));
+                    scrambled_net(width, points, &mut stream(seed, Purpose::Scramble, stage, key));
                 let mut z = vec![0.0; points * d];
                 for (u, z) in net.chunks_exact(width).zip(z.chunks_exact_mut(d)) {
                     proposal.draw(u, z);
@@ -93,7 +95,8 @@ impl<'a> Sampler<'a> {
 
     /// Log weights of all samples at full likelihood.
     pub(crate) fn ln_weights(&self) -> Vec<f64> {
-        self.pool.ln_base().iter().zip(&self.pool.ln_l).map(|(b, l)| b + l).collect()
+        let power = if planted::is(Bug::Tempered) { 0.9 } else { 1.0 };
+        self.pool.ln_base().iter().zip(&self.pool.ln_l).map(|(b, l)| b + power * l).collect()
     }
 
     /// A proposal fitted to the tempered weights of all samples.
@@ -127,8 +130,30 @@ impl<'a> Sampler<'a> {
             .collect();
         let mut proposal =
             Proposal { dimension: d, prior_share: 0.0, degrees_of_freedom: nu, components };
+        // Density of the mixture at every sample that takes part, kept up to date as components join.
+        let mut density: Vec<f64> =
+            (0..self.pool.len())
+                .into_par_iter()
+                .with_min_len(256)
+                .map(|i| {
+                    if weights[i] > 0.0 {
+                        proposal.student_density(self.pool.point(i))
+                    } else {
+                        0.0
+                    }
+                })
+                .collect();
         for _ in 0..s.patches {
-            self.patch(&mut proposal, &ln, &weights);
+            if !self.patch(&mut proposal, &ln, &weights, &density) {
+                break;
+            }
+            let newest = &proposal.components[proposal.components.len() - 1];
+            density.par_iter_mut().enumerate().with_min_len(256).for_each(|(i, density)| {
+                if weights[i] > 0.0 {
+                    *density +=
+                        newest.weight * newest.density(newest.distance2(self.pool.point(i)), nu);
+                }
+            });
         }
         // The prior's share, and the rest to the components.
         let total: f64 = proposal.components.iter().map(|c| c.weight).sum();
@@ -142,7 +167,14 @@ impl<'a> Sampler<'a> {
     /// Adds a component where the proposal is thinnest beside the target: at the sample with the largest ratio
     /// of the two, with the covariance of its nearest weighty neighbours and their share of the weight
     /// (incremental mixture importance sampling: A. E. Raftery, L. Bao, Biometrics 66 (2010) 1162).
-    fn patch(&self, proposal: &mut Proposal, ln_weights: &[f64], weights: &[f64]) {
+    /// False where none was added.
+    fn patch(
+        &self,
+        proposal: &mut Proposal,
+        ln_weights: &[f64],
+        weights: &[f64],
+        density: &[f64],
+    ) -> bool {
         const NEIGHBOURS: usize = 64;
         let (d, pool) = (self.pool.d, &self.pool);
         let total: f64 = weights.iter().sum();
@@ -154,7 +186,7 @@ impl<'a> Sampler<'a> {
             }
             let ln_prior = pool.ln_prior(i);
             let ln_mixture = pool.ln_mixture_over_prior(i);
-            let b = proposal.student_density(pool.point(i)).ln() - ln_prior;
+            let b = density[i].ln() - ln_prior;
             let a = defensive.ln();
             let top = a.max(b);
             ln_weights[i] + ln_mixture - top - ((a - top).exp() + (b - top).exp()).ln()
@@ -164,10 +196,10 @@ impl<'a> Sampler<'a> {
         let Some(worst) =
             (0..ratios.len()).max_by(|a, b| ratios[*a].total_cmp(&ratios[*b]).then(b.cmp(a)))
         else {
-            return;
+            return false;
         };
         if ratios[worst] == f64::NEG_INFINITY || proposal.components.is_empty() {
-            return;
+            return false;
         }
         // Distances in the nearest component's own scale.
         let centre = pool.point(worst).to_vec();
@@ -209,7 +241,9 @@ impl<'a> Sampler<'a> {
             let weight = (mass / total).clamp(0.01, 0.2) * all;
             let nu = proposal.degrees_of_freedom;
             proposal.components.push(Component::new(weight, centre, factor, nu));
+            return true;
         }
+        false
     }
 
     /// Log evidence from the last stage alone, weighted by the one density it was drawn from, which was fixed

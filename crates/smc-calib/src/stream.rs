@@ -17,6 +17,10 @@ pub(crate) enum Purpose {
     Draws = 4,
     /// Noise of predictive bands.
     Predictive = 6,
+    /// True parameters and noise of made data.
+    Truth = 17,
+    /// Places within ties of ranks.
+    Ties = 18,
     /// Noise standard deviation of each draw.
     Sigma = 5,
     /// Noise standard deviation of each sample, for leaving observations out.

@@ -5,6 +5,7 @@ use crate::map_search::{self, MOST_STARTS, Start};
 use crate::marginal::{Marginal, in_si, mean_and_sd};
 use crate::noise::Likelihood;
 use crate::path::path;
+use crate::planted::{self, Bug};
 use crate::pool::effective_sample_size;
 use crate::predictive::{at_observations, sigma_summary};
 use crate::residuals::residuals;
@@ -352,7 +353,8 @@ fn draws(
                     let s = likelihood.sum_of_squares_at(sampler.pool.ln_l[sample]).unwrap_or(0.0);
                     Gamma::new(0.5 * (nu0 + m), 1.0).ok().map(|g| {
                         let g: f64 = g.sample(&mut stream(settings.seed, Purpose::Sigma, 0, k));
-                        (0.5 * (sum0 + s) / g).sqrt()
+                        let wrong = if planted::is(Bug::SigmaTenPercent) { 1.1 } else { 1.0 };
+                        wrong * (0.5 * (sum0 + s) / g).sqrt()
                     })
                 }
                 None => likelihood.common_sigma(),

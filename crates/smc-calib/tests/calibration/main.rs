@@ -8,4 +8,5 @@ mod files;
 mod noise;
 mod priors;
 mod references;
+mod stress;
 mod support;
