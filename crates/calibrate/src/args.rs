@@ -87,6 +87,8 @@ pub enum Command {
     Bench(BenchArgs),
     /// Predict sintering times of a pair from a saved posterior, with their intervals
     Predict(PredictArgs),
+    /// Check the sampler by simulation-based calibration: made data, ranks, coverage
+    Validate(crate::validation::ValidateArgs),
     /// Print the completion script for a shell
     Completions(CompletionsArgs),
 }

@@ -30,5 +30,6 @@ pub mod table3;
 pub mod tables;
 pub mod text_file;
 mod toml_fields;
+pub mod validation;
 pub mod verify;
 pub mod weighted;

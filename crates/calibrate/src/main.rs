@@ -6,7 +6,9 @@ use std::process::ExitCode;
 
 use calibrate::args::{Args, Command, SHORT_HELP};
 use calibrate::error::Failure;
-use calibrate::{bench, check, compare, inspect, plot_command, predict, run, simulate, table3};
+use calibrate::{
+    bench, check, compare, inspect, plot_command, predict, run, simulate, table3, validation,
+};
 use clap::{CommandFactory as _, Parser as _};
 
 fn main() -> ExitCode {
@@ -32,6 +34,7 @@ fn dispatch(args: &Args) -> Result<(), Failure> {
         Some(Command::Check(args)) => check::run(args, inspect::understand),
         Some(Command::Bench(args)) => bench::run(args),
         Some(Command::Predict(args)) => predict::run(args),
+        Some(Command::Validate(args)) => validation::run(args),
         Some(Command::Completions(args)) => {
             let mut script = Vec::new();
             clap_complete::generate(args.shell, &mut Args::command(), "calibrate", &mut script);
