@@ -636,8 +636,9 @@ fn count(text: &str, range: std::ops::RangeInclusive<usize>) -> Result<usize, St
     }
 }
 
+/// At least two sub-nets of eight points each: with fewer there is no standard error to report.
 fn parse_samples(text: &str) -> Result<usize, String> {
-    count(text, 1..=100_000_000)
+    count(text, 16..=100_000_000)
 }
 
 fn parse_iterations(text: &str) -> Result<usize, String> {
@@ -670,7 +671,7 @@ fn parse_window(text: &str) -> Result<[f64; 2], String> {
     if window[0] < window[1] {
         Ok(window)
     } else {
-        Err(format!("expected a start before its end; did you mean {end}:{start}?"))
+        Err("expected a start before its end, as in 0.0:1.5".to_owned())
     }
 }
 

@@ -3,7 +3,8 @@
 use dem_core::{Kinetics, knee, printed};
 use rayon::prelude::*;
 use smc_calib::{
-    CalibrateError, FnSimulator, Observer, Posterior, Problem, SimError, Simulator, calibrate,
+    CalibrateError, FixedSigma, FnSimulator, Noise, Observer, Posterior, Problem, SimError,
+    Simulator, calibrate,
 };
 
 use crate::error::{Failure, InputError, Mistake, RunError};
@@ -17,6 +18,7 @@ use crate::posterior_file::{
 };
 use crate::prior_file::ParameterName;
 use crate::product;
+use crate::summary::INFORMED_BITS;
 use crate::weighted::Weighted;
 
 /// Most posterior draws that are run on the fine grid of times.
@@ -24,6 +26,9 @@ const GRID_DRAWS: usize = 2048;
 /// Evenly spaced times of that grid, and logarithmically spaced ones for a logarithmic axis.
 const GRID_LINEAR: usize = 201;
 const GRID_LOG: usize = 60;
+
+/// Why a simulation that the user interrupted did not run.
+const INTERRUPTED: &str = "interrupted";
 
 /// A finished calibration: the report, and the samples behind it.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,7 +40,7 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// Calibrates. `on_simulation` is called at every simulation, for progress.
+    /// Calibrates. `on_simulation` is called at every simulation, for progress; `false` ends the run.
     ///
     /// # Errors
     ///
@@ -44,7 +49,7 @@ impl Calibration {
     pub fn run(
         planned: &Planned,
         observer: &mut dyn Observer,
-        on_simulation: &(dyn Fn() + Sync),
+        on_simulation: &(dyn Fn() -> bool + Sync),
     ) -> Result<Self, Failure> {
         let plan = &planned.plan;
         let model = NeckGrowth::of(plan)?;
@@ -52,8 +57,11 @@ impl Calibration {
             model.parameters(),
             model.observables(),
             |theta: &[f64], out: &mut [f64]| {
-                on_simulation();
-                model.simulate(theta, out)
+                if on_simulation() {
+                    model.simulate(theta, out)
+                } else {
+                    Err(SimError::fatal(INTERRUPTED))
+                }
             },
         );
         let problem = Problem {
@@ -71,6 +79,7 @@ impl Calibration {
 fn failure(error: CalibrateError) -> Failure {
     match error {
         CalibrateError::Interrupted { .. } => Failure::Interrupted,
+        CalibrateError::Fatal { cause, .. } if cause == INTERRUPTED => Failure::Interrupted,
         CalibrateError::Setting { setting, value, range } => {
             InputError::new(format!("--{}", setting.replace('_', "-")), Mistake::OutOfRange)
                 .found(value)
@@ -98,18 +107,21 @@ fn report(
     let observed = &plan.experiment.contact_ratio;
     let frenkel_tau_s =
         frenkel_fit::best_tau_s(model, observed).map_err(|error| simulation_failure(&error))?;
-    let paper = plan.material().map(|material| paper_comparison(material, model, posterior));
+    let paper = plan
+        .material()
+        .map(|material| paper_comparison(material, plan.experiment.radius_m, model, posterior));
     let (curves, at_data) = curves(plan, model, posterior, frenkel_tau_s, paper.is_some())?;
     let mean_at_data: Vec<f64> = posterior.predictive.iter().map(|band| band.mean).collect();
     let fit = Fit {
         map: FitError::of(observed, &posterior.map.outputs),
         posterior_mean: FitError::of(observed, &mean_at_data),
         paper: at_data.paper.map(|curve| FitError::of(observed, &curve)),
-        frenkel: FitError::of(observed, &at_data.frenkel),
+        frenkel: at_data.frenkel.map(|curve| FitError::of(observed, &curve)),
         frenkel_tau_s,
     };
     let mut advice = planned.warnings.clone();
     advice.extend(posterior.warnings.iter().map(ToString::to_string));
+    advice.extend(posterior.parameters.iter().filter_map(|p| hardly_informed(posterior, p)));
     advice.extend(posterior.parameters.iter().filter_map(magnitude_advice));
     advice.extend(kinetics_advice(kinetics));
     // The input's warnings and the sampler's may say the same (fewer observations than parameters).
@@ -149,6 +161,19 @@ fn report(
     })
 }
 
+/// For a parameter that is flagged as not informed, and that the sampler itself has not warned of.
+fn hardly_informed(posterior: &Posterior, summary: &smc_calib::ParameterSummary) -> Option<String> {
+    let (name, bits) = (&summary.parameter.name, summary.information_gain_bits);
+    let warned = posterior.warnings.iter().any(|warning| {
+        matches!(warning, smc_calib::Warning::NotInformed { parameter, .. } if parameter == name)
+    });
+    (bits < INFORMED_BITS && !warned).then(|| {
+        format!(
+            "the data say little about {name} ({bits:.2} bits): its posterior is near its prior"
+        )
+    })
+}
+
 /// A 95 % interval over more than this factor is knowledge of the order of magnitude only.
 const MAGNITUDE: f64 = 100.0;
 
@@ -185,11 +210,17 @@ fn weighted_of<'a>(
 
 fn paper_comparison(
     material: Material,
+    radius_m: f64,
     model: &NeckGrowth,
     posterior: &Posterior,
 ) -> PaperComparison {
-    let printed = material.table3();
-    let si = material.table3_sintering();
+    // The form of Table 3 belongs to a radius; at that of Table 1 it is what the paper prints, to the digit.
+    let si = material.table3_sintering_at(radius_m);
+    let printed = if radius_m == material.powder().radius_m {
+        material.table3()
+    } else {
+        printed::to_printed(&si, radius_m)
+    };
     let percentile_si = model
         .names()
         .iter()
@@ -231,7 +262,8 @@ fn printed_parameters(
         [printed.c1, printed.tau_s, printed.delta_c]
     };
     let at_map = push(&posterior.map.theta);
-    [("c1", "1/(Pa s)"), ("tau_s", "s m"), ("delta_c", "m")]
+    // In the units that its numbers have: Table 3 itself prints 1/(Pa s) and s.
+    [("c1", "1/(Pa s m)"), ("tau_s", "s m"), ("delta_c", "m")]
         .into_iter()
         .enumerate()
         .map(|(place, (name, unit))| {
@@ -281,7 +313,9 @@ fn knee_summary(
         return Ok(None);
     };
     let with_knee: f64 = knees.iter().map(|(_, weight)| weight).sum();
-    let paper = plan.material().map(|material| knee(&scene, &material.table3_sintering()));
+    let paper = plan
+        .material()
+        .map(|material| knee(&scene, &material.table3_sintering_at(plan.experiment.radius_m)));
     let derived = |of: fn(&dem_core::Knee) -> f64| {
         let marginal = Weighted::new(knees.iter().map(|(knee, weight)| (of(knee), *weight)));
         Derived {
@@ -301,7 +335,7 @@ fn knee_summary(
 /// The curves at the observation times that the fit errors need.
 struct AtData {
     paper: Option<Vec<f64>>,
-    frenkel: Vec<f64>,
+    frenkel: Option<Vec<f64>>,
 }
 
 /// Times for plots: evenly spaced ones from zero, and logarithmic ones from below the first observation.
@@ -323,7 +357,7 @@ fn curves(
     plan: &Plan,
     model: &NeckGrowth,
     posterior: &Posterior,
-    frenkel_tau_s: f64,
+    frenkel_tau_s: Option<f64>,
     with_paper: bool,
 ) -> Result<(Curves, AtData), Failure> {
     let on_grid = model.at_times(grid(&plan.experiment.time_s));
@@ -341,7 +375,7 @@ fn curves(
             on_grid.simulate(theta, &mut curve).is_ok().then_some(curve)
         })
         .collect();
-    let kept: Vec<(&[f64], f64)> = draws
+    let kept: Vec<(&[f64], Option<f64>, f64)> = draws
         .iter()
         .enumerate()
         .filter_map(|(k, draw)| {
@@ -349,8 +383,7 @@ fn curves(
             // Noise by the golden-ratio sequence: stratified, and the same for every time, so that
             // the band is smooth.
             let u = ((k as f64 + 0.5) * 0.618_033_988_749_894_9).fract();
-            let noise = draw.sigma.unwrap_or(0.0) * smc_calib::normal::quantile(u);
-            Some((curve, noise))
+            Some((curve, draw.sigma, smc_calib::normal::quantile(u)))
         })
         .collect();
     if kept.is_empty() {
@@ -358,14 +391,24 @@ fn curves(
             RunError::new("no posterior draw could be simulated between the observations").into()
         );
     }
+    // Noise that is stated row by row is not known between the rows.
+    let relative = match plan.noise {
+        Noise::Fixed { sigma: FixedSigma::Relative(share) } => share,
+        _ => 0.0,
+    };
+    let noise_is_known = relative > 0.0 || kept.iter().all(|(_, sigma, _)| sigma.is_some());
     let rows: Vec<[f64; 7]> = (0..points)
         .into_par_iter()
         .map(|point| {
-            let mut values: Vec<f64> = kept.iter().map(|(curve, _)| curve[point]).collect();
+            let mut values: Vec<f64> = kept.iter().map(|(curve, ..)| curve[point]).collect();
             let mean = values.iter().sum::<f64>() / values.len() as f64;
             values.sort_unstable_by(f64::total_cmp);
-            let mut noisy: Vec<f64> =
-                kept.iter().map(|(curve, noise)| curve[point] + noise).collect();
+            let mut noisy: Vec<f64> = kept
+                .iter()
+                .map(|(curve, sigma, score)| {
+                    curve[point] + sigma.map_or(relative * curve[point], |sigma| sigma) * score
+                })
+                .collect();
             noisy.sort_unstable_by(f64::total_cmp);
             let [lower50, upper50] = [0.25, 0.75].map(|p| quantile(&values, p));
             let [lower90, upper90] = [0.05, 0.95].map(|p| quantile(&values, p));
@@ -382,11 +425,20 @@ fn curves(
         let mut curve = vec![0.0; model.times_s().len()];
         model.curve(sintering, &mut curve).map(|()| curve).map_err(failed)
     };
-    let frenkel_s = dem_core::Sintering { c1: 1.0, tau_s: frenkel_tau_s, delta_c: 1.0 };
-    let frenkel = run(&on_grid.with_kinetics(Kinetics::Frenkel), &frenkel_s)?;
-    let frenkel_at_data = run(&model.with_kinetics(Kinetics::Frenkel), &frenkel_s)?;
+    let frenkel_of = |model: &NeckGrowth| {
+        frenkel_tau_s
+            .map(|tau_s| {
+                let sintering = dem_core::Sintering { c1: 1.0, tau_s, delta_c: 1.0 };
+                run(&model.with_kinetics(Kinetics::Frenkel), &sintering)
+            })
+            .transpose()
+    };
+    let (frenkel, frenkel_at_data) = (frenkel_of(&on_grid)?, frenkel_of(model)?);
     let three_stage = |model: &NeckGrowth| model.with_kinetics(Kinetics::ThreeStage);
-    let table3 = plan.material().filter(|_| with_paper).map(|m| m.table3_sintering());
+    let table3 = plan
+        .material()
+        .filter(|_| with_paper)
+        .map(|m| m.table3_sintering_at(plan.experiment.radius_m));
     let (paper, paper_at_data) = match table3 {
         Some(table3) => {
             (Some(run(&three_stage(&on_grid), &table3)?), Some(run(&three_stage(model), &table3)?))
@@ -399,7 +451,7 @@ fn curves(
             mean: column(0),
             curve50: [column(1), column(2)],
             curve90: [column(3), column(4)],
-            noisy90: [column(5), column(6)],
+            noisy90: noise_is_known.then(|| [column(5), column(6)]),
             map,
             paper,
             frenkel,

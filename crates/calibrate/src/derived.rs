@@ -89,7 +89,7 @@ mod tests {
             ..RunArgs::default()
         };
         let planned = Planned::from_args(&args).expect("a plan");
-        Calibration::run(&planned, &mut (), &|| {}).expect("a posterior").posterior
+        Calibration::run(&planned, &mut (), &|| true).expect("a posterior").posterior
     }
 
     #[test]

@@ -54,10 +54,10 @@ pub fn fit(file: &PosteriorFile, log_time: bool) -> FitFigure {
         mean: curves.mean.clone(),
         band50: band(&curves.curve50),
         band90: band(&curves.curve90),
-        predictive90: if file.sigma.is_some() { band(&curves.noisy90) } else { Band::default() },
+        predictive90: curves.noisy90.as_ref().map(band).unwrap_or_default(),
         map: curves.map.clone(),
         paper: curves.paper.clone().unwrap_or_default(),
-        frenkel: curves.frenkel.clone(),
+        frenkel: curves.frenkel.clone().unwrap_or_default(),
         knee: file.knee.as_ref().map(|knee| Knee {
             ratio: knee.contact_ratio.median,
             lower: knee.contact_ratio.eti95[0],

@@ -10,11 +10,16 @@ use crate::model::NeckGrowth;
 /// The sum has several minima in tau_s, as curves leave and join the plateau: a scan of ten decades
 /// around the last observation, then golden-section search in the best bracket, to 1e-10 in ln tau_s.
 ///
+/// None without an observation after t = 0, where every tau_s fits alike.
+///
 /// # Errors
 ///
 /// [`SimError`] where no curve can be computed.
-pub fn best_tau_s(model: &NeckGrowth, observed: &[f64]) -> Result<f64, SimError> {
-    best_tau_s_of(Kinetics::Frenkel, model, observed)
+pub fn best_tau_s(model: &NeckGrowth, observed: &[f64]) -> Result<Option<f64>, SimError> {
+    if model.times_s().last().is_none_or(|last| *last <= 0.0) {
+        return Ok(None);
+    }
+    best_tau_s_of(Kinetics::Frenkel, model, observed).map(Some)
 }
 
 /// The same for other kinetics whose only parameter is tau_s (`pokluda`).
@@ -83,7 +88,7 @@ mod tests {
         let mut data = vec![0.0; model.times_s().len()];
         let sintering = dem_core::Sintering { c1: 1.0, tau_s: 3.25, delta_c: 1.0 };
         model.with_kinetics(Kinetics::Frenkel).curve(&sintering, &mut data).expect("a curve");
-        let tau = best_tau_s(&model, &data).expect("a fit");
+        let tau = best_tau_s(&model, &data).expect("a fit").expect("times after zero");
         assert!((tau / 3.25 - 1.0).abs() < 1e-6, "{tau}");
     }
 }

@@ -11,6 +11,7 @@ pub mod experiment;
 pub mod figures;
 pub mod frenkel_fit;
 pub mod inspect;
+pub mod interrupt;
 pub mod material;
 pub mod model;
 pub mod number;

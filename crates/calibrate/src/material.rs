@@ -81,6 +81,12 @@ impl Material {
     pub fn table3_sintering(self) -> Sintering {
         printed::from_printed(&self.table3(), self.powder().radius_m)
     }
+
+    /// The same for a pair of another radius \[m\]: tau_s moves in proportion.
+    #[must_use]
+    pub fn table3_sintering_at(self, radius_m: f64) -> Sintering {
+        self.table3_sintering().at_radius(self.powder().radius_m, radius_m)
+    }
 }
 
 impl fmt::Display for Material {

@@ -33,11 +33,14 @@ pub fn with_error(value: f64, error: f64, least: usize) -> String {
     format!("{value:.*}", decimals.max(least))
 }
 
-/// A percentile as a person writes it: `1st`, `22nd`, `13th`; below 1 and above 99 with a decimal.
+/// A percentile as a person writes it: `1st`, `22nd`, `13th`; below the first and above the last in words.
 #[must_use]
 pub fn percentile(value: f64) -> String {
-    if !(0.5..99.5).contains(&value) {
-        return format!("{value:.1}th percentile");
+    if value < 0.5 {
+        return "below the 1st percentile".to_owned();
+    }
+    if value >= 99.5 {
+        return "above the 99th percentile".to_owned();
     }
     let whole = value.round() as u32;
     let suffix = match (whole % 10, whole % 100) {
@@ -68,9 +71,11 @@ mod tests {
 
     #[test]
     fn percentiles_are_ordinals() {
-        let read = [1.2, 2.0, 13.4, 22.0, 97.8, 0.04, 99.97].map(percentile);
-        let expected = ["1st", "2nd", "13th", "22nd", "98th", "0.0th", "100.0th"];
+        let read = [1.2, 2.0, 13.4, 22.0, 97.8].map(percentile);
+        let expected = ["1st", "2nd", "13th", "22nd", "98th"];
         assert_eq!(read, expected.map(|ordinal| format!("{ordinal} percentile")));
+        assert_eq!(percentile(0.04), "below the 1st percentile");
+        assert_eq!(percentile(99.97), "above the 99th percentile");
     }
 
     #[test]

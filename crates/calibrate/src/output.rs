@@ -66,6 +66,12 @@ impl RunFolder {
                 .expected("a folder, as in results/my-run"));
         }
         // A link to a folder stays a link: what it points to is replaced.
+        if target.symlink_metadata().is_ok() && !target.exists() {
+            return Err(InputError::new(&name, Mistake::Unwritable)
+                .found("a link that leads nowhere")
+                .expected("a folder for the results")
+                .help("remove the link, or choose another folder with --out"));
+        }
         let target = if target.exists() {
             fs::canonicalize(target).map_err(|error| unwritable(target, &error))?
         } else {

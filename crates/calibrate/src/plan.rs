@@ -187,7 +187,14 @@ impl Plan {
             SolverArg::Forced(kind) => PlannedSolver {
                 name: kind.name().to_owned(),
                 forced: true,
-                reason: format!("{kind}: as asked"),
+                reason: match kind {
+                    SolverKind::Verlet => format!(
+                        "{kind}: as asked; the run with inertia at a step of {} collision times, to which the tolerance \
+                         does not apply",
+                        SolverSettings::default().step_over_collision_time
+                    ),
+                    _ => format!("{kind}: as asked"),
+                },
                 tolerance: args.tolerance,
             },
         };

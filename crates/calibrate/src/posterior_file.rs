@@ -185,10 +185,10 @@ pub struct Fit {
     pub posterior_mean: FitError,
     /// The paper's parameters, through the map of Table 3.
     pub paper: Option<FitError>,
-    /// The best Frenkel curve (least squares in tau_s).
-    pub frenkel: FitError,
+    /// The best Frenkel curve (least squares in tau_s); none without an observation after t = 0.
+    pub frenkel: Option<FitError>,
     /// Its tau_s \[s\].
-    pub frenkel_tau_s: f64,
+    pub frenkel_tau_s: Option<f64>,
 }
 
 /// A derived quantity under the posterior.
@@ -233,14 +233,14 @@ pub struct Curves {
     pub curve50: [Vec<f64>; 2],
     /// 90 % band of the curve.
     pub curve90: [Vec<f64>; 2],
-    /// 90 % band of a new measurement.
-    pub noisy90: [Vec<f64>; 2],
+    /// 90 % band of a new measurement; none where the noise is stated row by row.
+    pub noisy90: Option<[Vec<f64>; 2]>,
     /// MAP curve.
     pub map: Vec<f64>,
     /// The paper's curve.
     pub paper: Option<Vec<f64>>,
-    /// The best Frenkel curve.
-    pub frenkel: Vec<f64>,
+    /// The best Frenkel curve; none without an observation after t = 0.
+    pub frenkel: Option<Vec<f64>>,
 }
 
 /// The file that a path means: itself, or the one in the folder it names.

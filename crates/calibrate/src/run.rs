@@ -21,7 +21,7 @@ use crate::output::{POSTERIOR_RECORD, Published, RunFolder};
 use crate::plan::{Plan, Planned, noise_in_words};
 use crate::plot::Width;
 use crate::posterior_file::{self, PosteriorFile};
-use crate::{summary, tables, verify};
+use crate::{interrupt, summary, tables, verify};
 
 /// How long things took. Apart from the posterior, whose bytes do not depend on it.
 #[derive(Debug, Serialize)]
@@ -62,7 +62,7 @@ impl Observer for Watch {
         self.stage_seconds.push(now.duration_since(self.last).as_secs_f64());
         self.last = now;
         self.bar.set_message(format!("(stage {}, ESS {:.0})", record.stage, record.ess));
-        ControlFlow::Continue(())
+        if interrupt::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 }
 
@@ -81,15 +81,19 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
     let mut watch = Watch::new(planned.plan.sampler.samples, args.quiet);
     let bar = watch.bar.clone();
     let visible = !bar.is_hidden();
+    interrupt::listen();
     let count = || {
         if visible {
             bar.inc(1);
         }
+        !interrupt::asked()
     };
     let start = Instant::now();
     let calibration = pool.install(|| Calibration::run(&planned, &mut watch, &count));
     watch.bar.finish_and_clear();
     let Calibration { file, posterior } = calibration?;
+    // What a break between stages leaves is no answer to the plan.
+    interrupt::check()?;
     let inference_seconds: f64 = watch.stage_seconds.iter().sum();
 
     let staging = folder.stage()?;
@@ -123,6 +127,7 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
         report_seconds: start.elapsed().as_secs_f64() - inference_seconds,
     };
     write("timings.json", pretty(&timings)?.as_bytes())?;
+    interrupt::check()?;
     let published = staging.publish()?;
 
     announce(&published, &planned.out, args.quiet);

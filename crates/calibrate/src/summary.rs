@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use serde::Serialize;
+use smc_calib::Evidence;
 
 use crate::figures::KHAT_LIMIT;
 use crate::number::{self, significant, with_error};
@@ -21,6 +22,19 @@ pub fn trusted(file: &PosteriorFile) -> bool {
         && file.khat < KHAT_LIMIT
         && file.ess.importance >= ENOUGH
         && file.log_evidence.agree
+}
+
+/// The log evidence in words, with a standard error only where the sampling has earned one.
+#[must_use]
+pub fn evidence(file: &PosteriorFile) -> String {
+    let Evidence { value, se, .. } = file.log_evidence;
+    if !file.is_posterior {
+        "no evidence".to_owned()
+    } else if trusted(file) {
+        format!("log evidence {} +- {}", with_error(value, se, 3), significant(se, 2))
+    } else {
+        format!("log evidence {value:.1} or more, its error unknown")
+    }
 }
 
 /// The summary as text, about ten lines. `seconds` is how long the inference took, where it has just run.
@@ -100,14 +114,16 @@ pub fn text(file: &PosteriorFile, seconds: Option<f64>, out: Option<&Path>) -> S
     let paper = fit
         .paper
         .map_or_else(String::new, |error| format!(", paper {}", significant(error.rmse, 2)));
+    let frenkel = fit
+        .frenkel
+        .map_or_else(String::new, |error| format!(", best Frenkel {}", significant(error.rmse, 2)));
     let noise = file.sigma.map_or_else(String::new, |sigma| {
         format!("; noise sigma {}", significant(sigma.median, 2))
     });
     let _ = writeln!(
         text,
-        "  fit: RMSE of a/R {} (MAP){paper}, best Frenkel {}{noise}",
+        "  fit: RMSE of a/R {} (MAP){paper}{frenkel}{noise}",
         significant(fit.map.rmse, 2),
-        significant(fit.frenkel.rmse, 2),
     );
     if let Some(knee) = &file.knee {
         let _ = writeln!(
@@ -126,12 +142,11 @@ pub fn text(file: &PosteriorFile, seconds: Option<f64>, out: Option<&Path>) -> S
     }
     let _ = writeln!(
         text,
-        "  trust: {}; {:.0} effective samples, k-hat {:.2} (limit {KHAT_LIMIT}), log evidence {} +- {}",
-        if trusted(file) { "yes" } else { "NO" },
+        "  sampling: {}; {:.0} effective samples, k-hat {:.2} (limit {KHAT_LIMIT}), {}",
+        if trusted(file) { "converged" } else { "NOT TO BE TRUSTED" },
         file.ess.importance,
         file.khat,
-        with_error(file.log_evidence.value, file.log_evidence.se, 3),
-        significant(file.log_evidence.se, 2),
+        evidence(file),
     );
     for line in &file.advice {
         let _ = writeln!(text, "  careful: {line}");

@@ -8,7 +8,7 @@ use crate::error::{InputError, Mistake};
 use crate::figures::SampleColumns;
 use crate::number::{significant, with_error};
 use crate::posterior_file::PosteriorFile;
-use crate::summary::INFORMED_BITS;
+use crate::summary::{self, INFORMED_BITS};
 
 /// One line of the posterior table.
 struct Row {
@@ -136,7 +136,12 @@ pub fn markdown(file: &PosteriorFile) -> String {
     let or_dash = |value: Option<String>| value.unwrap_or_else(|| "–".to_owned());
     for row in rows(file) {
         let mean_sd = row.mean_sd.map(|(mean, sd, coordinate)| {
-            let values = format!("{} ± {}", with_error(mean, sd, 2), significant(sd, 2));
+            // A standard deviation that does not exist is stored as the largest number there is.
+            let values = if sd < f64::MAX {
+                format!("{} ± {}", with_error(mean, sd, 2), significant(sd, 2))
+            } else {
+                format!("{} (no finite sd)", significant(mean, 3))
+            };
             match coordinate {
                 Coordinate::Log10 => format!("{values} (log10)"),
                 Coordinate::Linear => values,
@@ -161,14 +166,11 @@ pub fn markdown(file: &PosteriorFile) -> String {
             or_dash(row.percentile.map(|percentile| format!("{percentile:.1} %"))),
         );
     }
-    let evidence = &file.log_evidence;
+    let evidence = summary::evidence(file).replace("+-", "±");
     let _ = writeln!(
         text,
-        "\nlog evidence {} ± {}; effective sample size {:.0}; k-hat {:.2}.",
-        with_error(evidence.value, evidence.se, 3),
-        significant(evidence.se, 2),
-        file.ess.importance,
-        file.khat
+        "\n{evidence}; effective sample size {:.0}; k-hat {:.2}.",
+        file.ess.importance, file.khat
     );
     for line in &file.advice {
         let _ = writeln!(text, "\n> {line}");

@@ -3,12 +3,19 @@
 //! Each study writes a table (CSV and Markdown) and log-log figures (PNG and SVG), each with the machine, the
 //! revision and the date it was made at.
 
+mod calibration;
+mod cases;
+mod cpu_time;
 #[cfg(feature = "stiff-reference")]
 mod draws;
+mod exact;
 mod report;
+mod rivals;
+mod sampler;
 mod savings;
 #[cfg(feature = "stiff-reference")]
 mod simulator;
+mod spread;
 mod timing;
 #[cfg(feature = "stiff-reference")]
 mod validity;
@@ -24,6 +31,9 @@ use crate::error::Failure;
 pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     match &args.study {
         BenchStudy::Simulator(args) => simulator(args),
+        BenchStudy::Calibration(args) if args.full => sampler::run(args),
+        BenchStudy::Calibration(args) => calibration::run(args),
+        BenchStudy::Exact(args) => exact::run(args),
         BenchStudy::Savings(args) => savings::run(args),
     }
 }

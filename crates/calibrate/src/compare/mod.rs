@@ -134,7 +134,7 @@ pub fn compare(plans: &[Planned]) -> Result<(Comparison, CompareFigure), Failure
     let mut densities = Vec::new();
     for (place, planned) in plans.iter().enumerate() {
         let plan = &planned.plan;
-        let Calibration { file, posterior } = Calibration::run(planned, &mut (), &|| {})?;
+        let Calibration { file, posterior } = Calibration::run(planned, &mut (), &|| true)?;
         let model = NeckGrowth::of(plan)?;
         let problem = Problem {
             simulator: &model,

@@ -70,7 +70,7 @@ impl Calibrated {
             ..RunArgs::default()
         };
         let planned = Planned::from_args(&args)?;
-        let calibration = Calibration::run(&planned, &mut (), &|| {})?;
+        let calibration = Calibration::run(&planned, &mut (), &|| true)?;
         Ok(Self { material, planned, calibration })
     }
 }

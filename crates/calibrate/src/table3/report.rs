@@ -247,6 +247,9 @@ fn fits(one: &Calibrated, model: &NeckGrowth) -> Result<Vec<NamedFit>, SimError>
         model.with_kinetics(kinetics).curve(&sintering, &mut curve)?;
         Ok(FitError::of(observed, &curve))
     };
+    let frenkel = file.fit.frenkel.ok_or_else(|| {
+        SimError::recoverable("no observation after t = 0 to fit Frenkel's curve to")
+    })?;
     let pokluda = best_tau_s_of(Kinetics::Pokluda, model, observed)?;
     let mut paper = vec![0.0; observed.len()];
     model.curve(&one.material.table3_sintering(), &mut paper)?;
@@ -254,7 +257,7 @@ fn fits(one: &Calibrated, model: &NeckGrowth) -> Result<Vec<NamedFit>, SimError>
         (Some(3), FitError::of(observed, &paper)),
         (Some(3), file.fit.map),
         (None, file.fit.posterior_mean),
-        (Some(1), file.fit.frenkel),
+        (Some(1), frenkel),
         (Some(1), one_parameter(Kinetics::Pokluda, pokluda)?),
         (Some(1), one_parameter(Kinetics::Frenkel, one.material.table3_sintering().tau_s)?),
     ];

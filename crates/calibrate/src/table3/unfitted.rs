@@ -95,7 +95,7 @@ pub fn predict(calibrated: &[Calibrated]) -> Result<(Unfitted, FitFigure), Failu
         ..RunArgs::default()
     };
     let other = Planned::from_args(&args)?;
-    let own = Calibration::run(&other, &mut (), &|| {})?.posterior;
+    let own = Calibration::run(&other, &mut (), &|| true)?.posterior;
     let other = other.plan;
     let model = NeckGrowth::of(&other)?;
     let fitted_radius_m = one.planned.plan.experiment.radius_m;
