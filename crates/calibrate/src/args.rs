@@ -671,7 +671,10 @@ fn parse_window(text: &str) -> Result<[f64; 2], String> {
     if window[0] < window[1] {
         Ok(window)
     } else {
-        Err("expected a start before its end, as in 0.0:1.5".to_owned())
+        Err(match window[0] > window[1] {
+            true => format!("expected a start before its end; did you mean {end}:{start}?"),
+            false => "expected a start before its end, as in 0.0:1.5".to_owned(),
+        })
     }
 }
 
@@ -774,6 +777,7 @@ mod tests {
         assert_eq!(parse_window("0.5:"), Ok([0.5, f64::INFINITY]));
         assert_eq!(parse_window(":2"), Ok([0.0, 2.0]));
         assert!(parse_window("2:1").expect_err("backwards").contains("mean 1:2?"));
+        assert!(!parse_window("0:0").expect_err("empty").contains("mean"));
         for wrong in ["", "1", "a:b", "nan:1", "1:1", "1-2"] {
             assert!(parse_window(wrong).is_err(), "{wrong}");
         }
@@ -785,7 +789,7 @@ mod tests {
         assert!(refused("--material ps --kinetics frenkle").contains("frenkel"));
         assert!(refused("--material ps --solver verlett").contains("verlet"));
         assert!(refused("--materiel ps").contains("--material"));
-        assert!(refused("--material ps --samples 0").contains("from 1 to"));
+        assert!(refused("--material ps --samples 0").contains("from 16 to"));
         assert!(refused("--material ps --samples 1.5").contains("whole number"));
         assert!(refused("--material ps --tolerance 0").contains("1e-12"));
         assert!(refused("--material ps --window 2:1").contains("1:2"));

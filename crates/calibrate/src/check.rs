@@ -3,6 +3,7 @@
 use std::io::Write as _;
 use std::path::Path;
 
+use dem_core::bed::SceneFile;
 use smc_calib::PriorSpec;
 
 use crate::args::CheckArgs;
@@ -75,6 +76,7 @@ pub fn file_at(
         return match toml_kind(&name, &text)? {
             TomlKind::Prior => PriorFile::read(path).map(|priors| of_priors(&priors)),
             TomlKind::Experiment => Experiment::read(path).map(|experiment| of(&experiment)),
+            TomlKind::Scene => of_scene(&name, &text),
         };
     }
     if path.is_dir() || extension.as_deref().is_some_and(|extension| extension == "json") {
@@ -89,6 +91,7 @@ pub fn file_at(
 }
 
 enum TomlKind {
+    Scene,
     Experiment,
     Prior,
 }
@@ -97,7 +100,9 @@ fn toml_kind(name: &str, text: &str) -> Result<TomlKind, InputError> {
     let document = Document::parse(name, text)?;
     let keys = document.keys();
     let any_of = |names: &[&str]| keys.iter().any(|key| names.contains(key));
-    if any_of(&["table", "material", "powder"]) {
+    if any_of(&["particles", "phases"]) {
+        Ok(TomlKind::Scene)
+    } else if any_of(&["table", "material", "powder"]) {
         Ok(TomlKind::Experiment)
     } else if any_of(&ParameterName::ALL.map(ParameterName::name)) {
         Ok(TomlKind::Prior)
@@ -117,6 +122,16 @@ fn toml_kind(name: &str, text: &str) -> Result<TomlKind, InputError> {
         )
         .help("see experiments/example-my-powder.toml and priors/example-my-powder.toml"))
     }
+}
+
+/// A scene of many particles. What it says is checked; its packing is not made.
+fn of_scene(name: &str, text: &str) -> Result<Understood, InputError> {
+    let scene = SceneFile::parse(text, name)
+        .map_err(|error| InputError::new(name, Mistake::Syntax).found(error))?;
+    Ok(Understood {
+        headline: format!("a scene of many particles, {}", scene.name),
+        ..Understood::default()
+    })
 }
 
 fn of_table(table: &ObservationTable) -> String {

@@ -277,7 +277,8 @@ pub fn parse(name: &str, text: &str) -> Result<PosteriorFile, InputError> {
             .expected("a posterior.json")
             .help("run the calibration again: calibrate --material ps"));
     }
-    let version: Version = serde_json::from_str(text).map_err(|error| bad_json(name, &error))?;
+    let version: Version =
+        serde_json::from_str(text).map_err(|error| bad_json(name, text, &error))?;
     if version.schema_version != SCHEMA_VERSION {
         return Err(InputError::new(name, Mistake::OutOfRange)
             .in_field("schema_version")
@@ -285,16 +286,22 @@ pub fn parse(name: &str, text: &str) -> Result<PosteriorFile, InputError> {
             .expected(SCHEMA_VERSION)
             .help("it was written by another version of calibrate; run the calibration again"));
     }
-    serde_json::from_str(text).map_err(|error| bad_json(name, &error))
+    serde_json::from_str(text).map_err(|error| bad_json(name, text, &error))
 }
 
-fn bad_json(name: &str, error: &serde_json::Error) -> InputError {
+fn cut_off(base: InputError) -> InputError {
+    base.found("the end of the file")
+        .expected("the rest of a posterior.json")
+        .help("the file is cut off; run the calibration again or copy the file again")
+}
+
+fn bad_json(name: &str, text: &str, error: &serde_json::Error) -> InputError {
     let base = InputError::new(name, Mistake::Syntax).at_line(error.line().max(1));
+    // A file that is cut off can end in the middle of a number or a name.
+    let at_its_end = !text.ends_with('\n') && error.line() >= text.lines().count();
     match error.classify() {
-        serde_json::error::Category::Eof => base
-            .found("the end of the file")
-            .expected("the rest of a posterior.json")
-            .help("the file is cut off; run the calibration again or copy the file again"),
+        serde_json::error::Category::Eof => cut_off(base),
+        serde_json::error::Category::Syntax if at_its_end => cut_off(base),
         serde_json::error::Category::Syntax => base
             .found(format_args!("something that is not JSON ({error})"))
             .expected("a posterior.json")

@@ -279,7 +279,7 @@ fn stress(seed: u64, cases: u64, references: u64) -> Tally {
     }
     if !failures.is_empty() {
         for failure in failures.iter().take(5) {
-            println!("{failure}\n");
+            eprintln!("{failure}\n");
         }
         panic!("{} of {cases} cases fail; {tally:?}", failures.len());
     }
@@ -289,7 +289,7 @@ fn stress(seed: u64, cases: u64, references: u64) -> Tally {
 #[test]
 fn random_input_breaks_a_solver() {
     let tally = stress(1, 10_000, 300);
-    println!("{tally:?}");
+    eprintln!("{tally:?}");
     // The cases are worth something: most scenes can be built, and most runs made.
     assert!(tally.refused_scenes < 5_000, "{tally:?}");
     assert!(tally.curves.iter().all(|&curves| curves > 1_000), "{tally:?}");
@@ -301,6 +301,6 @@ fn random_input_breaks_a_solver() {
 fn a_million_random_inputs_break_a_solver() {
     (0..40u64).into_par_iter().for_each(|seed| {
         let tally = stress(100 + seed, 25_000, 250);
-        println!("seed {}: {tally:?}", 100 + seed);
+        eprintln!("seed {}: {tally:?}", 100 + seed);
     });
 }

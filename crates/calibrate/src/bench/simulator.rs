@@ -25,6 +25,9 @@ use crate::number::significant;
 use crate::output;
 use crate::plot::{Band, Role, WorkPrecisionFigure, WorkPrecisionSeries};
 
+/// A series of a figure: name, role, seconds, errors, spread of the errors.
+type NamedSeries<'a> = (&'a str, Role, Vec<f64>, Vec<f64>, Band);
+
 const KINETICS: Kinetics = Kinetics::ThreeStage;
 
 /// Time steps over the collision time; the first must be refused, the last runs the paper's parameters only.
@@ -443,7 +446,7 @@ impl Case {
     fn figure<const N: usize>(
         &self,
         title: String,
-        series: [(&str, Role, Vec<f64>, Vec<f64>, Band); N],
+        series: [NamedSeries<'_>; N],
     ) -> WorkPrecisionFigure {
         WorkPrecisionFigure {
             title,

@@ -48,7 +48,7 @@ fn closed_forms_lose_digits_near_their_singular_points() {
             worst = worst.max(error);
         }
     }
-    println!("{compared} rows, worst {worst:.1e}");
+    eprintln!("{compared} rows, worst {worst:.1e}");
     assert!(compared > 400, "{compared}");
     assert!(failures.is_empty(), "{} of {compared}\n{}", failures.len(), failures.join("\n"));
 }
