@@ -302,11 +302,11 @@ pub struct PredictArgs {
     #[arg(long, value_name = "PERCENT", value_delimiter = ',', value_parser = parse_percent, allow_negative_numbers = true)]
     pub coalescence: Vec<f64>,
 
-    /// What is a/R after this time [s]?
+    /// What is a/R after this time in seconds?
     #[arg(short, long, value_name = "S", value_delimiter = ',', value_parser = parse_positive, allow_negative_numbers = true)]
     pub after: Vec<f64>,
 
-    /// Radius of the pair [m] [default: the one that was calibrated]; tau_s moves in proportion
+    /// Radius of the pair in metres [default: the one that was calibrated]; tau_s moves in proportion
     #[arg(short, long, value_name = "M", value_parser = parse_positive, allow_negative_numbers = true)]
     pub radius_m: Option<f64>,
 

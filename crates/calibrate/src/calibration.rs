@@ -22,7 +22,7 @@ use crate::summary::INFORMED_BITS;
 use crate::weighted::Weighted;
 
 /// Most posterior draws that are run on the fine grid of times.
-const GRID_DRAWS: usize = 2048;
+const GRID_DRAWS: usize = 1024;
 /// Evenly spaced times of that grid, and logarithmically spaced ones for a logarithmic axis.
 const GRID_LINEAR: usize = 201;
 const GRID_LOG: usize = 60;

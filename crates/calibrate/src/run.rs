@@ -90,11 +90,11 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
     };
     let start = Instant::now();
     let calibration = pool.install(|| Calibration::run(&planned, &mut watch, &count));
+    let inference_seconds = start.elapsed().as_secs_f64();
     watch.bar.finish_and_clear();
     let Calibration { file, posterior } = calibration?;
     // What a break between stages leaves is no answer to the plan.
     interrupt::check()?;
-    let inference_seconds: f64 = watch.stage_seconds.iter().sum();
 
     let staging = folder.stage()?;
     let write = |name: &str, bytes: &[u8]| {

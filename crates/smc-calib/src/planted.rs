@@ -1,6 +1,6 @@
 //! Mistakes that can be planted, to see whether validation finds them.
 //!
-//! Without the feature `planted-bugs` [`is`] is the constant `false` and nothing of this is compiled in.
+//! Without the feature `planted-bugs` `is` is the constant `false` and nothing of this is compiled in.
 
 /// A mistake.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

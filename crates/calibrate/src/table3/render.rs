@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::readings::{Quantity, STATED};
 use super::report::{CURVES, Form, MaterialReport, Report, Row};
 use crate::args::Table3Args;
-use crate::number::{percentile, significant};
+use crate::number::{percentile, significant, with_error};
 use crate::summary::INFORMED_BITS;
 
 /// A document around `table3.tex`, to see that it compiles: `pdflatex document.tex`.
@@ -105,10 +105,12 @@ pub fn table_markdown(report: &Report) -> String {
         let [evidence, error] = material.log_evidence;
         let _ = writeln!(
             text,
-            "\nTrust: {}; {:.0} effective samples, k-hat {:.2}, log evidence {evidence:.2} ± {error:.2}.",
-            if material.trusted { "yes" } else { "NO" },
+            "\nSampling: {}; {:.0} effective samples, k-hat {:.2}, log evidence {} ± {}.",
+            if material.trusted { "converged" } else { "NOT TO BE TRUSTED" },
             material.ess,
             material.khat,
+            with_error(evidence, error, 2),
+            significant(error, 2),
         );
         for row in uninformed(material) {
             let _ = writeln!(text, "\n> The data do not inform {}.", row.parameter);
@@ -175,7 +177,8 @@ pub fn table_latex(report: &Report) -> String {
             let _ = writeln!(text, "\\multicolumn{{7}}{{l}}{{\\emph{{{heading}}}}} \\\\");
             for row in material.rows.iter().filter(|row| row.form == wanted) {
                 let (symbol, unit) = match (row.parameter.as_str(), wanted) {
-                    ("c1", _) => ("$C_1$", "Pa$^{-1}$\\,s$^{-1}$"),
+                    ("c1", Form::Printed) => ("$C_1$", "Pa$^{-1}$\\,s$^{-1}$\\,m$^{-1}$"),
+                    ("c1", Form::Si) => ("$C_1$", "Pa$^{-1}$\\,s$^{-1}$"),
                     ("tau_s", Form::Printed) => ("$\\tau_s$", "s\\,m"),
                     ("tau_s", Form::Si) => ("$\\tau_s$", "s"),
                     _ => ("$\\delta_c$", "m"),

@@ -210,7 +210,7 @@ fn rows(one: &Calibrated, model: &NeckGrowth) -> Result<Vec<Row>, Failure> {
             Form::Si => triple(sintering),
         };
         let units = match form {
-            Form::Printed => ["1/(Pa s)", "s m", "m"],
+            Form::Printed => ["1/(Pa s m)", "s m", "m"],
             Form::Si => ["1/(Pa s)", "s", "m"],
         };
         let (paper, map) = (of(&paper_si), of(&map));
