@@ -59,6 +59,7 @@ pub fn fit(file: &PosteriorFile, log_time: bool) -> FitFigure {
         paper: curves.paper.clone().unwrap_or_default(),
         frenkel: curves.frenkel.clone().unwrap_or_default(),
         knee: file.knee.as_ref().map(|knee| Knee {
+            time_s: knee.time_s.median,
             ratio: knee.contact_ratio.median,
             lower: knee.contact_ratio.eti95[0],
             upper: knee.contact_ratio.eti95[1],

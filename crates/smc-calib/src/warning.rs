@@ -131,6 +131,10 @@ impl fmt::Display for Warning {
                 f,
                 "{observations} observations for {parameters} parameters: the priors decide what the data cannot"
             ),
+            Self::ResidualsNotIndependent { lag1, runs_z } if *lag1 < 0.0 => write!(
+                f,
+                "neighbouring residuals alternate (lag-1 correlation {lag1:.2}, runs test z {runs_z:.1}): the noise is not independent, and the intervals are too wide or the model is wrong"
+            ),
             Self::ResidualsNotIndependent { lag1, runs_z } => write!(
                 f,
                 "neighbouring residuals are alike (lag-1 correlation {lag1:.2}, runs test z {runs_z:.1}): the noise is not independent or the model misses the shape, and the intervals are too narrow"

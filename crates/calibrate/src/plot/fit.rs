@@ -13,6 +13,8 @@ use super::{Band, Columns, PlotError, Role};
 /// Where zipping hands over to stretching: the contact ratio a_ve/R, with a central interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Knee {
+    /// When it is reached \[s\].
+    pub time_s: f64,
     /// Median, or any other point estimate.
     pub ratio: f64,
     /// Lower end of the interval.
@@ -156,8 +158,7 @@ impl FitFigure {
             )?;
         }
         if let Some(knee) = self.knee {
-            let curve = if self.map.is_empty() { &self.mean } else { &self.map };
-            let at = crossing(&self.grid_s, curve, knee.ratio).unwrap_or(f64::NAN);
+            let at = knee.time_s;
             panel.bars(&[at], &[knee.lower], &[knee.upper], Pen::solid(posterior, 1.6))?;
             panel.markers(
                 &[at],

@@ -71,7 +71,7 @@ pub(super) fn figures(
         map: curve(&grid_s, end_s / 1.82),
         paper: curve(&grid_s, end_s / 2.1),
         frenkel: grid_s.iter().map(|t| (1.8 * t / end_s).sqrt()).collect(),
-        knee: Some(Knee { ratio: 0.5, lower: 0.45, upper: 0.55 }),
+        knee: Some(Knee { time_s: 0.5, ratio: 0.5, lower: 0.45, upper: 0.55 }),
         paper_knee: Some(0.42),
         mean: mean.clone(),
         log_time: false,

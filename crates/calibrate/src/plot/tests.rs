@@ -395,7 +395,7 @@ proptest! {
             Box::new(FitFigure {
                 time_s: xs.clone(), contact_ratio: ys.clone(), grid_s: sorted.clone(), mean: ys.clone(),
                 band50: band.clone(), band90: band.clone(), predictive90: band.clone(), map: xs.clone(),
-                paper: ys.clone(), frenkel: xs.clone(), knee: Some(Knee { ratio: shift, lower: 0.0, upper: shift }),
+                paper: ys.clone(), frenkel: xs.clone(), knee: Some(Knee { time_s: shift, ratio: shift, lower: 0.0, upper: shift }),
                 paper_knee: Some(shift), log_time: log, title: "t".into(),
             }),
             Box::new(CornerFigure { parameters: vec![parameter, other], weights: ys.clone(), title: String::new() }),
