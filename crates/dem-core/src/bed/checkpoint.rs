@@ -9,9 +9,14 @@ use super::engine::{Bed, Drive};
 use super::error::BedError;
 use super::material::Growing;
 use super::material::Material;
+use super::measure::{Energies, Sample};
+use super::quasi_static::QuasiStaticReport;
+use super::run::{Run, Series};
+use super::scene::Scene;
 use super::vec3::Vec3;
 
 const MAGIC: &[u8; 8] = b"dem-bed\0";
+const RUN_MAGIC: &[u8; 8] = b"dem-run\0";
 const VERSION: u64 = 1;
 
 /// Something that is stored as a fixed number of bytes.
@@ -68,6 +73,82 @@ impl<T: Stored> Stored for Vec<T> {
         }
         (0..count).map(|_| T::take(from)).collect()
     }
+}
+
+impl Stored for usize {
+    fn put(&self, to: &mut Vec<u8>) {
+        (*self as u64).put(to);
+    }
+    fn take(from: &mut &[u8]) -> Option<Self> {
+        Self::try_from(u64::take(from)?).ok()
+    }
+}
+
+impl<T: Stored> Stored for Option<T> {
+    fn put(&self, to: &mut Vec<u8>) {
+        u8::from(self.is_some()).put(to);
+        if let Some(value) = self {
+            value.put(to);
+        }
+    }
+    fn take(from: &mut &[u8]) -> Option<Self> {
+        match u8::take(from)? {
+            0 => Some(None),
+            _ => T::take(from).map(Some),
+        }
+    }
+}
+
+/// A struct as its fields, in order.
+macro_rules! stored_struct {
+    ($name:ident: $($field:ident),*) => {
+        impl Stored for $name {
+            fn put(&self, to: &mut Vec<u8>) {
+                $(self.$field.put(to);)*
+            }
+            fn take(from: &mut &[u8]) -> Option<Self> {
+                Some(Self { $($field: Stored::take(from)?),* })
+            }
+        }
+    };
+}
+stored_struct!(Energies: translation_j, rotation_j, elastic_j, adhesion_j, gravity_j);
+stored_struct!(
+    Sample: time_s, relative_density, coordination, mean_contact_ratio, contact_ratio_deciles, mean_driving,
+    largest_driving, inertial_number, necks_meet, energies
+);
+stored_struct!(
+    QuasiStaticReport: steps, rejected, newton, conjugate_gradients, error_estimate, balanced_at_s
+);
+stored_struct!(Series: samples, phase, phase_start_s, quasi_static, stopped);
+
+impl Stored for bool {
+    fn put(&self, to: &mut Vec<u8>) {
+        u8::from(*self).put(to);
+    }
+    fn take(from: &mut &[u8]) -> Option<Self> {
+        Some(u8::take(from)? != 0)
+    }
+}
+
+/// Adds the sum that [`unsealed`] looks at.
+fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
+    sum(&bytes).put(&mut bytes);
+    bytes
+}
+
+/// The content after magic and version, if it is whole.
+fn unsealed<'a>(bytes: &'a [u8], magic: &[u8; 8]) -> Result<&'a [u8], BedError> {
+    let damaged = BedError::Checkpoint("damaged, or not a checkpoint");
+    let (content, stored_sum) = bytes.split_last_chunk::<8>().ok_or_else(|| damaged.clone())?;
+    let mut from = content.strip_prefix(magic.as_slice()).ok_or_else(|| damaged.clone())?;
+    if sum(content) != u64::from_le_bytes(*stored_sum) {
+        return Err(damaged);
+    }
+    if u64::take(&mut from) != Some(VERSION) {
+        return Err(BedError::Checkpoint("of another version of this program"));
+    }
+    Ok(from)
 }
 
 fn sum(bytes: &[u8]) -> u64 {
@@ -130,8 +211,7 @@ impl Bed {
             };
         }
         for_each_field!(self, put);
-        sum(&bytes).put(&mut bytes);
-        bytes
+        sealed(bytes)
     }
 
     /// Takes up the state of a checkpoint of the same scene, in a phase with the same growth.
@@ -142,16 +222,7 @@ impl Bed {
     /// is then as it was.
     pub fn restore(&mut self, bytes: &[u8], growing: Option<Growing>) -> Result<(), BedError> {
         let damaged = BedError::Checkpoint("damaged, or not a checkpoint of a bed");
-        let Some((content, stored_sum)) = bytes.split_last_chunk::<8>() else {
-            return Err(damaged);
-        };
-        let Some(mut from) = content.strip_prefix(MAGIC.as_slice()) else { return Err(damaged) };
-        if sum(content) != u64::from_le_bytes(*stored_sum) {
-            return Err(damaged);
-        }
-        if u64::take(&mut from) != Some(VERSION) {
-            return Err(BedError::Checkpoint("of another version of this program"));
-        }
+        let mut from = unsealed(bytes, MAGIC)?;
         let mut fresh = self.clone();
         let mut spec = *self.material.spec();
         spec.k1 = f64::take(&mut from).ok_or_else(|| damaged.clone())?;
@@ -184,5 +255,53 @@ impl Bed {
         fresh.fill_constants()?;
         *self = fresh;
         Ok(())
+    }
+}
+
+impl Run {
+    /// The state between two observations as bytes: the bed, and all that was observed.
+    #[must_use]
+    pub fn checkpoint(&self) -> Vec<u8> {
+        let mut bytes = RUN_MAGIC.to_vec();
+        VERSION.put(&mut bytes);
+        self.phase.put(&mut bytes);
+        self.output.put(&mut bytes);
+        self.steps.put(&mut bytes);
+        self.series.put(&mut bytes);
+        self.bed.checkpoint().put(&mut bytes);
+        sealed(bytes)
+    }
+}
+
+impl Scene {
+    /// Takes up a run of this very scene where a checkpoint left it.
+    ///
+    /// # Errors
+    ///
+    /// [`BedError::Checkpoint`] for bytes that are damaged, of another version or of another scene.
+    pub fn resume(&self, bytes: &[u8]) -> Result<Run, BedError> {
+        let damaged = BedError::Checkpoint("damaged, or not a checkpoint of a run");
+        let mut from = unsealed(bytes, RUN_MAGIC)?;
+        let mut run = self.start();
+        let mut take = || -> Option<(usize, usize, u64, Series, Vec<u8>)> {
+            Some((
+                usize::take(&mut from)?,
+                usize::take(&mut from)?,
+                u64::take(&mut from)?,
+                Series::take(&mut from)?,
+                Vec::take(&mut from)?,
+            ))
+        };
+        let (phase, output, steps, series, bed) = take().ok_or(damaged)?;
+        let fits = |output: usize| {
+            self.phases.get(phase).map_or(output == 0, |phase| output <= phase.outputs)
+        };
+        let before = series.phase.last().and_then(|&phase| self.phases.get(phase));
+        if !fits(output) || (before.is_none() && !series.phase.is_empty()) {
+            return Err(BedError::Checkpoint("of another scene: its phases are not these"));
+        }
+        // As it was in the phase of the last observation.
+        run.bed.restore(&bed, self.growing.filter(|_| before.is_some_and(|phase| phase.heated)))?;
+        Ok(Run { phase, output, steps, series, ..run })
     }
 }

@@ -205,7 +205,8 @@ impl Bed {
             rate += contact.rate_per_s * contact.rate_per_s;
         }
         let count = ratios.len().max(1) as f64;
-        let mean_contact_ratio = ratios.iter().sum::<f64>() / count;
+        // An empty sum is -0.0.
+        let mean_contact_ratio = (0.0 + ratios.iter().sum::<f64>()) / count;
         ratios.sort_unstable_by(f64::total_cmp);
         let below = |share: f64| {
             ratios.get((share * (ratios.len().max(1) - 1) as f64).round() as usize).copied()

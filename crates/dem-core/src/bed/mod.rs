@@ -2,7 +2,7 @@
 //!
 //! | what | where |
 //! |---|---|
-//! | a scene from TOML, its phases, its run | [`SceneFile`], [`Scene::run`], [`Series`] |
+//! | a scene from TOML, its phases, its run | [`SceneFile`], [`Scene::run`], [`Run`], [`Series`] |
 //! | the engine: velocity Verlet, neighbour list, threads | [`Bed::advance`] |
 //! | force balance at every instant, for times that no step of inertia reaches | [`Bed::advance_quasi_static`] |
 //! | random and jammed packings | [`random_packing`], [`jammed_packing`] |
@@ -67,8 +67,8 @@ pub use packing::{Radii, jammed_packing, random_packing};
 pub use particles::Particles;
 pub use quasi_static::{QuasiStaticReport, QuasiStaticSettings};
 pub use region::{Region, Side, Wall};
-pub use run::{Progress, Series};
+pub use run::{Progress, Run, Series};
 pub use scene::{
-    BoxTable, DragTable, FrictionTable, GravityTable, MaterialTable, Mode, ParticlesTable, Phase,
-    RadiiTable, Scene, SceneFile, SideName, SinteringTable,
+    BoxTable, DragTable, FrictionTable, GravityTable, MaterialTable, Mode, Outline, ParticlesTable,
+    Phase, RadiiTable, Scene, SceneFile, SideName, SinteringTable,
 };

@@ -3,8 +3,8 @@
 use std::ops::ControlFlow;
 
 use super::engine::{Bed, Drive};
-use super::error::BedError;
-use super::material::Material;
+use super::error::{BedError, field};
+use super::material::{Growing, Material};
 use super::measure::Sample;
 use super::quasi_static::{QuasiStaticReport, QuasiStaticSettings};
 use super::region::Side;
@@ -60,7 +60,144 @@ pub struct Progress {
     pub sample: Sample,
 }
 
+/// A run of a scene, observation by observation: it can be stored between two of them and taken up
+/// again with the same bits.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Run {
+    pub(crate) scene: Scene,
+    pub(crate) bed: Bed,
+    pub(crate) series: Series,
+    /// The phase of the next observation, and its number in it, from 0.
+    pub(crate) phase: usize,
+    pub(crate) output: usize,
+    /// Steps between two observations of a dynamic phase.
+    pub(crate) steps: u64,
+}
+
+impl Run {
+    /// The bed as of the last observation.
+    #[must_use]
+    pub fn bed(&self) -> &Bed {
+        &self.bed
+    }
+
+    /// What was observed so far.
+    #[must_use]
+    pub fn series(&self) -> &Series {
+        &self.series
+    }
+
+    /// The series alone.
+    #[must_use]
+    pub fn into_series(self) -> Series {
+        self.series
+    }
+
+    /// The phase that the next observation belongs to; `None` at the end.
+    #[must_use]
+    pub fn next_phase(&self) -> Option<&Phase> {
+        self.scene.phases.get(self.phase)
+    }
+
+    /// Other kinetics or parameters for what is still to come: a draw of a posterior, after the
+    /// phases that are the same for all.
+    ///
+    /// # Errors
+    ///
+    /// [`BedError::Field`] once a heated phase has begun.
+    pub fn set_growing(&mut self, growing: Growing) -> Result<(), BedError> {
+        let begun = self.series.phase.iter().any(|&phase| self.scene.phases[phase].heated);
+        if begun {
+            let remedy = "parameters can be changed before the first heated phase only";
+            return Err(field("sintering", "another", remedy));
+        }
+        self.scene.growing = Some(growing);
+        Ok(())
+    }
+
+    /// Goes on to the next observation; `None` at the end of the last phase.
+    ///
+    /// # Errors
+    ///
+    /// [`BedError`]. The state is then in between: go on from an earlier checkpoint.
+    pub fn advance(&mut self) -> Result<Option<Progress>, BedError> {
+        let Some(phase) = self.scene.phases.get(self.phase).cloned() else { return Ok(None) };
+        if self.output == 0 {
+            self.begin(&phase)?;
+        } else {
+            self.go(&phase)?;
+        }
+        let sample = self.bed.sample();
+        phase.check_inertia(&sample)?;
+        self.series.samples.push(sample);
+        self.series.phase.push(self.phase);
+        let total: usize = self.scene.phases.iter().map(|phase| phase.outputs + 1).sum();
+        let share = self.series.samples.len() as f64 / total as f64;
+        let progress = Progress { phase: self.phase, share, sample };
+        self.output += 1;
+        if self.output > phase.outputs {
+            self.phase += 1;
+            self.output = 0;
+        }
+        Ok(Some(progress))
+    }
+
+    fn begin(&mut self, phase: &Phase) -> Result<(), BedError> {
+        let mut spec = *self.scene.bed.material().spec();
+        spec.k1 = phase.k1_n_per_m.unwrap_or(spec.k1);
+        self.bed.set_material(Material::new(spec)?);
+        if phase.heated {
+            self.scene.check_load(&self.bed)?;
+        }
+        let drive = Drive {
+            growing: self.scene.growing.filter(|_| phase.heated),
+            step_over_collision_time: phase.step_over_collision_time,
+            mass_scaling: phase.mass_scaling,
+        };
+        self.bed.begin(&drive)?;
+        self.series.quasi_static.balanced_at_s = None;
+        self.series.phase_start_s.push(self.bed.time_s());
+        if phase.mode == Mode::Dynamic {
+            // Observations fall on steps.
+            let every_s = phase.every_s();
+            self.steps = (every_s / self.bed.step_s()).ceil() as u64;
+            self.bed.begin_with_step(every_s / self.steps as f64)?;
+        }
+        Ok(())
+    }
+
+    fn go(&mut self, phase: &Phase) -> Result<(), BedError> {
+        match phase.mode {
+            Mode::Dynamic => {
+                if self.bed.work().steps + self.steps > phase.max_work {
+                    let (max_work, time_s) = (phase.max_work, self.bed.time_s());
+                    return Err(BedError::WorkLimit { max_work, time_s });
+                }
+                self.bed.advance(self.steps)
+            }
+            Mode::QuasiStatic => self.bed.advance_quasi_static(
+                self.series.phase_start_s[self.phase] + self.output as f64 * phase.every_s(),
+                &phase.quasi_static(self.scene.free_box),
+                &mut self.series.quasi_static,
+            ),
+        }
+    }
+}
+
 impl Scene {
+    /// A run from the start.
+    #[must_use]
+    pub fn start(&self) -> Run {
+        Run {
+            bed: self.bed.clone(),
+            scene: self.clone(),
+            series: Series::default(),
+            phase: 0,
+            output: 0,
+            steps: 0,
+        }
+    }
+
     /// Runs all phases. `observe` sees every observation, and may stop the run.
     ///
     /// # Errors
@@ -70,63 +207,14 @@ impl Scene {
         &self,
         mut observe: impl FnMut(&Progress, &Bed) -> ControlFlow<()>,
     ) -> Result<Series, BedError> {
-        let mut bed = self.bed.clone();
-        let material = *bed.material();
-        let mut series = Series::default();
-        let total: usize = self.phases.iter().map(|phase| phase.outputs + 1).sum();
-        for (index, phase) in self.phases.iter().enumerate() {
-            let mut spec = *material.spec();
-            spec.k1 = phase.k1_n_per_m.unwrap_or(spec.k1);
-            bed.set_material(Material::new(spec)?);
-            if phase.heated {
-                self.check_load(&bed)?;
-            }
-            let drive = Drive {
-                growing: self.growing.filter(|_| phase.heated),
-                step_over_collision_time: phase.step_over_collision_time,
-                mass_scaling: phase.mass_scaling,
-            };
-            bed.begin(&drive)?;
-            let start_s = bed.time_s();
-            series.quasi_static.balanced_at_s = None;
-            series.phase_start_s.push(start_s);
-            let every_s = phase.duration_s / phase.outputs as f64;
-            let mut steps = 0;
-            if phase.mode == Mode::Dynamic {
-                // Observations fall on steps.
-                steps = (every_s / bed.step_s()).ceil() as u64;
-                bed.begin_with_step(every_s / steps as f64)?;
-            }
-            for output in 0..=phase.outputs {
-                if output > 0 {
-                    match phase.mode {
-                        Mode::Dynamic => {
-                            if bed.work().steps + steps > phase.max_work {
-                                let (max_work, time_s) = (phase.max_work, bed.time_s());
-                                return Err(BedError::WorkLimit { max_work, time_s });
-                            }
-                            bed.advance(steps)?;
-                        }
-                        Mode::QuasiStatic => bed.advance_quasi_static(
-                            start_s + output as f64 * every_s,
-                            &phase.quasi_static(self.free_box),
-                            &mut series.quasi_static,
-                        )?,
-                    }
-                }
-                let sample = bed.sample();
-                phase.check_inertia(&sample)?;
-                series.samples.push(sample);
-                series.phase.push(index);
-                let share = series.samples.len() as f64 / total as f64;
-                let progress = Progress { phase: index, share, sample };
-                if observe(&progress, &bed).is_break() {
-                    series.stopped = true;
-                    return Ok(series);
-                }
+        let mut run = self.start();
+        while let Some(progress) = run.advance()? {
+            if observe(&progress, &run.bed).is_break() {
+                run.series.stopped = true;
+                break;
             }
         }
-        Ok(series)
+        Ok(run.series)
     }
 
     /// Refuses to heat a bed whose weight, and not adhesion, would drive the growth.
@@ -146,6 +234,11 @@ impl Scene {
 }
 
 impl Phase {
+    /// Time between two observations.
+    fn every_s(&self) -> f64 {
+        self.duration_s / self.outputs as f64
+    }
+
     fn quasi_static(&self, free_box: bool) -> QuasiStaticSettings {
         QuasiStaticSettings {
             tolerance: self.tolerance,

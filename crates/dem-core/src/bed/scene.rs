@@ -322,15 +322,42 @@ impl SceneFile {
         })
     }
 
-    /// Checks everything, makes packings and places the particles.
+    /// Checks what can be checked without making a packing or placing the particles.
     ///
     /// # Errors
     ///
     /// [`BedError`] that names the field, its value and the remedy.
-    pub fn build(&self) -> Result<Scene, BedError> {
-        let (start, region) = self.particles()?;
-        let radius_m = start.radius_m.iter().sum::<f64>() / start.radius_m.len().max(1) as f64;
-        let material = self.material_of(radius_m)?;
+    pub fn outline(&self) -> Result<Outline, BedError> {
+        let radii_m = match &self.particles {
+            ParticlesTable::Table { radii_m, .. } => radii_m.clone(),
+            ParticlesTable::Lattice { counts, radius_m, .. } => {
+                let total =
+                    counts.iter().try_fold(1usize, |total, &count| total.checked_mul(count));
+                match total {
+                    Some(total @ 1..=10_000_000) => vec![*radius_m; total],
+                    _ => {
+                        let remedy = "use 1 to 1e7 particles in all";
+                        let counts = format!("{counts:?}");
+                        return Err(field("particles.lattice.counts", counts, remedy));
+                    }
+                }
+            }
+            ParticlesTable::Packing { count, radii, seed, .. } => {
+                if !(1..=10_000_000).contains(count) {
+                    return Err(field("particles.packing.count", count, "use 1 to 1e7"));
+                }
+                radii.checked().draw(*count, *seed)?
+            }
+        };
+        for (particle, &radius_m) in radii_m.iter().enumerate() {
+            let name = format!("radius_m of particle {particle}");
+            within(&name, radius_m, 1e-9, 1e3, "give the radius in metres, 1e-9 to 1e3")?;
+        }
+        let particles = radii_m.len();
+        let mean_radius_m = radii_m.iter().sum::<f64>() / particles.max(1) as f64;
+        if particles > 0 {
+            self.material_of(mean_radius_m)?;
+        }
         let growing = self.growing()?;
         for (index, phase) in self.phases.iter().enumerate() {
             phase.check(index, growing.is_some())?;
@@ -339,7 +366,12 @@ impl SceneFile {
             return Err(field("phases", "none", "give at least one [[phases]]"));
         }
         let free_box = self.region.as_ref().is_some_and(|region| region.free);
-        if free_box && region.sides != [Side::Periodic; 3] {
+        if free_box
+            && self
+                .region
+                .as_ref()
+                .is_some_and(|r| r.sides.iter().any(|s| *s != SideName::Periodic))
+        {
             let remedy = "only a box that is periodic on all sides can shrink freely";
             return Err(field("box.free", "true", remedy));
         }
@@ -351,6 +383,21 @@ impl SceneFile {
         }
         let allowed = self.gravity.as_ref().map_or(0.1, |g| g.allowed_load_over_adhesion);
         within("gravity.allowed_load_over_adhesion", allowed, 1e-6, 1e6, "use 1e-6 to 1e6")?;
+        Ok(Outline { particles, mean_radius_m, growing })
+    }
+
+    /// Checks everything, makes packings and places the particles.
+    ///
+    /// # Errors
+    ///
+    /// [`BedError`] that names the field, its value and the remedy.
+    pub fn build(&self) -> Result<Scene, BedError> {
+        let Outline { growing, .. } = self.outline()?;
+        let (start, region) = self.particles()?;
+        let radius_m = start.radius_m.iter().sum::<f64>() / start.radius_m.len().max(1) as f64;
+        let material = self.material_of(radius_m)?;
+        let free_box = self.region.as_ref().is_some_and(|region| region.free);
+        let allowed = self.gravity.as_ref().map_or(0.1, |g| g.allowed_load_over_adhesion);
         let around = Surroundings {
             region,
             gravity_m_per_s2: self.gravity.as_ref().map_or([0.0; 3], |g| g.acceleration_m_per_s2),
@@ -536,6 +583,10 @@ impl Phase {
         if self.heated && !can_heat {
             return Err(field(name("heated"), "true", "give the [sintering] table"));
         }
+        let step = self.step_over_collision_time;
+        within(&name("step_over_collision_time"), step, 1e-9, 1.0, "use 1e-9 to 1; 0.02 is usual")?;
+        within(&name("mass_scaling"), self.mass_scaling, 1.0, 1e18, "use 1 to 1e18")?;
+        within(&name("tolerance"), self.tolerance, 1e-9, 0.1, "use 1e-9 to 0.1")?;
         if let Some(k1) = self.k1_n_per_m {
             within(&name("k1_n_per_m"), k1, 1e-15, 1e15, "give it in N/m, 1e-15 to 1e15")?;
         }
@@ -544,6 +595,17 @@ impl Phase {
         }
         Ok(())
     }
+}
+
+/// What a scene file says, without its particles in their places.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outline {
+    /// How many particles.
+    pub particles: usize,
+    /// Mean of their radii \[m\].
+    pub mean_radius_m: f64,
+    /// How contacts grow, where the scene says so.
+    pub growing: Option<Growing>,
 }
 
 /// A checked scene, ready to [run](Scene::run).
@@ -581,6 +643,35 @@ impl Scene {
     pub fn with_growing(mut self, growing: Growing) -> Self {
         self.growing = Some(growing);
         self
+    }
+
+    /// The same particles in the same places with another final contact ratio: a draw of a posterior that
+    /// has one.
+    ///
+    /// # Errors
+    ///
+    /// [`BedError::Material`], for instance where contacts would start coalesced.
+    pub fn with_final_contact_ratio(mut self, phi: f64) -> Result<Self, BedError> {
+        let mut spec = *self.bed.material().spec();
+        if phi == spec.final_contact_ratio {
+            return Ok(self);
+        }
+        spec.final_contact_ratio = phi;
+        let p = self.bed.particles();
+        // In the order of the scene, as they are numbered.
+        let mut order: Vec<usize> = (0..p.len()).collect();
+        order.sort_unstable_by_key(|&i| p.id[i]);
+        let sorted = |values: &[[f64; 3]]| -> Vec<[f64; 3]> {
+            order.iter().filter_map(|&i| values.get(i).copied()).collect()
+        };
+        let start = Start {
+            position_m: sorted(&p.position_m),
+            radius_m: order.iter().map(|&i| p.radius_m[i]).collect(),
+            velocity_m_per_s: sorted(&p.velocity_m_per_s),
+            angular_velocity_per_s: sorted(&p.angular_velocity_per_s),
+        };
+        self.bed = Bed::new(Material::new(spec)?, *self.bed.surroundings(), &start)?;
+        Ok(self)
     }
 
     /// The same scene with another loading stiffness, also where a phase has its own.

@@ -114,3 +114,104 @@ fn csv_has_a_number_in_every_column_and_a_row_for_every_observation() {
     // At rest in the adhesive contact.
     assert!(rows.iter().all(|row| (row[4] - 1e-3f64.sqrt()).abs() < 1e-9), "{rows:?}");
 }
+
+/// A packing that settles in one phase and is heated in two others.
+const PHASES: &str = r#"
+name = "phases"
+[material]
+youngs_modulus_pa = 1.65e9
+surface_tension_n_per_m = 40.7e-3
+density_kg_per_m3 = 1000.0
+[sintering]
+kinetics = "three-stage"
+c1 = 1.177e-5
+tau_s = 3.81
+delta_c = 9.55e-8
+calibrated_radius_m = 31.5e-6
+[box]
+sides = ["periodic", "periodic", "periodic"]
+[particles.packing]
+count = 60
+radii = { log-normal = { median_m = 31.5e-6, sigma = 0.1 } }
+seed = 1
+[[phases]]
+name = "rest"
+duration_s = 1e-3
+heated = false
+outputs = 2
+[[phases]]
+name = "heat"
+duration_s = 2e-3
+heated = true
+outputs = 3
+[[phases]]
+name = "hold"
+duration_s = 0.4
+heated = true
+mode = "quasi-static"
+outputs = 3
+tolerance = 1e-3
+"#;
+
+#[test]
+fn a_scene_resumed_after_any_observation_is_the_scene_without_a_stop() {
+    let scene = SceneFile::parse(PHASES, "phases").expect("valid").build().expect("valid");
+    let whole = scene.run(|_, _| ControlFlow::Continue(())).expect("runs");
+    assert_eq!(whole.samples.len(), 11);
+    let mut run = scene.start();
+    loop {
+        run = scene.resume(&run.checkpoint()).expect("its own checkpoint");
+        if run.advance().expect("runs").is_none() {
+            break;
+        }
+    }
+    assert_eq!(run.series().samples.len(), 11);
+    // Bits, NaN included.
+    assert_eq!(format!("{:?}", run.series()), format!("{whole:?}"));
+    assert!(whole.samples[10].coordination > 1.0, "nothing touches: {:?}", whole.samples[10]);
+    let mut bad = run.checkpoint();
+    bad[60] ^= 1;
+    assert!(matches!(scene.resume(&bad), Err(BedError::Checkpoint(_))));
+    let fewer = PHASES.replace("count = 60", "count = 59");
+    let fewer = SceneFile::parse(&fewer, "fewer").expect("valid").build().expect("valid");
+    assert!(matches!(fewer.resume(&run.checkpoint()), Err(BedError::Checkpoint(_))));
+}
+
+#[test]
+fn another_draw_is_the_scene_with_its_parameters_and_comes_before_the_heat() {
+    let parse =
+        |text: &str| SceneFile::parse(text, "scene").expect("valid").build().expect("valid");
+    let text = |tau_s: &str, phi: &str| {
+        PHASES.replace("tau_s = 3.81", tau_s).replace("[sintering]", &format!("{phi}[sintering]"))
+    };
+    let go_on = |_: &_, _: &Bed| ControlFlow::Continue(());
+    let other = parse(&text("tau_s = 1.9", "final_contact_ratio = 1.1\n"));
+    let mut run = parse(PHASES).with_final_contact_ratio(1.1).expect("valid").start();
+    while !run.next_phase().expect("not at the end").heated {
+        run.advance().expect("runs");
+    }
+    run.set_growing(*other.growing().expect("sinters")).expect("before the heat");
+    while run.advance().expect("runs").is_some() {}
+    let expected = other.run(go_on).expect("runs");
+    assert_eq!(format!("{:?}", run.series()), format!("{expected:?}"));
+    assert!(run.set_growing(*other.growing().expect("sinters")).is_err(), "after the heat");
+}
+
+#[test]
+fn an_outline_refuses_what_needs_no_packing_to_be_seen() {
+    let outline = |from: &str, to: &str| {
+        SceneFile::parse(&PHASES.replace(from, to), "scene").expect("valid").outline()
+    };
+    let found = outline("", "").expect("valid");
+    assert_eq!(found.particles, 60);
+    assert!((found.mean_radius_m / 31.5e-6 - 1.0).abs() < 0.05, "{found:?}");
+    for (from, to, word) in [
+        ("tolerance = 1e-3", "tolerance = 1.0", "phases[2].tolerance = 1"),
+        ("outputs = 3", "outputs = 0", "phases[1].outputs = 0"),
+        ("sigma = 0.1", "sigma = -0.1", "sigma = -0.1"),
+        ("youngs_modulus_pa = 1.65e9", "youngs_modulus_pa = -1.0", "youngs_modulus_pa"),
+    ] {
+        let error = outline(from, to).expect_err(to).to_string();
+        assert!(error.contains(word), "{error}");
+    }
+}
