@@ -1,0 +1,193 @@
+//! What can go wrong with a campaign, and what was found damaged.
+
+use std::fmt;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+use crate::lock::Holder;
+use crate::spec::SpecError;
+
+/// Why a campaign cannot be made, opened or written to.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum CampaignError {
+    /// The specification cannot be run.
+    #[error("{0}")]
+    Spec(#[from] SpecError),
+    /// The directory is there already, and not empty.
+    #[error("{}: is there already and not empty; resume it, or choose another directory", dir.display())]
+    Exists {
+        /// The directory.
+        dir: PathBuf,
+    },
+    /// There is no campaign in the directory.
+    #[error("{}: holds no run (there is no {})", dir.display(), crate::campaign::RECORD)]
+    NotACampaign {
+        /// The directory.
+        dir: PathBuf,
+    },
+    /// Another driver has the directory.
+    #[error("{}: is in use by {}; wait for it, or stop it", dir.display(),
+        .holder.as_ref().map_or_else(|| "another process".to_owned(), Holder::to_string))]
+    Locked {
+        /// The directory.
+        dir: PathBuf,
+        /// Who has it, where that can be read.
+        holder: Option<Holder>,
+    },
+    /// The record of the campaign is damaged: what was run is not known. [`Campaign::restore`](crate::Campaign::restore)
+    /// mends it with a specification given anew.
+    #[error("{}: {what}; give the plan again to restore it", file.display())]
+    Damaged {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// The directory was written by another version of this program.
+    #[error("{}: has format {found}, this program reads {expected}; use the version that wrote it",
+        file.display())]
+    Format {
+        /// The file.
+        file: PathBuf,
+        /// Its format.
+        found: u64,
+        /// The only one that is understood.
+        expected: u64,
+    },
+    /// A name for an additional file that cannot be used.
+    #[error("{name:?} cannot be the name of a file in a run directory")]
+    FileName {
+        /// The name.
+        name: String,
+    },
+    /// A task that cannot be run.
+    #[error("run {number}: {problem}")]
+    InvalidTask {
+        /// Number of the run.
+        number: u64,
+        /// What is wrong.
+        problem: String,
+    },
+    /// A run of this number is known, with another command or other parameters: the plan, the
+    /// program or the machine's arithmetic changed since.
+    #[error(
+        "run {number} was submitted as {} {:?} before and is {} {:?} now: the plan or the program has changed",
+        .stored.command, .stored.parameters, .given.command, .given.parameters
+    )]
+    TaskDiffers {
+        /// Number of the run.
+        number: u64,
+        /// As it is stored.
+        stored: Box<crate::Task>,
+        /// As it is now.
+        given: Box<crate::Task>,
+    },
+    /// An outcome that cannot be stored.
+    #[error("outcome of run {number}: {problem}")]
+    InvalidOutcome {
+        /// Number of the run.
+        number: u64,
+        /// What is wrong.
+        problem: String,
+    },
+    /// The disk (or the user's share of it) is full. What was stored before is intact.
+    #[error(
+        "{}: the disk is full; everything before is safe: make room, then resume",
+        path.display()
+    )]
+    DiskFull {
+        /// What could not be written.
+        path: PathBuf,
+    },
+    /// A file cannot be read or written.
+    #[error("{}: cannot be {action}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What was tried: "read", "written", ...
+        action: &'static str,
+        /// The system's words.
+        source: io::Error,
+    },
+}
+
+impl CampaignError {
+    /// A failed access to a file; a full disk is told from other failures.
+    pub(crate) fn io(action: &'static str, path: &Path, source: io::Error) -> Self {
+        use io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
+        let path = path.to_path_buf();
+        match source.kind() {
+            StorageFull | QuotaExceeded | FileTooLarge => Self::DiskFull { path },
+            _ => Self::Io { path, action, source },
+        }
+    }
+
+    /// Whether room on the disk would mend it.
+    #[must_use]
+    pub fn is_disk_full(&self) -> bool {
+        matches!(self, Self::DiskFull { .. })
+    }
+}
+
+/// Why an executor stopped before every task had its outcome.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ExecutorError {
+    /// It was asked to stop. What had finished is stored.
+    #[error("interrupted")]
+    Interrupted {
+        /// Whether runs go on without the driver, to be taken up later.
+        detached: bool,
+    },
+    /// The program of a command cannot be started: it is not there, or not a program. No outcome is
+    /// stored, the runs can be made when it is there.
+    #[error("{program}: cannot be started: {reason}")]
+    CannotStart {
+        /// The program.
+        program: String,
+        /// Why.
+        reason: String,
+    },
+    /// A simulator in this process says that no run can succeed.
+    #[error("{0}")]
+    Simulator(String),
+    /// The scheduler of a cluster does not do its part.
+    #[error("{0}")]
+    Scheduler(String),
+    /// The directory cannot be written to.
+    #[error(transparent)]
+    Campaign(#[from] CampaignError),
+}
+
+/// Something that was damaged, what became of it, and what is lost by it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Damage {
+    /// The file.
+    pub file: PathBuf,
+    /// The line in it, from 1, for a file of lines.
+    pub line: Option<usize>,
+    /// What is wrong, in words: "its checksum does not fit".
+    pub what: String,
+    /// Where the damaged file was put.
+    pub set_aside: Option<PathBuf>,
+    /// The last line of a journal that was being written when its driver was killed: nothing that
+    /// had finished is lost.
+    pub torn: bool,
+}
+
+impl fmt::Display for Damage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.file.display())?;
+        if let Some(line) = self.line {
+            write!(f, ", line {line}")?;
+        }
+        write!(f, ": {}", self.what)?;
+        if let Some(place) = &self.set_aside {
+            write!(f, "; the damaged file is kept as {}", place.display())?;
+        }
+        Ok(())
+    }
+}

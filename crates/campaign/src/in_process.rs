@@ -1,0 +1,143 @@
+//! Runs of a simulator in this process, on a pool of threads.
+
+use std::sync::mpsc;
+use std::time::Instant;
+
+use rayon::prelude::*;
+
+use crate::campaign::Campaign;
+use crate::error::ExecutorError;
+use crate::executor::{Event, Executor, Stop};
+use crate::outcome::{FailureKind, Outcome};
+use crate::task::Task;
+
+/// Why a simulator in this process gave no values.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Fault {
+    /// These parameters cannot be simulated. The words are the same for the same cause.
+    Run(String),
+    /// No run can succeed: the executor stops, and nothing is stored for this one.
+    Fatal(String),
+}
+
+/// Runs tasks by a function, on a pool of threads of its own.
+///
+/// The function gives the values of all observables of the task's command, one after the other.
+pub struct InProcess<F> {
+    simulate: F,
+    pool: rayon::ThreadPool,
+}
+
+impl<F> InProcess<F>
+where
+    F: Fn(&Task) -> Result<Vec<f64>, Fault> + Sync,
+{
+    /// Runs by `simulate` on `threads` threads; 0 for as many as the machine has.
+    ///
+    /// # Errors
+    ///
+    /// [`ExecutorError::CannotStart`] where the system gives no threads.
+    pub fn new(threads: usize, simulate: F) -> Result<Self, ExecutorError> {
+        let pool =
+            rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
+                ExecutorError::CannotStart {
+                    program: format!("{threads} threads"),
+                    reason: error.to_string(),
+                }
+            })?;
+        Ok(Self { simulate, pool })
+    }
+
+    fn simulate(&self, task: &Task) -> Result<Outcome, String> {
+        let start = Instant::now();
+        let result = (self.simulate)(task);
+        let seconds = start.elapsed().as_secs_f64();
+        let failed = |kind, detail| Outcome::Failed { kind, detail, attempts: 1, seconds };
+        match result {
+            Ok(values) => Ok(match values.iter().position(|value| !value.is_finite()) {
+                None => Outcome::Finished { values, attempts: 1, seconds },
+                Some(place) => failed(
+                    FailureKind::NotANumber { file: None, column: "an output".into() },
+                    format!("output {place} is {}", values[place]),
+                ),
+            }),
+            Err(Fault::Run(cause)) => Ok(failed(FailureKind::Simulator { cause }, String::new())),
+            Err(Fault::Fatal(cause)) => Err(cause),
+        }
+    }
+}
+
+impl<F> Executor for InProcess<F>
+where
+    F: Fn(&Task) -> Result<Vec<f64>, Fault> + Sync,
+{
+    fn run(
+        &mut self,
+        campaign: &Campaign,
+        tasks: &[Task],
+        watch: &mut dyn FnMut(Event),
+        stop: &Stop,
+    ) -> Result<(), ExecutorError> {
+        campaign.record_submitted(tasks)?;
+        let missing = campaign.missing(tasks);
+        let (sender, receiver) = mpsc::channel();
+        // Set where nothing further may be started: asked for, or after a failure.
+        let halt = Stop::new();
+        std::thread::scope(|scope| {
+            let this = &*self;
+            let (missing, halt) = (&missing, &halt);
+            scope.spawn(move || {
+                this.pool.install(|| {
+                    missing.par_iter().for_each_with(sender, |sender, task| {
+                        if !stop.asked() && !halt.asked() {
+                            // Nobody listens any more only where the caller has failed.
+                            let _ = sender.send((task.number, this.simulate(task)));
+                        }
+                    });
+                });
+            });
+            let stored = store_all(campaign, &receiver, watch);
+            if stored.is_err() {
+                halt.cancel();
+            }
+            stored
+        })?;
+        if stop.asked() && !campaign.missing(tasks).is_empty() {
+            return Err(ExecutorError::Interrupted { detached: false });
+        }
+        Ok(())
+    }
+}
+
+type Ended = (u64, Result<Outcome, String>);
+
+/// Stores what arrives, as much at once as has arrived, until every sender is gone.
+fn store_all(
+    campaign: &Campaign,
+    receiver: &mpsc::Receiver<Ended>,
+    watch: &mut dyn FnMut(Event),
+) -> Result<(), ExecutorError> {
+    let mut fatal = None;
+    while let Ok(first) = receiver.recv() {
+        let mut outcomes = Vec::new();
+        for (number, result) in std::iter::once(first).chain(receiver.try_iter()) {
+            match result {
+                Ok(outcome) => outcomes.push((number, outcome)),
+                Err(cause) => fatal = Some(cause),
+            }
+        }
+        let ended: Vec<Event> = outcomes
+            .iter()
+            .map(|(number, outcome)| Event::Ended {
+                number: *number,
+                failed: outcome.failure().cloned(),
+            })
+            .collect();
+        campaign.record(outcomes)?;
+        ended.into_iter().for_each(&mut *watch);
+        if let Some(cause) = fatal {
+            return Err(ExecutorError::Simulator(cause));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,149 @@
+//! Files of sealed lines that only grow.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{Seek as _, SeekFrom, Write as _};
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::durable;
+use crate::error::{CampaignError, Damage};
+use crate::seal;
+
+/// A file of sealed lines, open for appending. Whoever has it must have the directory's lock.
+#[derive(Debug)]
+pub(crate) struct Journal {
+    path: PathBuf,
+    file: File,
+    /// Length of what is known to be whole.
+    length: u64,
+}
+
+/// What the lines of a journal hold.
+#[derive(Debug)]
+pub(crate) struct Lines<T> {
+    /// The records of the whole lines, in order.
+    pub(crate) records: Vec<T>,
+    /// What is not whole.
+    pub(crate) damage: Vec<Damage>,
+    /// The whole lines as they are.
+    good: Vec<u8>,
+    /// Whether the file must be written anew: a line in its middle is damaged.
+    broken: bool,
+    /// Whether there is nothing wrong at all.
+    clean: bool,
+}
+
+/// Reads the lines of a journal without touching it; none where there is no file.
+pub(crate) fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<Lines<T>>, CampaignError> {
+    Ok(durable::read(path)?.map(|text| parse(path, &text)))
+}
+
+fn parse<T: DeserializeOwned>(path: &Path, text: &[u8]) -> Lines<T> {
+    let mut lines = Lines {
+        records: Vec::new(),
+        damage: Vec::new(),
+        good: Vec::with_capacity(text.len()),
+        broken: false,
+        clean: true,
+    };
+    for (i, line) in text.split_inclusive(|&byte| byte == b'\n').enumerate() {
+        let ended = line.ends_with(b"\n");
+        match seal::unseal(line) {
+            Ok(record) => {
+                lines.records.push(record);
+                lines.good.extend_from_slice(line);
+                if !ended {
+                    lines.good.push(b'\n');
+                    lines.clean = false;
+                }
+            }
+            Err(what) => {
+                let torn = !ended && !seal::reaches_its_end(line);
+                let what = if torn { "it was not written to its end".into() } else { what };
+                lines.broken |= !torn;
+                lines.clean = false;
+                let file = path.to_path_buf();
+                let line = Some(i + 1);
+                lines.damage.push(Damage { file, line, what, set_aside: None, torn });
+            }
+        }
+    }
+    lines
+}
+
+impl Journal {
+    /// Opens a journal, makes it where it is not there, and mends it: damaged lines are dropped, and
+    /// the damaged file is kept beside it. A torn last line is dropped too.
+    pub(crate) fn open<T: DeserializeOwned>(
+        path: &Path,
+    ) -> Result<(Self, Vec<T>, Vec<Damage>), CampaignError> {
+        let failed = |error| CampaignError::io("opened", path, error);
+        let mut damage = Vec::new();
+        let mut records = Vec::new();
+        if path.is_dir() {
+            damage.push(durable::set_aside(path, "it is a directory")?);
+        }
+        match read(path)? {
+            None => {
+                let what = "it is not there".into();
+                let file = path.to_path_buf();
+                damage.push(Damage { file, line: None, what, set_aside: None, torn: false });
+                durable::write(path, b"")?;
+            }
+            Some(mut lines) => {
+                if lines.broken {
+                    let kept = durable::damaged_name(path);
+                    keep(path, &kept).map_err(|error| CampaignError::io("kept", &kept, error))?;
+                    for damage in lines.damage.iter_mut().filter(|damage| !damage.torn) {
+                        damage.set_aside = Some(kept.clone());
+                    }
+                }
+                if !lines.clean {
+                    durable::write(path, &lines.good)?;
+                }
+                damage.append(&mut lines.damage);
+                records = lines.records;
+            }
+        }
+        let mut file = OpenOptions::new().write(true).open(path).map_err(failed)?;
+        let length = file.seek(SeekFrom::End(0)).map_err(failed)?;
+        Ok((Self { path: path.to_path_buf(), file, length }, records, damage))
+    }
+
+    /// Appends records and flushes them once. Where that fails, the file is as it was.
+    pub(crate) fn append<T: Serialize>(&mut self, records: &[T]) -> Result<(), CampaignError> {
+        if records.is_empty() {
+            return Ok(());
+        }
+        let mut text = Vec::new();
+        for record in records {
+            let line = seal::seal(record)
+                .map_err(|error| CampaignError::io("written", &self.path, error.into()))?;
+            text.extend_from_slice(&line);
+            text.push(b'\n');
+        }
+        let written = self
+            .file
+            .seek(SeekFrom::Start(self.length))
+            .and_then(|_| self.file.write_all(&text))
+            .and_then(|()| self.file.sync_data());
+        match written {
+            Ok(()) => {
+                self.length += text.len() as u64;
+                Ok(())
+            }
+            Err(error) => {
+                // Half a line would be taken for a torn one: no harm if this fails too.
+                let _ = self.file.set_len(self.length);
+                Err(CampaignError::io("written", &self.path, error))
+            }
+        }
+    }
+}
+
+/// A second name for the file, or a copy where the file system has no second names.
+fn keep(path: &Path, kept: &Path) -> std::io::Result<()> {
+    fs::hard_link(path, kept).or_else(|_| fs::copy(path, kept).map(drop))
+}

@@ -1,0 +1,67 @@
+//! Runs of simulators in a directory where nothing is lost.
+//!
+//! A [`Campaign`] is a directory that holds what is run, every parameter set before it is started,
+//! and every outcome; an [`Executor`] makes the runs. After a crash the directory is opened again
+//! and only what is missing is run.
+//!
+//! ```
+//! use std::collections::BTreeMap;
+//! use campaign::{Campaign, CampaignSpec, CommandSpec, Executor, InProcess, Keep, Stop, Task};
+//!
+//! let spec = CampaignSpec {
+//!     parameter_names: vec!["c1".into()],
+//!     commands: vec![CommandSpec {
+//!         name: "square".into(),
+//!         argv: vec![], // a function of this process, below
+//!         environment: BTreeMap::new(),
+//!         timeout_s: 60.0,
+//!         retries: 0,
+//!         outputs: vec![],
+//!         keep: Keep::Failed,
+//!     }],
+//!     seed: 1,
+//! };
+//! let dir = tempfile::tempdir()?;
+//! let dir = dir.path().join("squares");
+//! let campaign = Campaign::create(&dir, &spec, &BTreeMap::new())?;
+//! let tasks: Vec<Task> = (0..4)
+//!     .map(|number| Task { number, command: 0, parameters: vec![number as f64] })
+//!     .collect();
+//! let mut threads = InProcess::new(2, |task: &Task| Ok(vec![task.parameters[0].powi(2)]))?;
+//! threads.run(&campaign, &tasks, &mut |_| (), &Stop::new())?;
+//! drop(campaign);
+//!
+//! let (campaign, damage) = Campaign::open(&dir)?;
+//! assert!(damage.is_empty());
+//! let outcome = campaign.outcome(3).expect("it was run");
+//! assert_eq!(outcome.values(), Some(&[9.0][..]));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod campaign;
+mod durable;
+mod error;
+mod executor;
+mod in_process;
+mod journal;
+mod local;
+mod lock;
+mod outcome;
+mod seal;
+mod spec;
+mod status;
+mod task;
+mod template;
+mod worker;
+
+pub use campaign::{Campaign, Collected};
+pub use error::{CampaignError, Damage, ExecutorError};
+pub use executor::{Event, Executor, Request, Stop};
+pub use in_process::{Fault, InProcess};
+pub use local::Local;
+pub use lock::Holder;
+pub use outcome::{FailureKind, Outcome};
+pub use spec::{CampaignSpec, CommandSpec, Format, Interpolation, Keep, OutputSpec, SpecError};
+pub use status::{Status, status};
+pub use task::Task;
+pub use worker::{Worker, run_task};

@@ -1,0 +1,234 @@
+//! What is run: the commands, their parameters, and where each leaves its results.
+
+use std::collections::BTreeMap;
+use std::path::{Component, Path};
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::template;
+
+/// Everything that a campaign runs. It is stored in the campaign's directory.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CampaignSpec {
+    /// Names of the parameters, in the order in which tasks give their values.
+    pub parameter_names: Vec<String>,
+    /// One command per experiment; a task names its command by the place in this list.
+    pub commands: Vec<CommandSpec>,
+    /// Seed of the campaign, from which the seed of each run (`{seed}`) follows.
+    #[serde(default)]
+    pub seed: u64,
+}
+
+/// One simulator and how it is called.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CommandSpec {
+    /// Name of the experiment that it simulates.
+    pub name: String,
+    /// Program and arguments; empty for a simulator in this process ([`InProcess`](crate::InProcess)).
+    ///
+    /// The program is found by `PATH`, or is an absolute path. Placeholders: `{NAME}` for the value of a parameter,
+    /// `{parameters}` for the path of the JSON file with all of them, `{run}` for the number of the
+    /// run, `{seed}` for its seed (1 to 900 000 000), `{{` and `}}` for braces.
+    pub argv: Vec<String>,
+    /// Environment variables that are set in addition; placeholders as in `argv`.
+    #[serde(default)]
+    pub environment: BTreeMap<String, String>,
+    /// Longest time for one attempt \[s\]; then its whole process group is ended.
+    pub timeout_s: f64,
+    /// How many more times a run that was lost (killed from outside) is tried.
+    pub retries: u32,
+    /// Where the results are, one entry per observable.
+    pub outputs: Vec<OutputSpec>,
+    /// Which working directories stay.
+    #[serde(default)]
+    pub keep: Keep,
+}
+
+/// Where one observable is found after a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OutputSpec {
+    /// File, relative to the working directory of the run.
+    pub file: String,
+    /// How the file is written.
+    pub format: Format,
+    /// Column with the values.
+    pub value: String,
+    /// Column with the control (time, strain, ...); without it the rows are the observation points, in order.
+    #[serde(default)]
+    pub control: Option<String>,
+    /// The observation points: wished values of the control, in the unit of its column.
+    pub at: Vec<f64>,
+    /// What is done where the table has no row at an observation point.
+    #[serde(default)]
+    pub interpolate: Interpolation,
+}
+
+/// How a table is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Format {
+    /// Comma-separated, names in the first line that is no comment (`#`), or in the last comment line above the data.
+    Csv,
+    /// Columns separated by blanks; names in the first line, or in the last comment line above the data.
+    Whitespace,
+    /// An object of arrays (or numbers), `{"t": [0, 1], "x": [2, 3]}`, or an array of objects.
+    Json,
+}
+
+/// Whether values between two rows may be interpolated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Interpolation {
+    /// Linearly between the two rows around the observation point.
+    Linear,
+    /// Never: the table must have a row at each observation point, in their order.
+    #[default]
+    Refuse,
+}
+
+/// Which working directories stay after their runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Keep {
+    /// Those of failed runs.
+    #[default]
+    Failed,
+    /// All.
+    All,
+    /// None.
+    None,
+}
+
+/// A specification that cannot be run.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("{field}: {problem}")]
+pub struct SpecError {
+    /// Which field, as in `commands[0].outputs[1].file`.
+    pub field: String,
+    /// What is wrong, with the value and the remedy.
+    pub problem: String,
+}
+
+impl CommandSpec {
+    /// How many numbers one run gives: the observation points of all observables.
+    #[must_use]
+    pub fn values(&self) -> usize {
+        self.outputs.iter().map(|output| output.at.len()).sum()
+    }
+}
+
+impl CampaignSpec {
+    /// Checks what can be checked before anything runs.
+    ///
+    /// # Errors
+    ///
+    /// [`SpecError`] with the first mistake.
+    pub fn check(&self) -> Result<(), SpecError> {
+        let mut seen = Vec::new();
+        for (i, name) in self.parameter_names.iter().enumerate() {
+            let field = || format!("parameter_names[{i}]");
+            if name.is_empty() || name.contains(['{', '}']) || name.contains(char::is_control) {
+                return wrong(
+                    field(),
+                    format!("{name:?} cannot be a placeholder; use a plain name"),
+                );
+            }
+            if template::RESERVED.contains(&name.as_str()) {
+                return wrong(field(), format!("{name:?} is taken by the placeholder; rename it"));
+            }
+            if seen.contains(&name) {
+                return wrong(field(), format!("{name:?} is there twice"));
+            }
+            seen.push(name);
+        }
+        if self.commands.is_empty() {
+            return wrong("commands".into(), "there is none".into());
+        }
+        for (i, command) in self.commands.iter().enumerate() {
+            self.check_command(&format!("commands[{i}]"), command)?;
+        }
+        Ok(())
+    }
+
+    fn check_command(&self, place: &str, command: &CommandSpec) -> Result<(), SpecError> {
+        if !(command.timeout_s.is_finite() && command.timeout_s > 0.0) {
+            let problem = format!("{} is no time; give seconds above 0", command.timeout_s);
+            return wrong(format!("{place}.timeout_s"), problem);
+        }
+        for (i, argument) in command.argv.iter().enumerate() {
+            self.check_template(format!("{place}.argv[{i}]"), argument)?;
+        }
+        if let Some(program) = command.argv.first() {
+            let field = || format!("{place}.argv[0]");
+            if program.is_empty() {
+                return wrong(field(), "the program has no name".into());
+            }
+            if program.contains('/') && !Path::new(program).is_absolute() {
+                let problem = format!(
+                    "{program:?} is relative, and each run has its own working directory; \
+                     give the whole path"
+                );
+                return wrong(field(), problem);
+            }
+            if command.outputs.is_empty() {
+                return wrong(format!("{place}.outputs"), "there is none".into());
+            }
+        }
+        for (name, value) in &command.environment {
+            let field = format!("{place}.environment.{name}");
+            if name.is_empty() || name.contains(['=', '\0']) {
+                return wrong(field, "not the name of an environment variable".into());
+            }
+            self.check_template(field, value)?;
+        }
+        for (i, output) in command.outputs.iter().enumerate() {
+            check_output(&format!("{place}.outputs[{i}]"), output)?;
+        }
+        Ok(())
+    }
+
+    fn check_template(&self, field: String, text: &str) -> Result<(), SpecError> {
+        if text.contains('\0') {
+            return wrong(field, "holds a NUL byte".into());
+        }
+        match template::check(text, &self.parameter_names) {
+            Ok(()) => Ok(()),
+            Err(problem) => wrong(field, problem),
+        }
+    }
+}
+
+fn check_output(place: &str, output: &OutputSpec) -> Result<(), SpecError> {
+    let path = Path::new(&output.file);
+    let inside =
+        path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
+    if output.file.is_empty() || !inside {
+        let problem = format!(
+            "{:?} is not in the working directory of the run; give a relative path without ..",
+            output.file
+        );
+        return wrong(format!("{place}.file"), problem);
+    }
+    if output.value.is_empty() {
+        return wrong(format!("{place}.value"), "the column has no name".into());
+    }
+    if output.at.is_empty() {
+        return wrong(format!("{place}.at"), "no observation points".into());
+    }
+    if let Some(at) = output.at.iter().find(|at| !at.is_finite()) {
+        return wrong(format!("{place}.at"), format!("{at} is no number"));
+    }
+    if output.control.is_none() && output.interpolate == Interpolation::Linear {
+        let problem = "linear interpolation needs a control column".into();
+        return wrong(format!("{place}.interpolate"), problem);
+    }
+    Ok(())
+}
+
+fn wrong(field: String, problem: String) -> Result<(), SpecError> {
+    Err(SpecError { field, problem })
+}
