@@ -97,50 +97,7 @@ impl Pool {
 
         let kept = &mut self.kept[old * kept_width..];
         let ln_l = &mut self.ln_l[old..];
-        let simulate =
-            |z: &[f64], ln_l: &mut f64, kept: &mut [f64]| match target.ln_likelihood(z, kept) {
-                Ok(v) if v.is_nan() || v == f64::INFINITY => {
-                    Some(SimError::recoverable("the log likelihood is not a number"))
-                }
-                Ok(v) => {
-                    *ln_l = v;
-                    None
-                }
-                Err(e) => Some(e),
-            };
-        let block = 16;
-        let errors: Vec<(usize, SimError)> = if kept_width == 0 {
-            ln_l.par_chunks_mut(block)
-                .enumerate()
-                .flat_map_iter(|(b, ln_l)| {
-                    let mut errors = Vec::new();
-                    for (i, l) in ln_l.iter_mut().enumerate() {
-                        let at = b * block + i;
-                        if let Some(e) = simulate(&z[at * d..(at + 1) * d], l, &mut []) {
-                            errors.push((at, e));
-                        }
-                    }
-                    errors
-                })
-                .collect()
-        } else {
-            ln_l.par_chunks_mut(block)
-                .zip(kept.par_chunks_mut(block * kept_width))
-                .enumerate()
-                .flat_map_iter(|(b, (ln_l, kept))| {
-                    let mut errors = Vec::new();
-                    for (i, (l, kept)) in
-                        ln_l.iter_mut().zip(kept.chunks_exact_mut(kept_width)).enumerate()
-                    {
-                        let at = b * block + i;
-                        if let Some(e) = simulate(&z[at * d..(at + 1) * d], l, kept) {
-                            errors.push((at, e));
-                        }
-                    }
-                    errors
-                })
-                .collect()
-        };
+        let errors = target.ln_likelihood_batch(old, z, ln_l, kept);
         for (at, e) in errors {
             if !e.is_recoverable() {
                 return Err(e);

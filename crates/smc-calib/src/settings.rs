@@ -39,7 +39,8 @@ pub struct Settings {
     pub mean_se_target: Option<f64>,
     /// Number of equally weighted posterior draws.
     pub draws: usize,
-    /// Most simulations of the local search for the MAP.
+    /// Most simulations of the local search for the MAP; with 0 the MAP is the sample of highest density, and the
+    /// simulator is called for nothing but the samples.
     pub map_simulations: usize,
 }
 

@@ -1,10 +1,15 @@
 //! What is calibrated: a function from parameters to a vector of observables.
 
+use rayon::prelude::*;
 use thiserror::Error;
 
 /// A simulator: maps parameters (in SI) to the observables at the observation points.
 ///
 /// It is called from several threads at once. The same parameters must give the same outputs.
+///
+/// A calibration takes its simulations through [`Simulator::simulate_batch`], stage by stage, and all of them where
+/// [`Settings::map_simulations`](crate::Settings::map_simulations) is 0; the local search for the MAP calls
+/// [`Simulator::simulate`].
 pub trait Simulator: Sync {
     /// Number of parameters, the length of `theta`.
     fn parameters(&self) -> usize;
@@ -17,6 +22,48 @@ pub trait Simulator: Sync {
     /// # Errors
     /// [`SimError::Recoverable`] gives this sample weight zero; [`SimError::Fatal`] stops the run.
     fn simulate(&self, theta: &[f64], out: &mut [f64]) -> Result<(), SimError>;
+
+    /// Runs the parameter sets of samples `first`, `first + 1`, .., given row by row in `thetas`, and fills
+    /// `outputs` row by row; one result per row, in order.
+    ///
+    /// The sampler calls it once per stage, in order, from one thread (several times in a row only where the
+    /// outputs of a stage would take more than 64 MB and are not kept whole: more than 512 observations, or more than
+    /// 60 million numbers in all). Sample numbers count from 0 and have no gaps, so `first` names what is to be run:
+    /// with the same seed, settings and outputs the same numbers have the same parameters, to the bit. A run that
+    /// was interrupted is resumed by calibrating again and answering with the outputs that were stored.
+    ///
+    /// Without an own implementation the rows are simulated in parallel.
+    ///
+    /// # Errors
+    /// Per row as [`Simulator::simulate`]; one fatal row ends the calibration with
+    /// [`CalibrateError::Fatal`](crate::CalibrateError::Fatal).
+    fn simulate_batch(
+        &self,
+        first: usize,
+        thetas: &[f64],
+        outputs: &mut [f64],
+    ) -> Vec<Result<(), SimError>> {
+        let _ = first;
+        let (d, m) = (self.parameters(), self.observables());
+        let mut results = vec![Ok(()); thetas.len() / d];
+        let block = parallel_block(results.len());
+        results
+            .par_chunks_mut(block)
+            .zip(outputs.par_chunks_mut(block * m))
+            .zip(thetas.par_chunks(block * d))
+            .for_each(|((results, outputs), thetas)| {
+                let rows = outputs.chunks_exact_mut(m).zip(thetas.chunks_exact(d));
+                for (result, (out, theta)) in results.iter_mut().zip(rows) {
+                    *result = self.simulate(theta, out);
+                }
+            });
+        results
+    }
+}
+
+/// Rows that one parallel task works on: up to 16, fewer where there are few rows. No result depends on it.
+pub(crate) fn parallel_block(rows: usize) -> usize {
+    (rows / (8 * rayon::current_num_threads())).clamp(1, 16)
 }
 
 /// Why one simulation failed.

@@ -242,6 +242,25 @@ fn map_starts(sampler: &Sampler<'_>, estimator: &Estimator, density: &[f64]) -> 
         .collect()
 }
 
+/// The sample of highest density, the earliest of equals; its curve is the one that was kept.
+fn best_sample(target: &CurveTarget<'_>, sampler: &Sampler<'_>, density: &[f64]) -> MapPoint {
+    let pool = &sampler.pool;
+    let mut best = 0;
+    for i in 0..pool.len() {
+        if density[i] > density[best] {
+            best = i;
+        }
+    }
+    let kept = &pool.kept[best * pool.kept_width..(best + 1) * pool.kept_width];
+    MapPoint {
+        theta: target.theta(pool.point(best)),
+        log_likelihood: pool.ln_l[best],
+        log_density: density[best],
+        outputs: target.best_outputs().unwrap_or_else(|| kept.to_vec()),
+        simulations: 0,
+    }
+}
+
 /// The highest density of the prior's coordinate, searched for in normal scores.
 fn find_map(
     target: &CurveTarget<'_>,
@@ -251,49 +270,39 @@ fn find_map(
     settings: &Settings,
 ) -> Result<MapPoint, CalibrateError> {
     let pool = &sampler.pool;
-    let ln_prior = |z: &[f64]| -> f64 {
-        target
-            .problem
-            .parameters
-            .iter()
-            .zip(z)
-            .map(|(p, z)| p.prior.ln_density_in_coordinate(p.prior.from_z(*z)))
-            .sum()
-    };
     let density: Vec<f64> = (0..pool.len())
         .into_par_iter()
         .with_min_len(256)
         .map(|i| {
             if pool.ln_l[i].is_finite() {
-                pool.ln_l[i] + ln_prior(pool.point(i))
+                pool.ln_l[i] + target.ln_prior(pool.point(i))
             } else {
                 f64::NEG_INFINITY
             }
         })
         .collect();
+    if settings.map_simulations == 0 {
+        return Ok(best_sample(target, sampler, &density));
+    }
     let starts = map_starts(sampler, estimator, &density);
     let start = starts.first().map_or_else(|| pool.point(0).to_vec(), |s| s.point.clone());
     let mut outputs = vec![0.0; target.problem.observations.len()];
     let mut fatal = None;
-    let (z, _, simulations) = if settings.map_simulations == 0 {
-        (start.clone(), 0.0, 0)
-    } else {
-        map_search::best_of(&starts, settings.map_simulations, &mut |z| {
-            // Beyond 8 the parameter is its bound to all digits.
-            if z.iter().any(|z| z.abs() > 8.0) {
-                return f64::NEG_INFINITY;
-            }
-            match target.simulate(z, &mut outputs) {
-                Ok(()) => likelihood.ln_joint(&outputs) + ln_prior(z),
-                Err(e) => {
-                    if !e.is_recoverable() {
-                        fatal.get_or_insert_with(|| e.cause().to_owned());
-                    }
-                    f64::NEG_INFINITY
+    let (z, _, simulations) = map_search::best_of(&starts, settings.map_simulations, &mut |z| {
+        // Beyond 8 the parameter is its bound to all digits.
+        if z.iter().any(|z| z.abs() > 8.0) {
+            return f64::NEG_INFINITY;
+        }
+        match target.simulate(z, &mut outputs) {
+            Ok(()) => likelihood.ln_joint(&outputs) + target.ln_prior(z),
+            Err(e) => {
+                if !e.is_recoverable() {
+                    fatal.get_or_insert_with(|| e.cause().to_owned());
                 }
+                f64::NEG_INFINITY
             }
-        })
-    };
+        }
+    });
     if let Some(cause) = fatal {
         return Err(CalibrateError::Fatal { cause, simulations: pool.len() + simulations });
     }
@@ -311,7 +320,7 @@ fn find_map(
     Ok(MapPoint {
         theta: target.theta(&z),
         log_likelihood,
-        log_density: log_likelihood + ln_prior(&z),
+        log_density: log_likelihood + target.ln_prior(&z),
         outputs,
         simulations: simulations + 1,
     })

@@ -1,7 +1,10 @@
 //! What the sampler sees: a log likelihood over normal scores.
 
 use crate::noise::Likelihood;
+use crate::simulator::parallel_block;
 use crate::{Problem, SimError};
+use rayon::prelude::*;
+use std::sync::{Mutex, PoisonError};
 
 /// A log likelihood over normal scores; the prior is the standard normal in every coordinate.
 ///
@@ -20,12 +23,85 @@ pub trait Target: Sync {
     /// # Errors
     /// As [`crate::Simulator::simulate`].
     fn ln_likelihood(&self, z: &[f64], kept: &mut [f64]) -> Result<f64, SimError>;
+
+    /// Log likelihoods of samples `first`, `first + 1`, .. at normal scores `z`, row by row; fills `ln_l` and
+    /// `kept`. Returns the failures and their places from `first`, in order; `ln_l` is minus infinity there.
+    ///
+    /// The sampler calls this once per stage, in order, from one thread.
+    fn ln_likelihood_batch(
+        &self,
+        first: usize,
+        z: &[f64],
+        ln_l: &mut [f64],
+        kept: &mut [f64],
+    ) -> Vec<(usize, SimError)> {
+        let _ = first;
+        let (d, width) = (self.dimension(), self.kept());
+        in_parallel(ln_l, kept, width, |at, kept| {
+            self.ln_likelihood(&z[at * d..(at + 1) * d], kept)
+        })
+    }
+}
+
+/// Computes `ln_l` row by row from rows of `width` kept numbers; failures in order.
+fn in_parallel(
+    ln_l: &mut [f64],
+    kept: &mut [f64],
+    width: usize,
+    value: impl Fn(usize, &mut [f64]) -> Result<f64, SimError> + Sync,
+) -> Vec<(usize, SimError)> {
+    let one = |at: usize, ln_l: &mut f64, kept: &mut [f64]| {
+        let error = match value(at, kept) {
+            Ok(v) if v.is_nan() || v == f64::INFINITY => {
+                SimError::recoverable("the log likelihood is not a number")
+            }
+            Ok(v) => {
+                *ln_l = v;
+                return None;
+            }
+            Err(error) => error,
+        };
+        *ln_l = f64::NEG_INFINITY;
+        Some((at, error))
+    };
+    let block = parallel_block(ln_l.len());
+    if width == 0 {
+        let blocks = ln_l.par_chunks_mut(block).enumerate();
+        return blocks
+            .flat_map_iter(|(b, ln_l)| {
+                let one = &one;
+                ln_l.iter_mut().enumerate().filter_map(move |(i, l)| one(b * block + i, l, &mut []))
+            })
+            .collect();
+    }
+    ln_l.par_chunks_mut(block)
+        .zip(kept.par_chunks_mut(block * width))
+        .enumerate()
+        .flat_map_iter(|(b, (ln_l, kept))| {
+            let one = &one;
+            ln_l.iter_mut()
+                .zip(kept.chunks_exact_mut(width))
+                .enumerate()
+                .filter_map(move |(i, (l, kept))| one(b * block + i, l, kept))
+        })
+        .collect()
 }
 
 /// Most numbers kept of all curves together (480 MB).
 const MAX_KEPT: usize = 60_000_000;
 /// Most points of a thinned path.
 const MAX_PATH: usize = 256;
+/// Most numbers of one batch of whole curves that are not kept (64 MB).
+const MAX_BATCH: usize = 8_000_000;
+
+/// The sample of highest density so far, where its curve is not kept.
+#[derive(Clone, Debug)]
+pub(crate) struct Best {
+    /// Likelihood times prior in the priors' coordinates, logarithm.
+    density: f64,
+    /// The whole curve.
+    outputs: Vec<f64>,
+}
 
 /// A problem as a target. Whole curves are kept where there is room; else the outputs at some observations
 /// and the log likelihood up to each of them.
@@ -35,6 +111,8 @@ pub(crate) struct CurveTarget<'a> {
     /// Observations of which something is kept.
     pub indices: Vec<usize>,
     pub thinned: bool,
+    /// Kept up to date by batches where curves are thinned.
+    best: Mutex<Option<Best>>,
 }
 
 impl<'a> CurveTarget<'a> {
@@ -45,12 +123,13 @@ impl<'a> CurveTarget<'a> {
     ) -> Self {
         let m = problem.observations.len();
         if m <= 2 * MAX_PATH && m.saturating_mul(samples) <= MAX_KEPT {
-            return Self { problem, likelihood, indices: (0..m).collect(), thinned: false };
+            let indices = (0..m).collect();
+            return Self { problem, likelihood, indices, thinned: false, best: Mutex::new(None) };
         }
         let kept = m.min(MAX_PATH).min(MAX_KEPT / 2 / samples.max(1)).max(2);
         // Evenly spaced, the last one included.
         let indices = (1..=kept).map(|k| k * m / kept - 1).collect();
-        Self { problem, likelihood, indices, thinned: true }
+        Self { problem, likelihood, indices, thinned: true, best: Mutex::new(None) }
     }
 
     /// Parameters in SI.
@@ -72,11 +151,108 @@ impl<'a> CurveTarget<'a> {
             &large
         };
         self.problem.simulator.simulate(theta, outputs)?;
-        if outputs.iter().all(|v| v.is_finite()) {
-            Ok(())
-        } else {
-            Err(SimError::recoverable("an output is not a finite number"))
+        finite(outputs)
+    }
+
+    /// Log density of the prior in its coordinates, at normal scores.
+    pub(crate) fn ln_prior(&self, z: &[f64]) -> f64 {
+        self.problem
+            .parameters
+            .iter()
+            .zip(z)
+            .map(|(p, z)| p.prior.ln_density_in_coordinate(p.prior.from_z(*z)))
+            .sum()
+    }
+
+    /// Whole curve of the sample of highest density in the batches so far, where curves are thinned.
+    pub(crate) fn best_outputs(&self) -> Option<Vec<f64>> {
+        let best = self.best.lock().unwrap_or_else(PoisonError::into_inner);
+        best.as_ref().map(|b| b.outputs.clone())
+    }
+
+    /// Runs the simulator at the rows of `z`; refuses outputs that are not finite.
+    fn simulate_batch(
+        &self,
+        first: usize,
+        z: &[f64],
+        outputs: &mut [f64],
+    ) -> Result<Vec<Result<(), SimError>>, SimError> {
+        let d = self.dimension();
+        let mut thetas = vec![0.0; z.len()];
+        thetas.par_chunks_mut(256 * d).zip(z.par_chunks(256 * d)).for_each(|(thetas, z)| {
+            for (thetas, z) in thetas.chunks_exact_mut(d).zip(z.chunks_exact(d)) {
+                for ((t, p), z) in thetas.iter_mut().zip(&self.problem.parameters).zip(z) {
+                    *t = p.prior.from_z(*z);
+                }
+            }
+        });
+        let rows = z.len() / d;
+        let results = self.problem.simulator.simulate_batch(first, &thetas, outputs);
+        if results.len() == rows {
+            return Ok(results);
         }
+        Err(SimError::fatal(format!(
+            "the simulator answered {} of the {rows} runs of a batch; it must give one result per run",
+            results.len()
+        )))
+    }
+
+    /// One batch of whole curves and their log likelihoods; failures and their places in the batch, in order.
+    fn batch(
+        &self,
+        first: usize,
+        z: &[f64],
+        ln_l: &mut [f64],
+        outputs: &mut [f64],
+    ) -> Vec<(usize, SimError)> {
+        let results = match self.simulate_batch(first, z, outputs) {
+            Ok(results) => results,
+            Err(error) => return vec![(0, error)],
+        };
+        in_parallel(ln_l, outputs, self.problem.observations.len(), |at, outputs| {
+            match results[at].clone().and_then(|()| finite(outputs)) {
+                Ok(()) => Ok(self.likelihood.ln_joint(outputs)),
+                Err(error) => {
+                    // Nothing depends on what a failed simulation left behind.
+                    outputs.fill(0.0);
+                    Err(error)
+                }
+            }
+        })
+    }
+
+    /// Remembers the curve of the highest density.
+    fn remember_best(&self, z: &[f64], ln_l: &[f64], outputs: &[f64]) {
+        let mut best = self.best.lock().unwrap_or_else(PoisonError::into_inner);
+        let rows = z.chunks_exact(self.dimension()).zip(ln_l);
+        for ((z, l), outputs) in rows.zip(outputs.chunks_exact(self.problem.observations.len())) {
+            if !l.is_finite() {
+                continue;
+            }
+            let density = l + self.ln_prior(z);
+            if best.as_ref().is_none_or(|b| density > b.density) {
+                *best = Some(Best { density, outputs: outputs.to_vec() });
+            }
+        }
+    }
+
+    /// What is kept of a whole curve: outputs and log likelihoods at some observations.
+    fn thin(&self, outputs: &[f64], path: &mut [f64], kept: &mut [f64]) {
+        self.likelihood.ln_cumulative(outputs, path);
+        let (values, ln) = kept.split_at_mut(self.indices.len());
+        for ((v, l), i) in values.iter_mut().zip(ln).zip(&self.indices) {
+            *v = outputs[*i];
+            *l = path[*i];
+        }
+    }
+}
+
+/// Refuses outputs that are not finite.
+fn finite(outputs: &[f64]) -> Result<(), SimError> {
+    if outputs.iter().all(|v| v.is_finite()) {
+        Ok(())
+    } else {
+        Err(SimError::recoverable("an output is not a finite number"))
     }
 }
 
@@ -96,14 +272,41 @@ impl Target for CurveTarget<'_> {
         }
         let m = self.problem.observations.len();
         let mut outputs = vec![0.0; m];
-        let mut path = vec![0.0; m];
         self.simulate(z, &mut outputs)?;
-        self.likelihood.ln_cumulative(&outputs, &mut path);
-        let (values, ln) = kept.split_at_mut(self.indices.len());
-        for ((v, l), i) in values.iter_mut().zip(ln).zip(&self.indices) {
-            *v = outputs[*i];
-            *l = path[*i];
-        }
+        self.thin(&outputs, &mut vec![0.0; m], kept);
         Ok(self.likelihood.ln_joint(&outputs))
+    }
+
+    fn ln_likelihood_batch(
+        &self,
+        first: usize,
+        z: &[f64],
+        ln_l: &mut [f64],
+        kept: &mut [f64],
+    ) -> Vec<(usize, SimError)> {
+        if !self.thinned {
+            return self.batch(first, z, ln_l, kept);
+        }
+        // Whole curves for as many samples at a time as there is room for.
+        let (d, m, width) = (self.dimension(), self.problem.observations.len(), self.kept());
+        let rows = (MAX_BATCH / m).clamp(1, ln_l.len().max(1));
+        let mut outputs = vec![0.0; rows * m];
+        let mut errors = Vec::new();
+        let blocks = z.chunks(rows * d).zip(ln_l.chunks_mut(rows));
+        for (b, ((z, ln_l), kept)) in blocks.zip(kept.chunks_mut(rows * width)).enumerate() {
+            let outputs = &mut outputs[..ln_l.len() * m];
+            let failed = self.batch(first + b * rows, z, ln_l, outputs);
+            let fatal = failed.iter().any(|(_, error)| !error.is_recoverable());
+            errors.extend(failed.into_iter().map(|(at, error)| (b * rows + at, error)));
+            if fatal {
+                break;
+            }
+            self.remember_best(z, ln_l, outputs);
+            kept.par_chunks_mut(width).zip(outputs.par_chunks(m)).for_each_init(
+                || vec![0.0; m],
+                |path, (kept, outputs)| self.thin(outputs, path, kept),
+            );
+        }
+        errors
     }
 }

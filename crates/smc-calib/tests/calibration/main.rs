@@ -1,6 +1,7 @@
 //! Calibrations held against known answers.
 #![allow(clippy::unwrap_used, missing_docs)]
 
+mod batches;
 mod conjugate;
 mod determinism;
 mod failures;
