@@ -282,6 +282,12 @@ impl System {
         let end = self.end_plastic - state[2];
         match self.piece {
             Piece::Zipping => end.min(self.switch - self.overlap(state)),
+            // With inertia a rebound leads back below the switch.
+            Piece::Stretching
+                if self.switch > self.start && self.equations == Equations::Motion =>
+            {
+                end.min(self.overlap(state) - self.switch)
+            }
             Piece::Stretching => end,
             Piece::Coalesced => 1.0,
         }
@@ -290,10 +296,13 @@ impl System {
     fn next_piece(&self, state: &State) -> Piece {
         // The end and the switch are found to rounding; the nearer one was met.
         let to_switch = (self.switch - self.overlap(state)).abs();
-        if self.piece == Piece::Zipping && to_switch <= (self.end_plastic - state[2]).abs() {
-            Piece::Stretching
-        } else {
-            Piece::Coalesced
+        if to_switch > (self.end_plastic - state[2]).abs() {
+            return Piece::Coalesced;
+        }
+        match self.piece {
+            Piece::Zipping => Piece::Stretching,
+            Piece::Stretching if self.equations == Equations::Motion => Piece::Zipping,
+            _ => Piece::Coalesced,
         }
     }
 

@@ -30,6 +30,14 @@ impl Zipping {
             * cut_off
             * (2.0 * sintering.c1 * scene.powder().surface_tension_n_per_m / radius_m);
         in_range("zipping rate B", b_per_s, "lower c1 or delta_c")?;
+        // Below it numbers carry fewer digits, and the solvers would disagree in them.
+        if b_per_s < f64::MIN_POSITIVE {
+            return Err(SolveError::Derived {
+                quantity: "zipping rate B [1/s]",
+                value: b_per_s,
+                remedy: "raise c1 or delta_c",
+            });
+        }
         Ok(Self { b_per_s, start_power: seven_halves(scene.x0()) })
     }
 

@@ -21,10 +21,17 @@ use pair::{Pair, Scheme};
 /// # What a step may do
 ///
 /// The overlap swings about its equilibrium by what inertia carries, at most as far beyond phi^2 as it came: a/R
-/// stays below `sqrt(2) phi`, and nothing is clamped. The plastic overlap falls only where the contact
-/// pulls: in the rebounds of a weakly damped pair, on the cohesive branch, and after a first step that the
-/// relaxation of the contact is far shorter than. There the implicit update, linear in the plastic overlap, overshoots
-/// by at most `q x0/(1 - q x0)` of x0, `q = (K2max/K1 - 1)/phi^2`: 0.6 % of x0 for full coalescence.
+/// stays below `sqrt(2) phi`, and nothing is clamped. The plastic overlap falls only
+///
+/// - on the cohesive branch;
+/// - in a rebound. Zipping that is faster than the particles can follow lets them fall towards each other with
+///   all of fa, so that they arrive at the knee with at most `v = sqrt(2 fa phi^2 R/m_eff)`. There growth all but
+///   stops, the contact takes up the momentum as a spring, and in the swing back it pulls with at most
+///   `K2 v/omega2`, that is `sqrt(kappa 2 phi^2/alpha)` times fa, for `pi/omega2 = pi/(omega sqrt(kappa))`. Stretching runs
+///   backwards meanwhile: delta0 falls by at most `(R/tau_s) G (pi/omega) sqrt(2 phi^2/alpha)` in each swing, `omega^2 = K1/m_eff`;
+/// - after a first step that the relaxation of the contact is far shorter than. There the implicit update, linear in the
+///   plastic overlap, overshoots by at most `q x0/(1 - q x0)` of x0, `q = (K2max/K1 - 1)/phi^2`: 0.6 % of x0 for full
+///   coalescence.
 ///
 /// # Speed
 ///
