@@ -652,7 +652,7 @@ pub(crate) fn check_outcome(
 }
 
 fn check_name(name: &str) -> Result<(), CampaignError> {
-    let ours = [RECORD, TASKS, RESULTS, OUTCOMES, ITERATIONS, WORK, LOCK];
+    let ours = [RECORD, TASKS, RESULTS, OUTCOMES, ITERATIONS, WORK, LOCK, crate::slurm::SLURM];
     let plain = !name.contains(['/', '\\', '\0']) && !name.starts_with('.') && !name.is_empty();
     if plain && !ours.contains(&name) {
         Ok(())

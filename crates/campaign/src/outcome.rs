@@ -86,6 +86,8 @@ pub enum FailureKind {
         /// The limit \[s\].
         limit_s: f64,
     },
+    /// It needs more memory than it may have, as the scheduler says that ended it.
+    OutOfMemory,
     /// Killed from outside (SIGKILL, SIGTERM, ...) or gone without a result, more often than it may be
     /// tried again.
     Lost {
@@ -151,6 +153,7 @@ impl fmt::Display for FailureKind {
             Self::ExitCode { code } => write!(f, "exit code {code}"),
             Self::Crashed { signal } => write!(f, "crashed with {}", signal_name(*signal)),
             Self::Timeout { limit_s } => write!(f, "not finished after {limit_s} s"),
+            Self::OutOfMemory => f.write_str("out of memory"),
             Self::Lost { signal: Some(signal) } => {
                 write!(f, "lost: killed from outside with {}", signal_name(*signal))
             }

@@ -1,0 +1,74 @@
+//! Runs as job arrays of Slurm, through `sbatch`, `squeue`, `scancel` and, where the cluster keeps accounts, `sacct`.
+//!
+//! What counts is the outcome that a worker publishes in the directory; what Slurm says of a job is a hint. An answer that
+//! fails, hangs or cannot be understood is "unknown", never "no jobs". A run whose job is gone and whose outcome is not
+//! there after [`grace_s`](SlurmSettings::grace_s) is lost: it is submitted again, up to its command's `retries`.
+//!
+//! What is submitted is written down before, under a name that follows from the directory: a driver that was killed and
+//! started again finds its jobs in the queue and waits for them. Where it cannot know (Slurm itself forgot a job, or sbatch was
+//! cut off), a run may be made twice; attempts have their own directories, and the first outcome counts.
+
+mod call;
+mod client;
+mod job;
+mod losses;
+mod parse;
+mod queue;
+mod session;
+mod settings;
+mod submission;
+mod submit;
+#[cfg(all(test, unix))]
+mod tests;
+
+use std::time::Duration;
+
+pub use settings::{SlurmSettingError, SlurmSettings};
+pub(crate) use submission::SLURM;
+
+use crate::campaign::Campaign;
+use crate::error::ExecutorError;
+use crate::executor::{Event, Executor, Stop};
+use crate::task::Task;
+use client::Client;
+use session::Session;
+
+/// Runs tasks as elements of Slurm job arrays.
+#[derive(Debug, Clone)]
+pub struct Slurm {
+    settings: SlurmSettings,
+    worker: Vec<String>,
+    client: Client,
+}
+
+impl Slurm {
+    /// `worker` is what an array element calls, a program and its first arguments; it gets the campaign's directory,
+    /// `--tasks` and the numbers of the runs as in [`numbers::format`](crate::numbers::format). It shall make these runs
+    /// one after the other with a [`Worker`](crate::Worker), and exit with 0 if each has its outcome.
+    ///
+    /// # Errors
+    ///
+    /// [`SlurmSettingError`] with the first mistake in the settings.
+    pub fn new(settings: SlurmSettings, worker: Vec<String>) -> Result<Self, SlurmSettingError> {
+        settings.check()?;
+        if worker.is_empty() {
+            let problem = "the program for array elements is not given".into();
+            return Err(SlurmSettingError { field: "worker", problem });
+        }
+        let patience = Duration::from_secs_f64(settings.command_timeout_s);
+        Ok(Self { settings, worker, client: Client { programs: None, patience } })
+    }
+}
+
+impl Executor for Slurm {
+    fn run(
+        &mut self,
+        campaign: &Campaign,
+        tasks: &[Task],
+        watch: &mut dyn FnMut(Event),
+        stop: &Stop,
+    ) -> Result<(), ExecutorError> {
+        campaign.record_submitted(tasks)?;
+        Session::begin(self, campaign, tasks, watch, stop)?.run()
+    }
+}
