@@ -30,7 +30,7 @@ pub fn format(numbers: &[u64]) -> String {
     parts.join(",")
 }
 
-/// Reads what [`format`] writes.
+/// Reads what [`format()`] writes.
 ///
 /// # Errors
 ///
