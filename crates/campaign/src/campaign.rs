@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -100,6 +101,7 @@ pub struct Campaign {
     record: Record,
     extra: BTreeMap<String, Vec<u8>>,
     created: bool,
+    looked: AtomicBool,
     state: Mutex<State>,
     _lock: Lock,
 }
@@ -157,7 +159,15 @@ impl Campaign {
         }
         let mut damage = Vec::new();
         let state = State::open(&dir, &record.spec, &mut damage)?;
-        Ok(Self { dir, record, extra: extra.clone(), created: true, state, _lock: lock })
+        Ok(Self {
+            dir,
+            record,
+            extra: extra.clone(),
+            created: true,
+            looked: AtomicBool::new(false),
+            state,
+            _lock: lock,
+        })
     }
 
     /// Opens a campaign, mends it, and says what was damaged. What had finished and is not damaged has its outcome.
@@ -261,7 +271,15 @@ impl Campaign {
             record.write(&dir)?;
         }
         let state = State::open(&dir, &record.spec, &mut damage)?;
-        let campaign = Self { dir, record, extra, created: false, state, _lock: lock };
+        let campaign = Self {
+            dir,
+            record,
+            extra,
+            created: false,
+            looked: AtomicBool::new(false),
+            state,
+            _lock: lock,
+        };
         damage.extend(campaign.collect()?.damage);
         Ok((campaign, damage))
     }
@@ -294,6 +312,11 @@ impl Campaign {
     #[must_use]
     pub fn is_new(&self) -> bool {
         self.created
+    }
+
+    /// Whether nobody has asked this before.
+    pub(crate) fn first_look(&self) -> bool {
+        !self.looked.swap(true, Ordering::Relaxed)
     }
 
     /// Stores tasks, flushed to disk. Tasks that are known already are not stored again. Executors do this
@@ -373,6 +396,15 @@ impl Campaign {
     /// [`CampaignError::InvalidOutcome`] for a task that was never submitted, or values that are not
     /// finite or not as many as the command gives; a failed write. Nothing is stored then.
     pub fn record(&self, outcomes: Vec<(u64, Outcome)>) -> Result<(), CampaignError> {
+        self.write_outcomes(outcomes)?;
+        self.flush_outcomes()
+    }
+
+    /// As [`record`](Self::record), without flushing.
+    pub(crate) fn write_outcomes(
+        &self,
+        outcomes: Vec<(u64, Outcome)>,
+    ) -> Result<(), CampaignError> {
         let mut state = self.state();
         let mut results = Vec::with_capacity(outcomes.len());
         for (number, outcome) in outcomes {
@@ -383,6 +415,10 @@ impl Campaign {
             results.push(ResultRecord::new(&self.record.spec, task, outcome));
         }
         state.add(results).map(drop)
+    }
+
+    pub(crate) fn flush_outcomes(&self) -> Result<(), CampaignError> {
+        self.state().results_journal.flush()
     }
 
     /// Takes the outcomes that workers on other machines have published into the journal, and removes their files.
@@ -418,6 +454,7 @@ impl Campaign {
         }
         results.sort_by_key(|result| result.number);
         collected.numbers = self.state().add(results)?;
+        self.flush_outcomes()?;
         for file in files {
             // It is in the journal: left behind it is only ignored.
             let _ = fs::remove_file(file);
@@ -482,6 +519,14 @@ impl Record {
         durable::write(&path, &text)
     }
 
+    /// As [`read`](Self::read), where it may be that there is no campaign at all.
+    pub(crate) fn read_present(dir: &Path) -> Result<Self, CampaignError> {
+        if !dir.join(RECORD).exists() && !dir.join(TASKS).exists() {
+            return Err(CampaignError::NotACampaign { dir: dir.to_path_buf() });
+        }
+        Self::read(dir)
+    }
+
     pub(crate) fn read(dir: &Path) -> Result<Self, CampaignError> {
         #[derive(Deserialize)]
         struct Any {
@@ -521,7 +566,7 @@ impl State {
         Ok(Mutex::new(state))
     }
 
-    /// Adds results that are not there yet, and says which.
+    /// Adds results that are not there yet, and says which; they are not flushed.
     fn add(&mut self, mut results: Vec<ResultRecord>) -> Result<Vec<u64>, CampaignError> {
         let mut keys = Vec::with_capacity(results.len());
         results.retain(|result| {
@@ -532,7 +577,7 @@ impl State {
             }
             new
         });
-        self.results_journal.append(&results)?;
+        self.results_journal.write(&results)?;
         let numbers = results.iter().map(|result| result.number).collect();
         self.results.extend(keys.into_iter().zip(results.into_iter().map(|r| r.outcome)));
         Ok(numbers)

@@ -13,7 +13,7 @@ pub trait Executor {
     /// Stores `tasks` ([`Campaign::record_submitted`]), runs those that have no outcome, and stores
     /// their outcomes. Returns when every task has one.
     ///
-    /// `watch` is called from this thread, and only with what is stored.
+    /// `watch` is called from this thread; it is told of an end only when the outcome is stored.
     ///
     /// # Errors
     ///
@@ -73,7 +73,11 @@ pub enum Request {
 
 /// A flag to stop an executor with, shared with a signal handler or another thread.
 #[derive(Debug, Clone, Default)]
-pub struct Stop(Arc<AtomicU8>);
+pub struct Stop {
+    asked: Arc<AtomicU8>,
+    /// Of the caller, who is listened to as well.
+    parent: Option<Arc<AtomicU8>>,
+}
 
 impl Stop {
     /// A flag that says to go on.
@@ -82,20 +86,26 @@ impl Stop {
         Self::default()
     }
 
+    /// A flag of its own that is asked too whenever this one is.
+    pub(crate) fn child(&self) -> Self {
+        Self { asked: Arc::default(), parent: Some(Arc::clone(&self.asked)) }
+    }
+
     /// Asks to end the runs. Counts more than a request to detach.
     pub fn cancel(&self) {
-        self.0.store(2, Ordering::SeqCst);
+        self.asked.store(2, Ordering::SeqCst);
     }
 
     /// Asks to return and let the runs go on.
     pub fn detach(&self) {
-        let _ = self.0.compare_exchange(0, 1, Ordering::SeqCst, Ordering::SeqCst);
+        let _ = self.asked.compare_exchange(0, 1, Ordering::SeqCst, Ordering::SeqCst);
     }
 
     /// What was asked for.
     #[must_use]
     pub fn request(&self) -> Request {
-        match self.0.load(Ordering::SeqCst) {
+        let parent = self.parent.as_ref().map_or(0, |parent| parent.load(Ordering::SeqCst));
+        match self.asked.load(Ordering::SeqCst).max(parent) {
             0 => Request::Run,
             1 => Request::Detach,
             _ => Request::Cancel,

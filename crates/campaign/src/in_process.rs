@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use crate::campaign::Campaign;
 use crate::error::ExecutorError;
 use crate::executor::{Event, Executor, Stop};
+use crate::mailbox::Mailbox;
 use crate::outcome::{FailureKind, Outcome};
 use crate::task::Task;
 
@@ -82,21 +83,21 @@ where
         let missing = campaign.missing(tasks);
         let (sender, receiver) = mpsc::channel();
         // Set where nothing further may be started: asked for, or after a failure.
-        let halt = Stop::new();
+        let halt = stop.child();
         std::thread::scope(|scope| {
             let this = &*self;
             let (missing, halt) = (&missing, &halt);
             scope.spawn(move || {
                 this.pool.install(|| {
                     missing.par_iter().for_each_with(sender, |sender, task| {
-                        if !stop.asked() && !halt.asked() {
+                        if !halt.asked() {
                             // Nobody listens any more only where the caller has failed.
                             let _ = sender.send((task.number, this.simulate(task)));
                         }
                     });
                 });
             });
-            let stored = store_all(campaign, &receiver, watch);
+            let stored = store_all(campaign, &receiver, watch, halt);
             if stored.is_err() {
                 halt.cancel();
             }
@@ -111,33 +112,32 @@ where
 
 type Ended = (u64, Result<Outcome, String>);
 
-/// Stores what arrives, as much at once as has arrived, until every sender is gone.
+/// Stores what arrives, until every sender is gone.
 fn store_all(
     campaign: &Campaign,
     receiver: &mpsc::Receiver<Ended>,
     watch: &mut dyn FnMut(Event),
+    halt: &Stop,
 ) -> Result<(), ExecutorError> {
     let mut fatal = None;
-    while let Ok(first) = receiver.recv() {
-        let mut outcomes = Vec::new();
-        for (number, result) in std::iter::once(first).chain(receiver.try_iter()) {
+    let mut mailbox = Mailbox::new(campaign);
+    while let Some(news) = mailbox.receive(receiver) {
+        let mut ended = Vec::new();
+        for (number, result) in news {
             match result {
-                Ok(outcome) => outcomes.push((number, outcome)),
-                Err(cause) => fatal = Some(cause),
+                Ok(outcome) => {
+                    let failed = outcome.failure().cloned();
+                    ended.push((number, outcome, Event::Ended { number, failed }));
+                }
+                Err(cause) => {
+                    halt.cancel();
+                    fatal.get_or_insert(cause);
+                }
             }
         }
-        let ended: Vec<Event> = outcomes
-            .iter()
-            .map(|(number, outcome)| Event::Ended {
-                number: *number,
-                failed: outcome.failure().cloned(),
-            })
-            .collect();
-        campaign.record(outcomes)?;
-        ended.into_iter().for_each(&mut *watch);
-        if let Some(cause) = fatal {
-            return Err(ExecutorError::Simulator(cause));
-        }
+        mailbox.write(ended)?;
+        mailbox.flush_if_due()?.into_iter().for_each(&mut *watch);
     }
-    Ok(())
+    mailbox.flush()?.into_iter().for_each(&mut *watch);
+    fatal.map_or(Ok(()), |cause| Err(ExecutorError::Simulator(cause)))
 }

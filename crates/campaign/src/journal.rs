@@ -117,6 +117,24 @@ impl Journal {
         if records.is_empty() {
             return Ok(());
         }
+        let before = self.length;
+        self.write(records)?;
+        self.flush().inspect_err(|_| self.cut(before))
+    }
+
+    /// Flushes what was written.
+    pub(crate) fn flush(&self) -> Result<(), CampaignError> {
+        self.file.sync_data().map_err(|error| CampaignError::io("written", &self.path, error))
+    }
+
+    /// Half a line would be taken for a torn one: no harm if this fails.
+    fn cut(&mut self, length: u64) {
+        self.length = length;
+        let _ = self.file.set_len(length);
+    }
+
+    /// Appends records without flushing them. Where that fails, the file is as it was.
+    pub(crate) fn write<T: Serialize>(&mut self, records: &[T]) -> Result<(), CampaignError> {
         let mut text = Vec::new();
         for record in records {
             let line = seal::seal(record)
@@ -124,19 +142,14 @@ impl Journal {
             text.extend_from_slice(&line);
             text.push(b'\n');
         }
-        let written = self
-            .file
-            .seek(SeekFrom::Start(self.length))
-            .and_then(|_| self.file.write_all(&text))
-            .and_then(|()| self.file.sync_data());
-        match written {
+        let place = self.file.seek(SeekFrom::Start(self.length));
+        match place.and_then(|_| self.file.write_all(&text)) {
             Ok(()) => {
                 self.length += text.len() as u64;
                 Ok(())
             }
             Err(error) => {
-                // Half a line would be taken for a torn one: no harm if this fails too.
-                let _ = self.file.set_len(self.length);
+                self.cut(self.length);
                 Err(CampaignError::io("written", &self.path, error))
             }
         }

@@ -38,20 +38,26 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod attempt;
 mod campaign;
 mod durable;
 mod error;
 mod executor;
 mod in_process;
 mod journal;
+mod leftover;
 mod local;
 mod lock;
+mod mailbox;
 pub mod numbers;
 mod outcome;
+mod process;
+mod results;
 mod seal;
 pub mod slurm;
 mod spec;
 mod status;
+mod table;
 mod task;
 mod template;
 mod worker;

@@ -1,15 +1,32 @@
 //! Runs as processes of this machine, a limited number at the same time.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc;
+
+use crate::attempt::{Ran, Runner};
 use crate::campaign::Campaign;
 use crate::error::ExecutorError;
 use crate::executor::{Event, Executor, Stop};
+use crate::leftover;
+use crate::mailbox::Mailbox;
+use crate::outcome::FailureKind;
 use crate::task::Task;
 
 /// Runs tasks as local processes.
+///
+/// Before the first run in a directory that was opened again, it ends the processes that a killed
+/// driver of this directory has left on this machine.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Local {
     /// How many runs are made at the same time; at least 1.
     pub parallel: usize,
+}
+
+enum News {
+    Started(u64),
+    Retried(u64, FailureKind),
+    Ended(usize, Ran),
+    Gone(ExecutorError),
 }
 
 impl Executor for Local {
@@ -17,10 +34,121 @@ impl Executor for Local {
         &mut self,
         campaign: &Campaign,
         tasks: &[Task],
-        _watch: &mut dyn FnMut(Event),
-        _stop: &Stop,
+        watch: &mut dyn FnMut(Event),
+        stop: &Stop,
     ) -> Result<(), ExecutorError> {
         campaign.record_submitted(tasks)?;
-        Err(ExecutorError::Scheduler("local runs come with the worker".into()))
+        let missing = campaign.missing(tasks);
+        if missing.is_empty() {
+            return Ok(());
+        }
+        if !campaign.is_new() && campaign.first_look() {
+            let ended = leftover::end(campaign.id());
+            if ended > 0 {
+                watch(Event::Note(format!(
+                    "ended {ended} processes that a killed driver of this directory had left"
+                )));
+            }
+        }
+        let runner = Runner {
+            dir: campaign.dir(),
+            spec: campaign.spec(),
+            mark: Some(campaign.id()),
+            alone: true,
+        };
+        let next = AtomicUsize::new(0);
+        let (sender, receiver) = mpsc::channel();
+        // Asked for by the caller, or by a failure after which no further run makes sense.
+        let halt = stop.child();
+        std::thread::scope(|scope| {
+            for _ in 0..self.parallel.clamp(1, missing.len()) {
+                let sender = sender.clone();
+                let (runner, missing, next, halt) = (&runner, &missing, &next, &halt);
+                scope.spawn(move || work(runner, missing, next, halt, &sender));
+            }
+            drop(sender);
+            let stored = store_all(campaign, &runner, &missing, &receiver, watch, &halt);
+            if stored.is_err() {
+                halt.cancel();
+            }
+            stored
+        })?;
+        if campaign.missing(tasks).is_empty() {
+            Ok(())
+        } else {
+            Err(ExecutorError::Interrupted { detached: false })
+        }
     }
+}
+
+/// Makes one run after the other until there is none left, or no further one is to be made.
+fn work(
+    runner: &Runner<'_>,
+    tasks: &[Task],
+    next: &AtomicUsize,
+    halt: &Stop,
+    sender: &mpsc::Sender<News>,
+) {
+    // Nobody listens any more only where the caller has failed.
+    let tell = |news| drop(sender.send(news));
+    while !halt.asked() {
+        let place = next.fetch_add(1, Ordering::Relaxed);
+        let Some(task) = tasks.get(place) else { return };
+        tell(News::Started(task.number));
+        let lost = |kind: &FailureKind| tell(News::Retried(task.number, kind.clone()));
+        match runner.run(task, halt, lost) {
+            Ok(ran) => tell(News::Ended(place, ran)),
+            Err(ExecutorError::Interrupted { .. }) => return,
+            Err(error) => return tell(News::Gone(error)),
+        }
+    }
+}
+
+/// Stores what arrives, until every thread is done. After a failure what still arrives is stored, if
+/// it can be, and then the failure is returned.
+fn store_all(
+    campaign: &Campaign,
+    runner: &Runner<'_>,
+    tasks: &[Task],
+    receiver: &mpsc::Receiver<News>,
+    watch: &mut dyn FnMut(Event),
+    halt: &Stop,
+) -> Result<(), ExecutorError> {
+    let mut failure: Option<ExecutorError> = None;
+    let mut fail = |error: ExecutorError| {
+        halt.cancel();
+        failure.get_or_insert(error);
+    };
+    let mut mailbox = Mailbox::new(campaign);
+    let safe = |ended: Vec<(usize, Ran)>, watch: &mut dyn FnMut(Event)| {
+        for (place, ran) in ended {
+            let task = &tasks[place];
+            runner.tidy(task, &ran);
+            let failed = ran.outcome.failure().cloned();
+            watch(Event::Ended { number: task.number, failed });
+        }
+    };
+    while let Some(news) = mailbox.receive(receiver) {
+        let mut ended = Vec::new();
+        for news in news {
+            match news {
+                News::Started(number) => watch(Event::Started { number }),
+                News::Retried(number, kind) => watch(Event::Retried { number, kind }),
+                News::Ended(place, ran) => {
+                    ended.push((tasks[place].number, ran.outcome.clone(), (place, ran)));
+                }
+                News::Gone(error) => fail(error),
+            }
+        }
+        let stored = mailbox.write(ended).and_then(|()| mailbox.flush_if_due());
+        match stored {
+            Ok(ended) => safe(ended, watch),
+            Err(error) => fail(error.into()),
+        }
+    }
+    match mailbox.flush() {
+        Ok(ended) => safe(ended, watch),
+        Err(error) => fail(error.into()),
+    }
+    failure.map_or(Ok(()), Err)
 }

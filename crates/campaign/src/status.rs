@@ -1,33 +1,51 @@
 //! How far a campaign is, for anybody who may read its directory.
 
 use std::collections::BTreeMap;
+use std::fs;
 use std::path::Path;
 
-use crate::campaign::{self, Record};
+use crate::attempt::{PROCESS, Process};
+use crate::campaign::{self, OUTCOMES, Record, ResultRecord, last_attempt, task_folder};
+use crate::durable;
 use crate::error::CampaignError;
-use crate::lock::{Holder, Lock};
+use crate::lock::{self, Holder, Lock};
+use crate::seal;
 
 /// How far a campaign is.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Status {
-    /// Who drives it now, if anybody does; without a name where it cannot be read.
+    /// Who drives it now, if anybody does; without a name where that cannot be read.
     pub driver: Option<Option<Holder>>,
-    /// Tasks that were submitted.
+    /// Tasks that were submitted: finished, failed, running or queued.
     pub submitted: u64,
     /// Runs that gave results.
     pub finished: u64,
     /// Failed runs by the words of their cause.
     pub failed: BTreeMap<String, u64>,
-    /// Attempts that are being made, as far as can be seen from here.
+    /// Runs that are being made, as far as can be seen from here: a run on another machine counts
+    /// until it has an outcome.
     pub running: u64,
     /// Tasks that are neither running nor ended.
     pub queued: u64,
     /// Mean duration of the runs that ended \[s\].
     pub seconds_per_run: Option<f64>,
-    /// How many runs are made at the same time: now, or at most so far.
+    /// How many runs are made at the same time: now, or where none is running the most so far.
     pub parallel: u64,
-    /// Estimated time until every submitted task has ended \[s\]; none before the first has.
+    /// Estimated time until every submitted task has ended \[s\], if nothing stops; none before the
+    /// first has ended.
+    ///
+    /// # Formula
+    ///
+    /// (sum over the running of max(mean duration − elapsed, 0) + queued × mean duration) / `parallel`
     pub time_left_s: Option<f64>,
+}
+
+impl Status {
+    /// How many runs failed.
+    #[must_use]
+    pub fn failures(&self) -> u64 {
+        self.failed.values().sum()
+    }
 }
 
 /// Reads how far the campaign in `dir` is, without its lock and without changing anything.
@@ -36,26 +54,88 @@ pub struct Status {
 ///
 /// [`CampaignError`] where there is no campaign, or its record is damaged.
 pub fn status(dir: &Path) -> Result<Status, CampaignError> {
-    let record = Record::read(dir)?;
+    let record = Record::read_present(dir)?;
+    // First those that wait to be collected: they may be in the journal a moment later.
+    let published = published(dir);
     let (tasks, results) = campaign::snapshot(dir, &record.spec)?;
-    let mut failed = BTreeMap::new();
+    let mut ended: BTreeMap<u64, ResultRecord> = BTreeMap::new();
+    for result in results.into_iter().chain(published) {
+        let known = tasks.get(&result.number).is_some_and(|(_, task)| *task == result.task);
+        if known {
+            ended.entry(result.number).or_insert(result);
+        }
+    }
+    let driver = Lock::holder(dir);
+    let now = lock::now_s();
     let mut finished = 0;
-    for result in &results {
+    let mut failed = BTreeMap::new();
+    for result in ended.values() {
         match result.outcome.failure() {
             None => finished += 1,
             Some(kind) => *failed.entry(kind.to_string()).or_insert(0) += 1,
         }
     }
-    let submitted = tasks.len() as u64;
+    let open = tasks.keys().filter(|number| !ended.contains_key(number));
+    let elapsed: Vec<f64> = open
+        .filter_map(|&number| running_since(dir, number))
+        .map(|since| now.saturating_sub(since) as f64)
+        .collect();
+    let (submitted, running) = (tasks.len() as u64, elapsed.len() as u64);
+    let queued = submitted - ended.len() as u64 - running;
+    let seconds: Vec<f64> = ended.values().map(|result| result.outcome.seconds()).collect();
+    let seconds_per_run =
+        (!seconds.is_empty()).then(|| seconds.iter().sum::<f64>() / seconds.len() as f64);
+    let parallel = if running > 0 { running } else { most_at_once(ended.values()) };
+    let time_left_s = seconds_per_run.map(|mean| {
+        let begun: f64 = elapsed.iter().map(|elapsed| (mean - elapsed).max(0.0)).sum();
+        (begun + queued as f64 * mean) / parallel.max(1) as f64
+    });
     Ok(Status {
-        driver: Lock::holder(dir),
+        driver,
         submitted,
         finished,
-        queued: submitted.saturating_sub(results.len() as u64),
         failed,
-        running: 0,
-        seconds_per_run: None,
-        parallel: 0,
-        time_left_s: None,
+        running,
+        queued,
+        seconds_per_run,
+        parallel,
+        time_left_s,
     })
+}
+
+/// Outcomes of workers that are not collected yet; what cannot be read is not there yet.
+fn published(dir: &Path) -> Vec<ResultRecord> {
+    let Ok(entries) = fs::read_dir(dir.join(OUTCOMES)) else { return Vec::new() };
+    entries
+        .flatten()
+        .filter(|entry| campaign::number_of(&entry.path()).is_some())
+        .filter_map(|entry| seal::unseal(&durable::read(&entry.path()).ok()??).ok())
+        .collect()
+}
+
+/// Since when the last attempt at a run is being made \[s since 1970\], if it is.
+fn running_since(dir: &Path, number: u64) -> Option<u64> {
+    let folder = task_folder(dir, number);
+    let attempt = last_attempt(&folder);
+    let path = folder.join(format!("attempt-{attempt}")).join(PROCESS);
+    let process: Process = serde_json::from_slice(&durable::read(&path).ok()??).ok()?;
+    process.is_running().unwrap_or(true).then_some(process.started)
+}
+
+/// The largest number of runs that were being made at the same time, to the second.
+fn most_at_once<'a>(ended: impl Iterator<Item = &'a ResultRecord>) -> u64 {
+    let mut changes: Vec<(f64, i64)> = Vec::new();
+    for result in ended {
+        let end = result.ended as f64;
+        // Whole seconds: half a second less, so that one after the other is not at once.
+        let duration = (result.outcome.seconds() - 0.5).max(0.0);
+        changes.extend([(end - duration, 1), (end, -1)]);
+    }
+    changes.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let (mut now, mut most) = (0_i64, 0_i64);
+    for (_, change) in changes {
+        now += change;
+        most = most.max(now);
+    }
+    most.unsigned_abs()
 }

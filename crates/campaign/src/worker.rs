@@ -1,35 +1,82 @@
-//! One run by a worker that does not have the directory's lock.
+//! Runs by a worker that does not have the directory's lock.
 
-use std::path::Path;
+use std::fs;
+use std::path::{Path, PathBuf};
 
-use crate::error::ExecutorError;
+use crate::attempt::Runner;
+use crate::campaign::{self, OUTCOMES, Record, ResultRecord};
+use crate::durable;
+use crate::error::{CampaignError, ExecutorError};
 use crate::executor::Stop;
 use crate::outcome::Outcome;
+use crate::seal;
+use crate::task::Task;
 
 /// Runs submitted tasks of a campaign without its lock, as an element of a job array does, and
 /// publishes their outcomes for the driver to collect.
 #[derive(Debug)]
-pub struct Worker {}
+pub struct Worker {
+    dir: PathBuf,
+    record: Record,
+}
 
 impl Worker {
     /// Reads the campaign in `dir`.
     ///
     /// # Errors
     ///
-    /// [`ExecutorError`] where there is no campaign, or it cannot be read.
-    pub fn open(_dir: &Path) -> Result<Self, ExecutorError> {
-        Err(ExecutorError::Scheduler("the worker is not built yet".into()))
+    /// [`ExecutorError::Campaign`] where there is no campaign, or it cannot be read.
+    pub fn open(dir: &Path) -> Result<Self, ExecutorError> {
+        let record = Record::read_present(dir)?;
+        let dir = fs::canonicalize(dir).map_err(|error| CampaignError::io("read", dir, error))?;
+        Ok(Self { dir, record })
     }
 
-    /// Makes one run, with its attempts, and publishes its outcome. A run that has one is not made again.
+    /// Makes the run `number`, with its attempts, and publishes its outcome. A run that has one is not made again.
     ///
     /// # Errors
     ///
     /// [`ExecutorError::Interrupted`] where `stop` was asked for, [`ExecutorError::CannotStart`] where the
-    /// program is not there: no outcome is published then.
-    pub fn run(&self, _number: u64, _stop: &Stop) -> Result<Outcome, ExecutorError> {
-        Err(ExecutorError::Scheduler("the worker is not built yet".into()))
+    /// program is not there, [`ExecutorError::Campaign`] where the task was not submitted or its
+    /// outcome cannot be written: no outcome is published then.
+    pub fn run(&self, number: u64, stop: &Stop) -> Result<Outcome, ExecutorError> {
+        // Read anew each time: the driver appends while workers run.
+        let (mut tasks, results) = campaign::snapshot(&self.dir, &self.record.spec)?;
+        let (task, fingerprint) = tasks.remove(&number).ok_or_else(|| {
+            let problem = "it was never submitted, or its line is damaged".to_owned();
+            CampaignError::InvalidTask { number, problem }
+        })?;
+        let mut stored = results.into_iter();
+        if let Some(done) = stored.find(|r| r.number == number && r.task == fingerprint) {
+            return Ok(done.outcome);
+        }
+        let path = self.dir.join(OUTCOMES).join(format!("{number:06}.json"));
+        if let Some(outcome) = published(&path, &fingerprint)? {
+            return Ok(outcome);
+        }
+        let runner = Runner { dir: &self.dir, spec: &self.record.spec, mark: None, alone: false };
+        let ran = runner.run(&task, stop, |_| ())?;
+        self.publish(&path, &task, &ran.outcome)?;
+        runner.tidy(&task, &ran);
+        Ok(ran.outcome)
     }
+
+    fn publish(&self, path: &Path, task: &Task, outcome: &Outcome) -> Result<(), ExecutorError> {
+        campaign::check_outcome(&self.record.spec, task, outcome)
+            .map_err(|problem| CampaignError::InvalidOutcome { number: task.number, problem })?;
+        let result = ResultRecord::new(&self.record.spec, task, outcome.clone());
+        let text = seal::seal(&result)
+            .map_err(|error| CampaignError::io("written", path, error.into()))?;
+        durable::publish(path, &text)?;
+        Ok(())
+    }
+}
+
+/// The outcome that somebody has published of the task with this fingerprint.
+fn published(path: &Path, fingerprint: &str) -> Result<Option<Outcome>, CampaignError> {
+    let Some(text) = durable::read(path)? else { return Ok(None) };
+    let result = seal::unseal::<ResultRecord>(&text).ok();
+    Ok(result.filter(|result| result.task == fingerprint).map(|result| result.outcome))
 }
 
 /// [`Worker::open`] and [`Worker::run`] for one run.

@@ -1,0 +1,263 @@
+//! From the tables of a run to its values at the observation points.
+
+use std::path::Path;
+
+use crate::outcome::FailureKind;
+use crate::spec::{Interpolation, OutputSpec};
+use crate::table::{Refusal, Table, malformed};
+
+/// The values of all observables of a run, one observable after the other; all finite.
+pub(crate) fn read(folder: &Path, outputs: &[OutputSpec]) -> Result<Vec<f64>, Refusal> {
+    let mut values = Vec::with_capacity(outputs.iter().map(|output| output.at.len()).sum());
+    for output in outputs {
+        values.extend(read_one(folder, output)?);
+    }
+    Ok(values)
+}
+
+fn read_one(folder: &Path, output: &OutputSpec) -> Result<Vec<f64>, Refusal> {
+    let table = Table::read(folder, &output.file, output.format)?;
+    let values = table.column(&output.value)?;
+    let Some(control_name) = &output.control else {
+        if values.len() != output.at.len() {
+            let detail = format!("{} rows, {} observation points", values.len(), output.at.len());
+            let (file, column) = (output.file.clone(), output.value.clone());
+            return Err(Refusal { kind: FailureKind::NoMatch { file, column }, detail });
+        }
+        check_finite(output, &values)?;
+        return Ok(values);
+    };
+    let control = table.column(control_name)?;
+    if control.len() != values.len() {
+        let (rows, others) = (control.len(), values.len());
+        let detail = format!("{rows} values of {control_name}, {others} of {}", output.value);
+        return Err(malformed(&output.file, detail));
+    }
+    if let Some(row) = control.iter().position(|at| !at.is_finite()) {
+        let (file, column) = (Some(output.file.clone()), control_name.clone());
+        let detail = format!("data row {}: {}", row + 1, control[row]);
+        return Err(Refusal { kind: FailureKind::NotANumber { file, column }, detail });
+    }
+    let found = match output.interpolate {
+        Interpolation::Linear => interpolate(output, control_name, &control, &values),
+        Interpolation::Refuse => pick(output, control_name, &control, &values),
+    }?;
+    check_finite(output, &found)?;
+    Ok(found)
+}
+
+/// How far a row may lie from an observation point and still be at it: the rounding of a printed number.
+///
+/// # Formula
+///
+/// 1e-6 |at| + 1e-12 (largest − smallest `at`), but at most 1e-3 of the smallest distance between two
+/// observation points. A table printed with six digits is within it.
+struct Tolerance {
+    range: f64,
+    smallest_gap: f64,
+}
+
+impl Tolerance {
+    fn new(at: &[f64]) -> Self {
+        let mut sorted = at.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        let range = sorted.last().unwrap_or(&0.0) - sorted.first().unwrap_or(&0.0);
+        let gaps = sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|&gap| gap > 0.0);
+        Self { range, smallest_gap: gaps.fold(f64::INFINITY, f64::min) }
+    }
+
+    fn around(&self, at: f64) -> f64 {
+        (1e-6 * at.abs() + 1e-12 * self.range).min(1e-3 * self.smallest_gap)
+    }
+}
+
+fn interpolate(
+    output: &OutputSpec,
+    control_name: &str,
+    control: &[f64],
+    values: &[f64],
+) -> Result<Vec<f64>, Refusal> {
+    if let Some(row) = control.windows(2).position(|pair| pair[1] < pair[0]) {
+        let (before, after) = (control[row], control[row + 1]);
+        let detail = format!(
+            "{control_name} goes back from {before} to {after} (data row {}): nothing can be interpolated",
+            row + 2
+        );
+        return Err(malformed(&output.file, detail));
+    }
+    let (Some(&first), Some(&last)) = (control.first(), control.last()) else {
+        return Err(malformed(&output.file, "it has no rows"));
+    };
+    let tolerance = Tolerance::new(&output.at);
+    let mut found = Vec::with_capacity(output.at.len());
+    for &at in &output.at {
+        let near = tolerance.around(at);
+        if at < first - near || at > last + near {
+            let (file, column) = (output.file.clone(), control_name.to_owned());
+            let detail = format!("{control_name} = {at} is wished, it has {first} to {last}");
+            return Err(Refusal { kind: FailureKind::Extrapolation { file, column }, detail });
+        }
+        let at = at.clamp(first, last);
+        // The first row at or after the point; there is one.
+        let after = control.partition_point(|&row| row < at).min(control.len() - 1);
+        found.push(if control[after] == at {
+            values[after]
+        } else {
+            let (t0, t1) = (control[after - 1], control[after]);
+            let weight = (at - t0) / (t1 - t0);
+            values[after - 1] * (1.0 - weight) + values[after] * weight
+        });
+    }
+    Ok(found)
+}
+
+/// The rows at the observation points, in their order, so that loading and unloading are told apart.
+fn pick(
+    output: &OutputSpec,
+    control_name: &str,
+    control: &[f64],
+    values: &[f64],
+) -> Result<Vec<f64>, Refusal> {
+    let tolerance = Tolerance::new(&output.at);
+    let mut found = Vec::with_capacity(output.at.len());
+    let mut next = 0;
+    for &at in &output.at {
+        let near = tolerance.around(at);
+        let Some(row) = control[next..].iter().position(|row| (row - at).abs() <= near) else {
+            let (file, column) = (output.file.clone(), control_name.to_owned());
+            let rows = control.len();
+            let detail = format!(
+                "none of the {} rows from data row {} on is at {control_name} = {at}",
+                rows - next,
+                next + 1
+            );
+            return Err(Refusal { kind: FailureKind::NoMatch { file, column }, detail });
+        };
+        found.push(values[next + row]);
+        next += row + 1;
+    }
+    Ok(found)
+}
+
+fn check_finite(output: &OutputSpec, values: &[f64]) -> Result<(), Refusal> {
+    match values.iter().position(|value| !value.is_finite()) {
+        None => Ok(()),
+        Some(place) => {
+            let (file, column) = (Some(output.file.clone()), output.value.clone());
+            let detail = format!("{} at observation point {}", values[place], output.at[place]);
+            Err(Refusal { kind: FailureKind::NotANumber { file, column }, detail })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spec::Format;
+
+    fn output(at: &[f64], interpolate: Interpolation) -> OutputSpec {
+        OutputSpec {
+            file: "out.csv".into(),
+            format: Format::Csv,
+            value: "x".into(),
+            control: Some("t".into()),
+            at: at.to_vec(),
+            interpolate,
+        }
+    }
+
+    fn values(table: &str, output: &OutputSpec) -> Result<Vec<f64>, FailureKind> {
+        let dir = tempfile::tempdir().expect("a directory");
+        std::fs::write(dir.path().join("out.csv"), table).expect("written");
+        read(dir.path(), std::slice::from_ref(output)).map_err(|refusal| refusal.kind)
+    }
+
+    fn extrapolation() -> FailureKind {
+        FailureKind::Extrapolation { file: "out.csv".into(), column: "t".into() }
+    }
+
+    fn no_match(column: &str) -> FailureKind {
+        FailureKind::NoMatch { file: "out.csv".into(), column: column.into() }
+    }
+
+    #[test]
+    fn a_straight_line_is_interpolated_exactly_and_never_extrapolated() {
+        let table = "t,x\n0,1\n1,3\n4,9\n";
+        let line = output(&[0.0, 0.25, 1.0, 2.5, 4.0], Interpolation::Linear);
+        assert_eq!(values(table, &line), Ok(vec![1.0, 1.5, 3.0, 6.0, 9.0]));
+        for beyond in [-0.001, 4.001, 1e300] {
+            let output = output(&[0.5, beyond], Interpolation::Linear);
+            assert_eq!(values(table, &output), Err(extrapolation()), "{beyond}");
+        }
+        // The last printed time may be rounded down.
+        let rounded = output(&[0.5, 4.000_001], Interpolation::Linear);
+        assert_eq!(values(table, &rounded), Ok(vec![2.0, 9.0]));
+    }
+
+    #[test]
+    fn the_error_of_interpolation_falls_with_the_square_of_the_step() {
+        let error = |n: u32| {
+            let mut table = String::from("t,x\n");
+            for i in 0..=n {
+                let t = f64::from(i) / f64::from(n);
+                table.push_str(&format!("{t},{}\n", t.exp()));
+            }
+            let at: Vec<f64> = (0..97).map(|i| f64::from(i) / 96.7).collect();
+            let found = values(&table, &output(&at, Interpolation::Linear)).expect("inside");
+            at.iter().zip(found).map(|(t, x)| (x - t.exp()).abs()).fold(0.0, f64::max)
+        };
+        let ratio = error(20) / error(40);
+        assert!((3.5..4.5).contains(&ratio), "{ratio}");
+    }
+
+    #[test]
+    fn without_interpolation_every_point_needs_its_row() {
+        let table = "t,x\n0,1\n0.333333,2\n0.666667,3\n1,4\n";
+        let exact = output(&[0.0, 1.0 / 3.0, 1.0], Interpolation::Refuse);
+        assert_eq!(values(table, &exact), Ok(vec![1.0, 2.0, 4.0]));
+        let off = output(&[0.0, 0.34, 1.0], Interpolation::Refuse);
+        assert_eq!(values(table, &off), Err(no_match("t")));
+        // Loading and unloading: the same control twice, in order.
+        let path = "t,x\n0,1\n1,2\n0,3\n";
+        let both = output(&[0.0, 1.0, 0.0], Interpolation::Refuse);
+        assert_eq!(values(path, &both), Ok(vec![1.0, 2.0, 3.0]));
+        let wrong = output(&[0.0, 0.0, 1.0], Interpolation::Refuse);
+        assert_eq!(values(path, &wrong), Err(no_match("t")));
+    }
+
+    #[test]
+    fn without_a_control_the_rows_are_the_points() {
+        let mut plain = output(&[5.0, 6.0], Interpolation::Refuse);
+        plain.control = None;
+        assert_eq!(values("x\n1\n2\n", &plain), Ok(vec![1.0, 2.0]));
+        assert_eq!(values("x\n1\n", &plain), Err(no_match("x")));
+        assert_eq!(values("x\n1\n2\n3\n", &plain), Err(no_match("x")));
+    }
+
+    #[test]
+    fn nan_counts_where_it_is_needed_and_only_there() {
+        let nan = |column: &str| FailureKind::NotANumber {
+            file: Some("out.csv".into()),
+            column: column.into(),
+        };
+        let table = "t,x\n0,1\n1,nan\n2,3\n3,4\n";
+        let around = output(&[0.0, 2.5], Interpolation::Linear);
+        assert_eq!(values(table, &around), Ok(vec![1.0, 3.5]));
+        let at = output(&[0.5], Interpolation::Linear);
+        assert_eq!(values(table, &at), Err(nan("x")));
+        assert_eq!(
+            values("t,x\n0,1\n1,inf\n", &output(&[1.0], Interpolation::Refuse)),
+            Err(nan("x"))
+        );
+        assert_eq!(values("t,x\nnan,1\n1,2\n", &at), Err(nan("t")));
+    }
+
+    #[test]
+    fn a_control_that_goes_back_cannot_be_interpolated() {
+        let malformed = FailureKind::MalformedOutput { file: "out.csv".into() };
+        let output = output(&[0.5], Interpolation::Linear);
+        assert_eq!(values("t,x\n0,1\n1,2\n0.5,3\n", &output), Err(malformed));
+        // A row printed twice is no step back.
+        assert_eq!(values("t,x\n0,1\n0,1\n1,2\n", &output), Ok(vec![1.5]));
+    }
+}

@@ -1,0 +1,108 @@
+//! What the tests share: commands, specifications, tasks.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use campaign::{
+    Campaign, CampaignSpec, CommandSpec, Event, Executor, Format, Interpolation, Keep, Local,
+    OutputSpec, Stop, Task,
+};
+
+/// A directory for one test.
+pub(crate) struct Sandbox {
+    folder: tempfile::TempDir,
+}
+
+impl Sandbox {
+    pub(crate) fn new() -> Self {
+        Self { folder: tempfile::tempdir().unwrap() }
+    }
+
+    /// Where the campaign is.
+    pub(crate) fn dir(&self) -> PathBuf {
+        self.folder.path().join("campaign")
+    }
+
+    /// A file beside the campaign.
+    pub(crate) fn file(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Lines of a file beside the campaign; none where it is not there.
+    pub(crate) fn lines(&self, name: &str) -> Vec<String> {
+        let text = std::fs::read_to_string(self.file(name)).unwrap_or_default();
+        text.lines().map(str::to_owned).collect()
+    }
+}
+
+/// A shell script that gets a, b and the number of the run as $1, $2, $3, and leaves x in out.csv.
+pub(crate) fn shell(script: &str) -> CommandSpec {
+    CommandSpec {
+        name: "shell".into(),
+        argv: ["sh", "-c", script, "sh", "{a}", "{b}", "{run}"].map(str::to_owned).to_vec(),
+        environment: BTreeMap::new(),
+        timeout_s: 60.0,
+        retries: 2,
+        outputs: vec![rows("out.csv", "x", 1)],
+        keep: Keep::Failed,
+    }
+}
+
+/// A column of a CSV file, as it is.
+pub(crate) fn rows(file: &str, value: &str, rows: u32) -> OutputSpec {
+    OutputSpec {
+        file: file.into(),
+        format: Format::Csv,
+        value: value.into(),
+        control: None,
+        at: (0..rows).map(f64::from).collect(),
+        interpolate: Interpolation::Refuse,
+    }
+}
+
+pub(crate) fn spec(command: CommandSpec) -> CampaignSpec {
+    CampaignSpec { parameter_names: vec!["a".into(), "b".into()], commands: vec![command], seed: 5 }
+}
+
+pub(crate) fn tasks(count: u64) -> Vec<Task> {
+    (0..count).map(task).collect()
+}
+
+pub(crate) fn task(number: u64) -> Task {
+    let x = number as f64;
+    Task { number, command: 0, parameters: vec![0.1 + x / 3.0, -1e-9 * x] }
+}
+
+pub(crate) fn create(dir: &Path, spec: &CampaignSpec) -> Campaign {
+    Campaign::create(dir, spec, &BTreeMap::new()).unwrap()
+}
+
+/// Runs tasks on two processes and gives what happened.
+pub(crate) fn run(campaign: &Campaign, tasks: &[Task]) -> Vec<Event> {
+    let mut events = Vec::new();
+    let mut local = Local { parallel: 2 };
+    local.run(campaign, tasks, &mut |event| events.push(event), &Stop::new()).unwrap();
+    events
+}
+
+pub(crate) fn values(campaign: &Campaign, number: u64) -> Vec<f64> {
+    let outcome = campaign.outcome(number);
+    let outcome = outcome.unwrap_or_else(|| panic!("run {number} has no outcome"));
+    outcome.values().unwrap_or_else(|| panic!("run {number}: {outcome:?}")).to_vec()
+}
+
+pub(crate) fn bits(values: &[f64]) -> Vec<u64> {
+    values.iter().map(|value| value.to_bits()).collect()
+}
+
+/// Whether a process that was started by a test is gone; a zombie is.
+pub(crate) fn is_gone(pid: i32) -> bool {
+    for _ in 0..150 {
+        match std::fs::read_to_string(format!("/proc/{pid}/stat")) {
+            Ok(stat) if !stat.contains(") Z ") => {}
+            _ => return true,
+        }
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    false
+}
