@@ -1,9 +1,9 @@
 //! The calibration as a whole: checks, stages, summary.
 
 use crate::estimate::Estimator;
+use crate::joint::{JointLikelihood, JointProblem};
 use crate::marginal::mean_and_sd;
 use crate::mixture::Proposal;
-use crate::noise::Likelihood;
 use crate::pool::{effective_sample_size, exponentiate};
 use crate::sampler::{Sampler, record};
 use crate::summary::{Run, summarise};
@@ -35,10 +35,25 @@ pub fn calibrate(
     settings: &Settings,
     observer: &mut dyn Observer,
 ) -> Result<Posterior, CalibrateError> {
+    calibrate_joint(&problem.into(), settings, observer)
+}
+
+/// Infers parameters that several groups of observations share.
+///
+/// Observations are counted through the groups wherever a [`Posterior`] lists them; what belongs to one group is in
+/// [`Posterior::groups`].
+///
+/// # Errors
+/// As [`calibrate`].
+pub fn calibrate_joint(
+    problem: &JointProblem<'_>,
+    settings: &Settings,
+    observer: &mut dyn Observer,
+) -> Result<Posterior, CalibrateError> {
     let likelihood = check(problem, settings)?;
     let target = CurveTarget::new(problem, &likelihood, settings.samples);
     let mut sampler = Sampler::new(&target, settings);
-    let tuned = match problem.noise {
+    let tuned = match problem.groups[0].noise {
         Noise::EssTarget { share } => Some(share),
         _ => None,
     };
@@ -134,7 +149,7 @@ struct Staged {
 
 fn stage_record(
     sampler: &Sampler<'_>,
-    problem: &Problem<'_>,
+    problem: &JointProblem<'_>,
     tuned: Option<f64>,
     last: bool,
     failed_before: usize,
@@ -201,7 +216,10 @@ fn reached(staged: &Staged, sampler: &Sampler<'_>, settings: &Settings) -> Optio
 }
 
 /// Refuses what does not fit together.
-fn check(problem: &Problem<'_>, settings: &Settings) -> Result<Likelihood, CalibrateError> {
+fn check(
+    problem: &JointProblem<'_>,
+    settings: &Settings,
+) -> Result<JointLikelihood, CalibrateError> {
     let d = problem.parameters.len();
     if problem.simulator.parameters() != d || d == 0 {
         return Err(CalibrateError::Parameters {
@@ -209,12 +227,12 @@ fn check(problem: &Problem<'_>, settings: &Settings) -> Result<Likelihood, Calib
             problem: d,
         });
     }
-    if problem.simulator.observables() != problem.observations.len() {
+    if problem.simulator.observables() != problem.observations() || problem.groups.is_empty() {
         return Err(CalibrateError::Observables {
             simulator: problem.simulator.observables(),
-            observations: problem.observations.len(),
+            observations: problem.observations(),
         });
     }
     settings.check(d)?;
-    Ok(Likelihood::new(&problem.noise, &problem.observations)?)
+    Ok(JointLikelihood::new(problem)?)
 }

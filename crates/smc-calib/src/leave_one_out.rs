@@ -6,10 +6,10 @@
 //! `p(y_i | theta, sigma^2)`; the tail of these ratios is Pareto smoothed ([`psis`]), and its shape
 //! says whether the answer can be trusted.
 
-use crate::noise::Likelihood;
+use crate::joint::{JointLikelihood, JointProblem};
 use crate::normal::LN_SQRT_2PI;
 use crate::stream::{Purpose, stream};
-use crate::{CalibrateError, Posterior, Problem, psis};
+use crate::{CalibrateError, Posterior, Problem, SimError, psis};
 use rand_distr::{ChiSquared, Distribution};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -61,11 +61,27 @@ pub fn leave_one_out(
     problem: &Problem<'_>,
     posterior: &Posterior,
 ) -> Result<Option<LeaveOneOut>, CalibrateError> {
+    leave_one_out_of(&problem.into(), posterior, |sample, outputs| {
+        problem.simulator.simulate(&posterior.samples[sample].theta, outputs)
+    })
+}
+
+/// As [`leave_one_out`], for any number of groups of observations, with the curve of sample s from
+/// `curve(s, outputs)`: from what was stored of the run, where a simulation is expensive.
+///
+/// # Errors
+/// Noise that does not fit, or a fatal error of `curve`.
+pub fn leave_one_out_of(
+    problem: &JointProblem<'_>,
+    posterior: &Posterior,
+    curve: impl Fn(usize, &mut [f64]) -> Result<(), SimError> + Sync,
+) -> Result<Option<LeaveOneOut>, CalibrateError> {
     if !posterior.is_posterior {
         return Ok(None);
     }
-    let likelihood = Likelihood::new(&problem.noise, &problem.observations)?;
-    let m = problem.observations.len();
+    let likelihood = JointLikelihood::new(problem)?;
+    let m = problem.observations();
+    let control = problem.control();
     let mut chosen: Vec<usize> =
         (0..posterior.samples.len()).filter(|s| posterior.samples[*s].weight > 0.0).collect();
     let most = (MAX_KEPT / m.max(1)).max(1000);
@@ -80,7 +96,7 @@ pub fn leave_one_out(
     // Row by row: ln p(y_i | theta_s, sigma_s^2).
     let rows: Vec<Option<Vec<f64>>> = chosen
         .par_iter()
-        .map(|&s| densities(problem, &likelihood, posterior, s, m))
+        .map(|&s| densities(&likelihood, posterior.settings.seed, s, m, &curve))
         .collect::<Result<_, _>>()?;
     let (ln_weights, labels, rows): (Vec<f64>, Vec<usize>, Vec<Vec<f64>>) = {
         let mut kept = (Vec::new(), Vec::new(), Vec::new());
@@ -113,7 +129,7 @@ pub fn leave_one_out(
             }
             let point = LeaveOneOutPoint {
                 index: i,
-                control: problem.observations.control()[i],
+                control: control[i],
                 ln_density: density.ln(),
                 khat: smoothed.khat,
             };
@@ -149,34 +165,37 @@ fn spread_of_parts(parts: &[f64]) -> f64 {
 
 /// `ln p(y_i | theta, sigma^2)` of every observation for sample `s`; none where it cannot be simulated again.
 fn densities(
-    problem: &Problem<'_>,
-    likelihood: &Likelihood,
-    posterior: &Posterior,
+    likelihood: &JointLikelihood,
+    seed: u64,
     s: usize,
     m: usize,
+    curve: impl Fn(usize, &mut [f64]) -> Result<(), SimError>,
 ) -> Result<Option<Vec<f64>>, CalibrateError> {
-    let mut curve = vec![0.0; m];
-    match problem.simulator.simulate(&posterior.samples[s].theta, &mut curve) {
+    let mut values = vec![0.0; m];
+    match curve(s, &mut values) {
         Ok(()) => {}
         Err(error) if error.is_recoverable() => return Ok(None),
         Err(error) => {
             return Err(CalibrateError::Fatal { cause: error.cause().to_owned(), simulations: s });
         }
     }
-    let drawn = likelihood.inferred().and_then(|(nu0, sum0)| {
-        let chi_squared = ChiSquared::new(nu0 + m as f64).ok()?;
-        let mut rng = stream(posterior.settings.seed, Purpose::LeaveOneOut, 0, s);
-        let sum = sum0 + likelihood.sum_of_squares(&curve);
-        Some((sum / chi_squared.sample(&mut rng)).sqrt())
-    });
-    for (i, value) in curve.iter_mut().enumerate() {
-        let Some(sigma) = drawn.or_else(|| likelihood.fixed_sigma(i)) else {
-            return Ok(None);
-        };
-        let r = (likelihood.values()[i] - *value) / sigma;
-        *value = -0.5 * r * r - sigma.ln() - LN_SQRT_2PI;
+    for (g, (part, range)) in likelihood.groups().enumerate() {
+        let values = &mut values[range];
+        let drawn = part.inferred().and_then(|(nu0, sum0)| {
+            let chi_squared = ChiSquared::new(nu0 + values.len() as f64).ok()?;
+            let mut rng = stream(seed, Purpose::LeaveOneOut, g, s);
+            let sum = sum0 + part.sum_of_squares(values);
+            Some((sum / chi_squared.sample(&mut rng)).sqrt())
+        });
+        for (i, value) in values.iter_mut().enumerate() {
+            let Some(sigma) = drawn.or_else(|| part.fixed_sigma(i)) else {
+                return Ok(None);
+            };
+            let r = (part.values()[i] - *value) / sigma;
+            *value = -0.5 * r * r - sigma.ln() - LN_SQRT_2PI;
+        }
     }
-    Ok(Some(curve))
+    Ok(Some(values))
 }
 
 #[cfg(test)]

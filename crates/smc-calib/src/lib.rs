@@ -34,6 +34,7 @@ mod density;
 mod em;
 mod error;
 mod estimate;
+mod joint;
 mod lanes;
 mod leave_one_out;
 mod map_search;
@@ -63,18 +64,19 @@ mod summary;
 mod target;
 mod warning;
 
-pub use calibrate::{Observer, calibrate};
+pub use calibrate::{Observer, calibrate, calibrate_joint};
 pub use density::{DensitySummary, sample_density};
 pub use error::CalibrateError;
-pub use leave_one_out::{LeaveOneOut, LeaveOneOutPoint, leave_one_out};
+pub use joint::{Group, JointProblem};
+pub use leave_one_out::{LeaveOneOut, LeaveOneOutPoint, leave_one_out, leave_one_out_of};
 pub use noise::{FixedSigma, Likelihood, Noise, NoiseError};
 pub use observations::{ObservationError, Observations};
 pub use posterior::{
-    BandPoint, ComponentRecord, Counters, Draw, EffectiveSampleSize, Evidence, Failure, Interval,
-    MapPoint, MixtureRecord, Moments, ParameterSummary, PathParameter, PathPoint, Posterior,
-    Residuals, Sample, SigmaSummary, StageRecord, StopReason,
+    BandPoint, ComponentRecord, Counters, Draw, EffectiveSampleSize, Evidence, Failure,
+    GroupSummary, Interval, MapPoint, MixtureRecord, Moments, ParameterSummary, PathParameter,
+    PathPoint, Posterior, Residuals, Sample, SigmaSummary, StageRecord, StopReason,
 };
-pub use predictive::predictive_band;
+pub use predictive::{predictive_band, predictive_band_of_group};
 pub use prior::{Coordinate, Prior, PriorError, PriorSpec};
 pub use problem::{Parameter, Problem};
 pub use settings::Settings;

@@ -79,6 +79,29 @@ pub enum NoiseError {
     /// Per-point noise without a noise column.
     #[error("noise per point needs a standard deviation for each observation; none were given")]
     NoColumn,
+    /// Tuned noise of one of several groups.
+    #[error(
+        "the noise of group {group} is to be tuned, which is done for one group of observations only; give inferred or fixed noise"
+    )]
+    TunedGroup {
+        /// Name of the group.
+        group: String,
+    },
+    /// The noise model of one of several groups.
+    #[error("group {group}: {error}")]
+    OfGroup {
+        /// Name of the group.
+        group: String,
+        /// What is wrong.
+        error: Box<NoiseError>,
+    },
+}
+
+impl NoiseError {
+    /// Says which group it is about.
+    pub(crate) fn of_group(self, group: &str) -> Self {
+        Self::OfGroup { group: group.to_owned(), error: Box::new(self) }
+    }
 }
 
 /// The likelihood of a simulated curve under a checked noise model.

@@ -3,19 +3,19 @@
 //! `ln w_k = ln w_(k-1) + ln p(y_k | y_1 .. y_(k-1), theta)`, from the samples of the whole run; early on, when
 //! the posterior is still wide, few of them lie where the weight is, and the effective sample size says so.
 
+use crate::joint::{JointLikelihood, JointProblem};
 use crate::marginal::Marginal;
-use crate::noise::Likelihood;
 use crate::pool::{effective_sample_size, exponentiate};
 use crate::sampler::Sampler;
 use crate::target::CurveTarget;
-use crate::{PathParameter, PathPoint, Problem};
+use crate::{PathParameter, PathPoint};
 use rayon::prelude::*;
 
 pub(crate) fn path(
-    problem: &Problem<'_>,
+    problem: &JointProblem<'_>,
     target: &CurveTarget<'_>,
     sampler: &Sampler<'_>,
-    likelihood: &Likelihood,
+    likelihood: &JointLikelihood,
     coordinate: &[Vec<f64>],
     marginals: &[Marginal<'_>],
 ) -> Vec<PathPoint> {
@@ -23,6 +23,7 @@ pub(crate) fn path(
     let n = pool.len();
     let points = target.indices.len();
     let ln_base = pool.ln_base();
+    let control = problem.control();
     // Log likelihood up to each kept observation, sample by sample.
     let cumulative: Vec<f64> = if target.thinned {
         pool.kept.chunks_exact(2 * points).flat_map(|row| row[points..].iter().copied()).collect()
@@ -101,7 +102,7 @@ pub(crate) fn path(
                 .collect();
             PathPoint {
                 index: target.indices[k],
-                control: problem.observations.control()[target.indices[k]],
+                control: control[target.indices[k]],
                 ess: effective_sample_size(&w),
                 log_evidence: top + (total / n as f64).ln(),
                 parameters,

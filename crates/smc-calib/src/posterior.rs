@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub struct Posterior {
     /// False for tuned weights (`ess-target`), which are no posterior.
     pub is_posterior: bool,
-    /// Noise model.
+    /// Noise model; of several groups of observations, the first one's.
     pub noise: Noise,
     /// Settings of the run.
     pub settings: Settings,
@@ -31,9 +31,9 @@ pub struct Posterior {
     pub khat: f64,
     /// The maximum a posteriori point.
     pub map: MapPoint,
-    /// Posterior of the noise standard deviation; none where it is fixed per point or tuned.
+    /// Posterior of the noise standard deviation; none where it is fixed per point or tuned, or there are several.
     pub sigma: Option<SigmaSummary>,
-    /// Residuals of the MAP curve.
+    /// Residuals of the MAP curve; of several groups, the tests of the group that fails them most clearly.
     pub residuals: Residuals,
     /// Posterior predictive bands at the observation points.
     pub predictive: Vec<BandPoint>,
@@ -49,6 +49,42 @@ pub struct Posterior {
     pub warnings: Vec<Warning>,
     /// Work done.
     pub counters: Counters,
+    /// One entry per group of observations; empty where there is one group, which `noise`, `sigma` and `residuals`
+    /// describe.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub groups: Vec<GroupSummary>,
+}
+
+/// What belongs to one of several groups of observations.
+///
+/// Its observations are `first`, `first + 1`, .. of those that the posterior lists: in the curves, the bands, the path
+/// and the residuals.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GroupSummary {
+    /// Name.
+    pub name: String,
+    /// Noise model.
+    pub noise: Noise,
+    /// Its first observation.
+    pub first: usize,
+    /// Number of its observations.
+    pub observations: usize,
+    /// Its share of the log likelihood of the MAP.
+    pub log_likelihood: f64,
+    /// Posterior of its noise standard deviation; none where it is fixed point by point.
+    pub sigma: Option<SigmaSummary>,
+    /// Its noise standard deviation in each of the posterior's draws; empty where it is fixed point by point.
+    pub sigma_draws: Vec<f64>,
+    /// Its residuals, of the MAP curve.
+    pub residuals: Residuals,
+}
+
+impl GroupSummary {
+    /// Places of its observations among those of all groups.
+    pub fn places(&self) -> std::ops::Range<usize> {
+        self.first..self.first + self.observations
+    }
 }
 
 /// One simulated sample.
@@ -77,7 +113,7 @@ pub struct Sample {
 pub struct Draw {
     /// Index into `samples`.
     pub sample: usize,
-    /// Noise standard deviation; none where the noise is fixed per point or tuned.
+    /// Noise standard deviation; none where the noise is fixed per point or tuned, or there are several.
     pub sigma: Option<f64>,
 }
 

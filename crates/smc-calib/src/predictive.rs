@@ -5,7 +5,9 @@ use crate::noise::Likelihood;
 use crate::sampler::Sampler;
 use crate::stream::{Purpose, stream};
 use crate::target::CurveTarget;
-use crate::{BandPoint, Draw, Posterior, Problem, Settings, SigmaSummary, SimError, Simulator};
+use crate::{
+    BandPoint, Draw, GroupSummary, Posterior, Settings, SigmaSummary, SimError, Simulator,
+};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
@@ -43,12 +45,11 @@ fn band(index: usize, control: f64, mean: f64, values: &mut [f64], noisy: &mut [
 
 /// Bands at the observations that were kept.
 pub(crate) fn at_observations(
-    problem: &Problem<'_>,
     target: &CurveTarget<'_>,
     sampler: &Sampler<'_>,
     estimator: &Estimator,
     draws: &[Draw],
-    likelihood: &Likelihood,
+    groups: &[GroupSummary],
     settings: &Settings,
 ) -> Vec<BandPoint> {
     if draws.is_empty() {
@@ -56,6 +57,7 @@ pub(crate) fn at_observations(
     }
     let pool = &sampler.pool;
     let width = pool.kept_width;
+    let control = target.problem.control();
     (0..target.indices.len())
         .into_par_iter()
         .map(|k| {
@@ -63,17 +65,19 @@ pub(crate) fn at_observations(
             let mut values: Vec<f64> =
                 draws.iter().map(|d| pool.kept[d.sample * width + k]).collect();
             let mut rng = stream(settings.seed, Purpose::Predictive, 0, k);
-            let point_sigma = likelihood.fixed_sigma(index);
+            let point_sigma = target.likelihood.fixed_sigma(index);
+            let group = groups.iter().find(|g| g.places().contains(&index));
             let mut noisy: Vec<f64> = draws
                 .iter()
                 .zip(&values)
-                .map(|(d, v)| {
-                    v + d.sigma.or(point_sigma).unwrap_or(0.0)
-                        * rng.sample::<f64, _>(StandardNormal)
+                .enumerate()
+                .map(|(at, (d, v))| {
+                    let sigma = group.map_or(d.sigma, |g| g.sigma_draws.get(at).copied());
+                    v + sigma.or(point_sigma).unwrap_or(0.0) * rng.sample::<f64, _>(StandardNormal)
                 })
                 .collect();
             let mean = estimator.mean(|i| pool.kept[i * width + k]);
-            band(index, problem.observations.control()[index], mean, &mut values, &mut noisy)
+            band(index, control[index], mean, &mut values, &mut noisy)
         })
         .collect()
 }
@@ -82,7 +86,8 @@ pub(crate) fn at_observations(
 ///
 /// `simulator` gives the curve at `control` for the same parameters; it is run for at most `max_draws` of the
 /// posterior's draws, evenly chosen. Draws that fail on this grid are left out. Noise is added where the
-/// posterior knows one standard deviation for all points.
+/// posterior knows one standard deviation for all points; with several groups of observations none is
+/// ([`predictive_band_of_group`] adds it).
 ///
 /// # Errors
 /// A fatal simulator error, or no draw that can be simulated.
@@ -91,6 +96,40 @@ pub fn predictive_band(
     simulator: &dyn Simulator,
     control: &[f64],
     max_draws: usize,
+) -> Result<Vec<BandPoint>, SimError> {
+    band_on_grid(posterior, simulator, control, max_draws, &|at| posterior.draws[at].sigma)
+}
+
+/// Posterior predictive bands on any grid, of one group of observations, with that group's noise.
+///
+/// `simulator` gives this group's curve at `control`; otherwise as [`predictive_band`].
+///
+/// # Errors
+/// A group that the posterior does not have, a fatal simulator error, or no draw that can be simulated.
+pub fn predictive_band_of_group(
+    posterior: &Posterior,
+    group: &str,
+    simulator: &dyn Simulator,
+    control: &[f64],
+    max_draws: usize,
+) -> Result<Vec<BandPoint>, SimError> {
+    let Some(group) = posterior.groups.iter().find(|g| g.name == group) else {
+        let names: Vec<&str> = posterior.groups.iter().map(|g| g.name.as_str()).collect();
+        return Err(SimError::fatal(format!(
+            "the posterior has no group of observations named {group}; its groups: {}",
+            if names.is_empty() { "none".to_owned() } else { names.join(", ") }
+        )));
+    };
+    band_on_grid(posterior, simulator, control, max_draws, &|at| group.sigma_draws.get(at).copied())
+}
+
+/// Bands on a grid; `sigma` is the noise standard deviation of a draw.
+fn band_on_grid(
+    posterior: &Posterior,
+    simulator: &dyn Simulator,
+    control: &[f64],
+    max_draws: usize,
+    sigma: &(dyn Fn(usize) -> Option<f64> + Sync),
 ) -> Result<Vec<BandPoint>, SimError> {
     let all = &posterior.draws;
     if simulator.observables() != control.len()
@@ -105,9 +144,9 @@ pub fn predictive_band(
         )));
     }
     let count = all.len().min(max_draws);
-    let chosen: Vec<Draw> = (0..count).map(|k| all[k * all.len() / count]).collect();
+    let chosen: Vec<usize> = (0..count).map(|k| k * all.len() / count).collect();
     // Neighbouring draws are often the same sample: simulate it once.
-    let mut distinct: Vec<usize> = chosen.iter().map(|d| d.sample).collect();
+    let mut distinct: Vec<usize> = chosen.iter().map(|at| all[*at].sample).collect();
     distinct.dedup();
     let curves: Vec<Option<Vec<f64>>> = distinct
         .par_iter()
@@ -130,12 +169,12 @@ pub fn predictive_band(
     let mut curve_of = Vec::with_capacity(chosen.len());
     let mut at = 0;
     for draw in &chosen {
-        while distinct[at] != draw.sample {
+        while distinct[at] != all[*draw].sample {
             at += 1;
         }
         curve_of.push(at);
     }
-    let alive: Vec<(usize, Draw)> =
+    let alive: Vec<(usize, usize)> =
         curve_of.into_iter().zip(chosen).filter(|(c, _)| curves[*c].is_some()).collect();
     if alive.is_empty() {
         return Err(SimError::fatal("no posterior draw can be simulated on this grid"));
@@ -150,7 +189,7 @@ pub fn predictive_band(
                 let Some(curve) = &curves[*c] else { continue };
                 values.push(curve[k]);
                 noisy.push(
-                    curve[k] + draw.sigma.unwrap_or(0.0) * rng.sample::<f64, _>(StandardNormal),
+                    curve[k] + sigma(*draw).unwrap_or(0.0) * rng.sample::<f64, _>(StandardNormal),
                 );
             }
             let mean = values.iter().sum::<f64>() / values.len() as f64;
@@ -161,10 +200,11 @@ pub fn predictive_band(
 
 /// Posterior of the noise standard deviation: moments exactly, as the weighted mixture of conditional inverse
 /// gammas, sigma^2 ~ IG(a, b), a = (nu0 + m)/2, b = (nu0 s0^2 + S)/2, with
-/// `E sigma = sqrt(b) Gamma(a - 1/2)/Gamma(a)` and `E sigma^2 = b/(a - 1)`; quantiles from the draws.
+/// `E sigma = sqrt(b) Gamma(a - 1/2)/Gamma(a)` and `E sigma^2 = b/(a - 1)`; quantiles from the
+/// drawn `values`. `ln_l` holds the log likelihoods of the samples under this likelihood.
 pub(crate) fn sigma_summary(
-    draws: &[Draw],
-    sampler: &Sampler<'_>,
+    mut values: Vec<f64>,
+    ln_l: &[f64],
     estimator: &Estimator,
     likelihood: &Likelihood,
 ) -> Option<SigmaSummary> {
@@ -183,8 +223,7 @@ pub(crate) fn sigma_summary(
     let (nu0, sum0) = likelihood.inferred()?;
     let a = 0.5 * (nu0 + likelihood.values().len() as f64);
     let first = (ln_gamma(a - 0.5) - ln_gamma(a)).exp();
-    let b =
-        |i: usize| 0.5 * (sum0 + likelihood.sum_of_squares_at(sampler.pool.ln_l[i]).unwrap_or(0.0));
+    let b = |i: usize| 0.5 * (sum0 + likelihood.sum_of_squares_at(ln_l[i]).unwrap_or(0.0));
     let mean = estimator.mean(|i| b(i).sqrt() * first);
     // With a at most 1 the second moment does not exist.
     let sd = if a > 1.0 {
@@ -192,7 +231,6 @@ pub(crate) fn sigma_summary(
     } else {
         f64::MAX
     };
-    let mut values: Vec<f64> = draws.iter().filter_map(|d| d.sigma).collect();
     if values.is_empty() {
         let both = [mean, mean];
         return Some(SigmaSummary {

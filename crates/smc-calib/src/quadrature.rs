@@ -6,9 +6,10 @@
 //! grid, until the covariance stands still. Then the grid is halved, only where there is mass, until no moment
 //! moves; the last move is the error estimate.
 
+use crate::joint::{JointLikelihood, JointProblem};
 use crate::mixture::{cholesky, packed_inverse};
 use crate::target::{CurveTarget, Target};
-use crate::{CalibrateError, Likelihood, Problem, SimError};
+use crate::{CalibrateError, Problem, SimError};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -64,7 +65,18 @@ pub fn quadrature(
     problem: &Problem<'_>,
     settings: &QuadratureSettings,
 ) -> Result<Quadrature, CalibrateError> {
-    let likelihood = Likelihood::new(&problem.noise, &problem.observations)?;
+    quadrature_joint(&problem.into(), settings)
+}
+
+/// Posterior moments and evidence of a problem with several groups of observations.
+///
+/// # Errors
+/// As [`quadrature`].
+pub fn quadrature_joint(
+    problem: &JointProblem<'_>,
+    settings: &QuadratureSettings,
+) -> Result<Quadrature, CalibrateError> {
+    let likelihood = JointLikelihood::new(problem)?;
     let target = CurveTarget::new(problem, &likelihood, 1);
     let coordinate = |j: usize, z: f64| {
         let prior = &problem.parameters[j].prior;

@@ -1,6 +1,7 @@
 //! From weighted samples to a [`Posterior`].
 
 use crate::estimate::Estimator;
+use crate::joint::{JointLikelihood, JointProblem};
 use crate::map_search::{self, MOST_STARTS, Start};
 use crate::marginal::{Marginal, in_si, mean_and_sd};
 use crate::noise::Likelihood;
@@ -14,8 +15,8 @@ use crate::stream::{Purpose, stream};
 use crate::target::CurveTarget;
 use crate::warning::warnings;
 use crate::{
-    CalibrateError, Draw, EffectiveSampleSize, Evidence, MapPoint, ParameterSummary, Posterior,
-    Problem, Sample, Settings, StageRecord, StopReason, psis,
+    CalibrateError, Draw, EffectiveSampleSize, Evidence, GroupSummary, MapPoint, ParameterSummary,
+    Posterior, Residuals, Sample, Settings, StageRecord, StopReason, psis,
 };
 use rand::RngExt;
 use rand_distr::{Distribution, Gamma};
@@ -23,10 +24,10 @@ use rayon::prelude::*;
 
 /// A finished run.
 pub(crate) struct Run<'a> {
-    pub problem: &'a Problem<'a>,
+    pub problem: &'a JointProblem<'a>,
     pub settings: &'a Settings,
     pub target: &'a CurveTarget<'a>,
-    pub likelihood: &'a Likelihood,
+    pub likelihood: &'a JointLikelihood,
     pub sampler: &'a Sampler<'a>,
     /// Weights, largest 1.
     pub raw: Vec<f64>,
@@ -90,7 +91,18 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
         .collect();
     let khat = parameters.iter().map(|p| p.khat).fold(weight_khat, f64::max);
 
-    let draws = draws(sampler, &estimator, likelihood, settings);
+    let chosen = chosen(&estimator, settings);
+    let sigma_draws =
+        likelihood.single().map(|one| draw_sigmas(&chosen, &pool.ln_l, one, 0, settings));
+    let draws: Vec<Draw> = chosen
+        .iter()
+        .enumerate()
+        .map(|(k, sample)| Draw {
+            sample: *sample,
+            sigma: sigma_draws.as_ref().and_then(|s| s.get(k).copied()),
+        })
+        .collect();
+    let groups = groups(problem, target, sampler, &estimator, &chosen, &map, settings);
     let (value, se) = estimator.log_evidence();
     let (frozen_value, frozen_se) = sampler.frozen_evidence();
     let log_evidence = if tuned {
@@ -105,7 +117,10 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
             agree: (value - frozen_value).abs() <= 3.0 * se.hypot(frozen_se),
         }
     };
-    let residuals = residuals(problem.observations.values(), &map.outputs);
+    let residuals = match groups.as_slice() {
+        [] => residuals(problem.groups[0].observations.values(), &map.outputs),
+        several => residuals_of_all(several),
+    };
     let total = estimator.total;
     let samples = (0..n)
         .into_par_iter()
@@ -125,7 +140,7 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
         .collect();
     let mut posterior = Posterior {
         is_posterior: !tuned,
-        noise: problem.noise.clone(),
+        noise: problem.groups[0].noise.clone(),
         settings: settings.clone(),
         samples,
         correlation: correlation(&coordinate, &estimator),
@@ -133,11 +148,11 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
         log_evidence,
         ess: EffectiveSampleSize { importance, per_simulation: importance / n as f64 },
         khat,
-        sigma: sigma_summary(&draws, sampler, &estimator, likelihood),
+        sigma: likelihood.single().and_then(|one| {
+            sigma_summary(sigma_draws.unwrap_or_default(), &pool.ln_l, &estimator, one)
+        }),
         residuals,
-        predictive: at_observations(
-            problem, target, sampler, &estimator, &draws, likelihood, settings,
-        ),
+        predictive: at_observations(target, sampler, &estimator, &draws, &groups, settings),
         path: if tuned {
             Vec::new()
         } else {
@@ -151,14 +166,69 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
         warnings: Vec::new(),
         counters: sampler.counters,
         map,
+        groups,
     };
     posterior.counters.map_simulations = posterior.map.simulations;
     posterior.warnings = warnings(&posterior, problem, target, pool.failed);
     Ok(posterior)
 }
 
+/// What belongs to each of several groups; nothing where there is one.
+fn groups(
+    problem: &JointProblem<'_>,
+    target: &CurveTarget<'_>,
+    sampler: &Sampler<'_>,
+    estimator: &Estimator,
+    chosen: &[usize],
+    map: &MapPoint,
+    settings: &Settings,
+) -> Vec<GroupSummary> {
+    if target.likelihood.single().is_some() {
+        return Vec::new();
+    }
+    let (pool, width) = (&sampler.pool, sampler.pool.kept_width);
+    let parts = problem.groups.iter().zip(target.likelihood.groups());
+    parts
+        .enumerate()
+        .map(|(g, (group, (part, range)))| {
+            let ln_l: Vec<f64> = pool
+                .ln_l
+                .par_iter()
+                .zip(pool.kept.par_chunks(width))
+                .map(|(l, kept)| {
+                    if l.is_finite() { target.ln_of_group(g, kept, *l) } else { f64::NEG_INFINITY }
+                })
+                .collect();
+            let sigma_draws = draw_sigmas(chosen, &ln_l, part, g, settings);
+            let outputs = &map.outputs[range.clone()];
+            GroupSummary {
+                name: group.name.clone(),
+                noise: group.noise.clone(),
+                first: range.start,
+                observations: range.len(),
+                log_likelihood: part.ln_joint(outputs),
+                sigma: sigma_summary(sigma_draws.clone(), &ln_l, estimator, part),
+                sigma_draws,
+                residuals: residuals(group.observations.values(), outputs),
+            }
+        })
+        .collect()
+}
+
+/// Residuals of all groups, with the tests of the group that fails them most clearly.
+fn residuals_of_all(groups: &[GroupSummary]) -> Residuals {
+    let mut all = Residuals { independent: true, ..Residuals::default() };
+    for r in groups.iter().map(|g| &g.residuals) {
+        if (!r.independent, r.lag1.abs()) > (!all.independent, all.lag1.abs()) {
+            (all.lag1, all.runs_z, all.independent) = (r.lag1, r.runs_z, r.independent);
+        }
+        all.values.extend(&r.values);
+    }
+    all
+}
+
 fn columns(
-    problem: &Problem<'_>,
+    problem: &JointProblem<'_>,
     value: impl Fn(usize, usize) -> f64 + Sync,
     n: usize,
 ) -> Vec<Vec<f64>> {
@@ -264,7 +334,7 @@ fn best_sample(target: &CurveTarget<'_>, sampler: &Sampler<'_>, density: &[f64])
 /// The highest density of the prior's coordinate, searched for in normal scores.
 fn find_map(
     target: &CurveTarget<'_>,
-    likelihood: &Likelihood,
+    likelihood: &JointLikelihood,
     sampler: &Sampler<'_>,
     estimator: &Estimator,
     settings: &Settings,
@@ -286,7 +356,7 @@ fn find_map(
     }
     let starts = map_starts(sampler, estimator, &density);
     let start = starts.first().map_or_else(|| pool.point(0).to_vec(), |s| s.point.clone());
-    let mut outputs = vec![0.0; target.problem.observations.len()];
+    let mut outputs = vec![0.0; target.problem.observations()];
     let mut fatal = None;
     let (z, _, simulations) = map_search::best_of(&starts, settings.map_simulations, &mut |z| {
         // Beyond 8 the parameter is its bound to all digits.
@@ -326,13 +396,8 @@ fn find_map(
     })
 }
 
-/// Systematic resampling, and one noise standard deviation per draw from its conditional inverse gamma.
-fn draws(
-    sampler: &Sampler<'_>,
-    estimator: &Estimator,
-    likelihood: &Likelihood,
-    settings: &Settings,
-) -> Vec<Draw> {
+/// Systematic resampling: the sample of each draw.
+fn chosen(estimator: &Estimator, settings: &Settings) -> Vec<usize> {
     let count = settings.draws;
     if count == 0 {
         return Vec::new();
@@ -351,24 +416,33 @@ fn draws(
     while let (true, Some(last)) = (chosen.len() < count, chosen.last().copied()) {
         chosen.push(last);
     }
-    let m = likelihood.values().len() as f64;
     chosen
-        .into_par_iter()
+}
+
+/// One noise standard deviation per draw, from its conditional inverse gamma in one group; `ln_l` holds the samples'
+/// log likelihoods there. Empty where the noise is fixed point by point or tuned.
+fn draw_sigmas(
+    chosen: &[usize],
+    ln_l: &[f64],
+    part: &Likelihood,
+    group: usize,
+    settings: &Settings,
+) -> Vec<f64> {
+    let Some((nu0, sum0)) = part.inferred() else {
+        return part.common_sigma().map_or_else(Vec::new, |sigma| vec![sigma; chosen.len()]);
+    };
+    let Ok(gamma) = Gamma::new(0.5 * (nu0 + part.values().len() as f64), 1.0) else {
+        return Vec::new();
+    };
+    chosen
+        .par_iter()
         .enumerate()
         .with_min_len(256)
         .map(|(k, sample)| {
-            let sigma = match likelihood.inferred() {
-                Some((nu0, sum0)) => {
-                    let s = likelihood.sum_of_squares_at(sampler.pool.ln_l[sample]).unwrap_or(0.0);
-                    Gamma::new(0.5 * (nu0 + m), 1.0).ok().map(|g| {
-                        let g: f64 = g.sample(&mut stream(settings.seed, Purpose::Sigma, 0, k));
-                        let wrong = if planted::is(Bug::SigmaTenPercent) { 1.1 } else { 1.0 };
-                        wrong * (0.5 * (sum0 + s) / g).sqrt()
-                    })
-                }
-                None => likelihood.common_sigma(),
-            };
-            Draw { sample, sigma }
+            let s = part.sum_of_squares_at(ln_l[*sample]).unwrap_or(0.0);
+            let g: f64 = gamma.sample(&mut stream(settings.seed, Purpose::Sigma, group, k));
+            let wrong = if planted::is(Bug::SigmaTenPercent) { 1.1 } else { 1.0 };
+            wrong * (0.5 * (sum0 + s) / g).sqrt()
         })
         .collect()
 }

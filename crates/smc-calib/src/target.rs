@@ -1,14 +1,14 @@
 //! What the sampler sees: a log likelihood over normal scores.
 
-use crate::noise::Likelihood;
+use crate::SimError;
+use crate::joint::{JointLikelihood, JointProblem};
 use crate::simulator::parallel_block;
-use crate::{Problem, SimError};
 use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};
 
 /// A log likelihood over normal scores; the prior is the standard normal in every coordinate.
 ///
-/// Curves ([`Problem`]) and plain densities ([`crate::reference`]) run through the same sampler.
+/// Curves ([`crate::Problem`]) and plain densities ([`crate::reference`]) run through the same sampler.
 pub trait Target: Sync {
     /// Number of coordinates.
     fn dimension(&self) -> usize;
@@ -106,8 +106,10 @@ pub(crate) struct Best {
 /// A problem as a target. Whole curves are kept where there is room; else the outputs at some observations
 /// and the log likelihood up to each of them.
 pub(crate) struct CurveTarget<'a> {
-    pub problem: &'a Problem<'a>,
-    pub likelihood: &'a Likelihood,
+    pub problem: &'a JointProblem<'a>,
+    pub likelihood: &'a JointLikelihood,
+    /// Number of observations.
+    observations: usize,
     /// Observations of which something is kept.
     pub indices: Vec<usize>,
     pub thinned: bool,
@@ -117,19 +119,23 @@ pub(crate) struct CurveTarget<'a> {
 
 impl<'a> CurveTarget<'a> {
     pub(crate) fn new(
-        problem: &'a Problem<'a>,
-        likelihood: &'a Likelihood,
+        problem: &'a JointProblem<'a>,
+        likelihood: &'a JointLikelihood,
         samples: usize,
     ) -> Self {
-        let m = problem.observations.len();
+        let m = problem.observations();
         if m <= 2 * MAX_PATH && m.saturating_mul(samples) <= MAX_KEPT {
-            let indices = (0..m).collect();
-            return Self { problem, likelihood, indices, thinned: false, best: Mutex::new(None) };
+            let (indices, best) = ((0..m).collect(), Mutex::new(None));
+            return Self { problem, likelihood, observations: m, indices, thinned: false, best };
         }
         let kept = m.min(MAX_PATH).min(MAX_KEPT / 2 / samples.max(1)).max(2);
-        // Evenly spaced, the last one included.
-        let indices = (1..=kept).map(|k| k * m / kept - 1).collect();
-        Self { problem, likelihood, indices, thinned: true, best: Mutex::new(None) }
+        // Evenly spaced, the last one included, and the last one of every group.
+        let mut indices: Vec<usize> = (1..=kept).map(|k| k * m / kept - 1).collect();
+        indices.extend(problem.ranges().iter().map(|range| range.end - 1));
+        indices.sort_unstable();
+        indices.dedup();
+        let best = Mutex::new(None);
+        Self { problem, likelihood, observations: m, indices, thinned: true, best }
     }
 
     /// Parameters in SI.
@@ -152,6 +158,24 @@ impl<'a> CurveTarget<'a> {
         };
         self.problem.simulator.simulate(theta, outputs)?;
         finite(outputs)
+    }
+
+    /// Log likelihood of group `g` from what was kept of a sample and its joint log likelihood.
+    pub(crate) fn ln_of_group(&self, g: usize, kept: &[f64], ln_joint: f64) -> f64 {
+        if self.likelihood.single().is_some() {
+            return ln_joint;
+        }
+        let Some((part, range)) = self.likelihood.groups().nth(g) else { return f64::NAN };
+        if !self.thinned {
+            return part.ln_joint(&kept[range]);
+        }
+        // Every group's last observation is kept.
+        let cumulative = &kept[self.indices.len()..];
+        let up_to = |end: usize| match self.indices.binary_search(&(end.wrapping_sub(1))) {
+            Ok(k) => cumulative[k],
+            Err(_) => 0.0,
+        };
+        up_to(range.end) - up_to(range.start)
     }
 
     /// Log density of the prior in its coordinates, at normal scores.
@@ -209,7 +233,7 @@ impl<'a> CurveTarget<'a> {
             Ok(results) => results,
             Err(error) => return vec![(0, error)],
         };
-        in_parallel(ln_l, outputs, self.problem.observations.len(), |at, outputs| {
+        in_parallel(ln_l, outputs, self.observations, |at, outputs| {
             match results[at].clone().and_then(|()| finite(outputs)) {
                 Ok(()) => Ok(self.likelihood.ln_joint(outputs)),
                 Err(error) => {
@@ -225,7 +249,7 @@ impl<'a> CurveTarget<'a> {
     fn remember_best(&self, z: &[f64], ln_l: &[f64], outputs: &[f64]) {
         let mut best = self.best.lock().unwrap_or_else(PoisonError::into_inner);
         let rows = z.chunks_exact(self.dimension()).zip(ln_l);
-        for ((z, l), outputs) in rows.zip(outputs.chunks_exact(self.problem.observations.len())) {
+        for ((z, l), outputs) in rows.zip(outputs.chunks_exact(self.observations)) {
             if !l.is_finite() {
                 continue;
             }
@@ -270,7 +294,7 @@ impl Target for CurveTarget<'_> {
             self.simulate(z, kept)?;
             return Ok(self.likelihood.ln_joint(kept));
         }
-        let m = self.problem.observations.len();
+        let m = self.observations;
         let mut outputs = vec![0.0; m];
         self.simulate(z, &mut outputs)?;
         self.thin(&outputs, &mut vec![0.0; m], kept);
@@ -288,7 +312,7 @@ impl Target for CurveTarget<'_> {
             return self.batch(first, z, ln_l, kept);
         }
         // Whole curves for as many samples at a time as there is room for.
-        let (d, m, width) = (self.dimension(), self.problem.observations.len(), self.kept());
+        let (d, m, width) = (self.dimension(), self.observations, self.kept());
         let rows = (MAX_BATCH / m).clamp(1, ln_l.len().max(1));
         let mut outputs = vec![0.0; rows * m];
         let mut errors = Vec::new();

@@ -1,7 +1,8 @@
 //! What a user should know before trusting a result.
 
+use crate::joint::JointProblem;
 use crate::target::CurveTarget;
-use crate::{Noise, Posterior, PriorSpec, Problem};
+use crate::{Noise, Posterior, PriorSpec, Residuals};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -54,6 +55,9 @@ pub enum Warning {
         lag1: f64,
         /// z-score of the number of runs.
         runs_z: f64,
+        /// Group of observations, where there are several.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        group: Option<String>,
     },
     /// Posterior mass at the edge of the prior.
     AtPriorBound {
@@ -77,6 +81,9 @@ pub enum Warning {
     PoorFit {
         /// Root mean square residual of the MAP curve, in expected noise standard deviations.
         ratio: f64,
+        /// Group of observations, where there are several.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        group: Option<String>,
     },
     /// Two parameters cannot be told apart.
     NotSeparable {
@@ -131,13 +138,15 @@ impl fmt::Display for Warning {
                 f,
                 "{observations} observations for {parameters} parameters: the priors decide what the data cannot"
             ),
-            Self::ResidualsNotIndependent { lag1, runs_z } if *lag1 < 0.0 => write!(
+            Self::ResidualsNotIndependent { lag1, runs_z, group } if *lag1 < 0.0 => write!(
                 f,
-                "neighbouring residuals alternate (lag-1 correlation {lag1:.2}, runs test z {runs_z:.1}): the noise is not independent, and the intervals are too wide or the model is wrong"
+                "neighbouring residuals{} alternate (lag-1 correlation {lag1:.2}, runs test z {runs_z:.1}): the noise is not independent, and the intervals are too wide or the model is wrong",
+                of_group(group)
             ),
-            Self::ResidualsNotIndependent { lag1, runs_z } => write!(
+            Self::ResidualsNotIndependent { lag1, runs_z, group } => write!(
                 f,
-                "neighbouring residuals are alike (lag-1 correlation {lag1:.2}, runs test z {runs_z:.1}): the noise is not independent or the model misses the shape, and the intervals are too narrow"
+                "neighbouring residuals{} are alike (lag-1 correlation {lag1:.2}, runs test z {runs_z:.1}): the noise is not independent or the model misses the shape, and the intervals are too narrow",
+                of_group(group)
             ),
             Self::AtPriorBound { parameter, bound, share } => write!(
                 f,
@@ -148,9 +157,10 @@ impl fmt::Display for Warning {
                 f,
                 "{failed} of {simulations} simulations failed (most often: {commonest}): the posterior is that of the parameters that can be simulated"
             ),
-            Self::PoorFit { ratio } => write!(
+            Self::PoorFit { ratio, group } => write!(
                 f,
-                "the best curve misses the data by {ratio:.1} times the expected noise: the model or the data are in doubt, not only the parameters"
+                "the best curve misses the data{} by {ratio:.1} times the expected noise: the model or the data are in doubt, not only the parameters",
+                of_group(group)
             ),
             Self::NotSeparable { first, second, correlation } => write!(
                 f,
@@ -167,10 +177,15 @@ impl fmt::Display for Warning {
     }
 }
 
+/// " of NAME" of one of several groups.
+fn of_group(group: &Option<String>) -> String {
+    group.as_ref().map_or_else(String::new, |name| format!(" of {name}"))
+}
+
 /// Everything that a finished run should warn about.
 pub(crate) fn warnings(
     posterior: &Posterior,
-    problem: &Problem<'_>,
+    problem: &JointProblem<'_>,
     target: &CurveTarget<'_>,
     failed: usize,
 ) -> Vec<Warning> {
@@ -219,15 +234,24 @@ pub(crate) fn warnings(
             }
         }
     }
-    let (m, d) = (problem.observations.len(), problem.parameters.len());
+    let (m, d) = (problem.observations(), problem.parameters.len());
     if m < d {
         list.push(Warning::FewObservations { observations: m, parameters: d });
     }
-    if m >= 8 && !posterior.residuals.independent {
-        list.push(Warning::ResidualsNotIndependent {
-            lag1: posterior.residuals.lag1,
-            runs_z: posterior.residuals.runs_z,
-        });
+    // Each group with its residuals; the one group without a name.
+    let groups: Vec<(Option<String>, &Residuals)> = if posterior.groups.is_empty() {
+        vec![(None, &posterior.residuals)]
+    } else {
+        posterior.groups.iter().map(|g| (Some(g.name.clone()), &g.residuals)).collect()
+    };
+    for (group, residuals) in &groups {
+        if residuals.values.len() >= 8 && !residuals.independent {
+            list.push(Warning::ResidualsNotIndependent {
+                lag1: residuals.lag1,
+                runs_z: residuals.runs_z,
+                group: group.clone(),
+            });
+        }
     }
     for (j, p) in problem.parameters.iter().enumerate() {
         let (lower, upper) = p.prior.support();
@@ -269,22 +293,22 @@ pub(crate) fn warnings(
             commonest: posterior.failures.first().map_or_else(String::new, |f| f.cause.clone()),
         });
     }
-    let squares: f64 = match (&problem.noise, target.likelihood) {
-        (Noise::Inferred { s0, .. }, _) => {
-            posterior.residuals.values.iter().map(|r| (r / s0).powi(2)).sum()
+    let parts = problem.groups.iter().zip(target.likelihood.groups());
+    for ((group, residuals), (of, (part, _))) in groups.into_iter().zip(parts) {
+        let values = &residuals.values;
+        let squares: f64 = match of.noise {
+            Noise::Inferred { s0, .. } => values.iter().map(|r| (r / s0).powi(2)).sum(),
+            Noise::Fixed { .. } => values
+                .iter()
+                .enumerate()
+                .map(|(i, r)| (r / part.fixed_sigma(i).unwrap_or(f64::INFINITY)).powi(2))
+                .sum(),
+            Noise::EssTarget { .. } => 0.0,
+        };
+        let ratio = (squares / values.len() as f64).sqrt();
+        if ratio > 2.0 {
+            list.push(Warning::PoorFit { ratio, group });
         }
-        (Noise::Fixed { .. }, l) => posterior
-            .residuals
-            .values
-            .iter()
-            .enumerate()
-            .map(|(i, r)| (r / l.fixed_sigma(i).unwrap_or(f64::INFINITY)).powi(2))
-            .sum(),
-        (Noise::EssTarget { .. }, _) => 0.0,
-    };
-    let ratio = (squares / m as f64).sqrt();
-    if ratio > 2.0 {
-        list.push(Warning::PoorFit { ratio });
     }
     if target.thinned {
         list.push(Warning::PathThinned { kept: target.indices.len(), observations: m });

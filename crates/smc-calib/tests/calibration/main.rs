@@ -6,6 +6,7 @@ mod conjugate;
 mod determinism;
 mod failures;
 mod files;
+mod joint;
 mod noise;
 mod priors;
 mod references;
