@@ -164,19 +164,30 @@ impl Runner<'_> {
 
     /// Removes what is not to be kept of a run, once its outcome is stored. Best effort.
     pub(crate) fn tidy(&self, task: &Task, ran: &Ran) {
-        let keep = self.spec.commands.get(task.command).map_or(Keep::All, |command| command.keep);
-        let failed = ran.outcome.failure().is_some();
-        match keep {
-            Keep::All => {}
-            Keep::Failed if failed => {}
-            Keep::Failed | Keep::None => return self.remove(task, &ran.folders),
-        }
-        if failed {
+        if !self.stays(task, &ran.outcome) {
+            self.remove(task, &ran.folders);
+        } else if ran.outcome.failure().is_some() {
             for folder in &ran.folders {
                 for stream in [STDOUT, STDERR] {
                     let _ = shorten(&folder.join(stream));
                 }
             }
+        }
+    }
+
+    /// As [`tidy`](Self::tidy), for what a killed driver had no time for.
+    pub(crate) fn sweep(&self, task: &Task, outcome: &Outcome) {
+        let folder = task_folder(self.dir, task.number);
+        if !self.stays(task, outcome) && folder.is_dir() {
+            self.remove(task, &abandoned(&folder));
+        }
+    }
+
+    fn stays(&self, task: &Task, outcome: &Outcome) -> bool {
+        match self.spec.commands.get(task.command).map_or(Keep::All, |command| command.keep) {
+            Keep::All => true,
+            Keep::Failed => outcome.failure().is_some(),
+            Keep::None => false,
         }
     }
 

@@ -91,13 +91,17 @@ where
                 this.pool.install(|| {
                     missing.par_iter().for_each_with(sender, |sender, task| {
                         if !halt.asked() {
+                            let result = this.simulate(task);
+                            if result.is_err() {
+                                halt.cancel();
+                            }
                             // Nobody listens any more only where the caller has failed.
-                            let _ = sender.send((task.number, this.simulate(task)));
+                            let _ = sender.send((task.number, result));
                         }
                     });
                 });
             });
-            let stored = store_all(campaign, &receiver, watch, halt);
+            let stored = store_all(campaign, &receiver, watch);
             if stored.is_err() {
                 halt.cancel();
             }
@@ -117,7 +121,6 @@ fn store_all(
     campaign: &Campaign,
     receiver: &mpsc::Receiver<Ended>,
     watch: &mut dyn FnMut(Event),
-    halt: &Stop,
 ) -> Result<(), ExecutorError> {
     let mut fatal = None;
     let mut mailbox = Mailbox::new(campaign);
@@ -129,10 +132,7 @@ fn store_all(
                     let failed = outcome.failure().cloned();
                     ended.push((number, outcome, Event::Ended { number, failed }));
                 }
-                Err(cause) => {
-                    halt.cancel();
-                    fatal.get_or_insert(cause);
-                }
+                Err(cause) => _ = fatal.get_or_insert(cause),
             }
         }
         mailbox.write(ended)?;

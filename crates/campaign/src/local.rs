@@ -39,9 +39,12 @@ impl Executor for Local {
     ) -> Result<(), ExecutorError> {
         campaign.record_submitted(tasks)?;
         let missing = campaign.missing(tasks);
-        if missing.is_empty() {
-            return Ok(());
-        }
+        let runner = Runner {
+            dir: campaign.dir(),
+            spec: campaign.spec(),
+            mark: Some(campaign.id()),
+            alone: true,
+        };
         if !campaign.is_new() && campaign.first_look() {
             let ended = leftover::end(campaign.id());
             if ended > 0 {
@@ -49,13 +52,15 @@ impl Executor for Local {
                     "ended {ended} processes that a killed driver of this directory had left"
                 )));
             }
+            for task in campaign.tasks() {
+                if let Some(outcome) = campaign.outcome(task.number) {
+                    runner.sweep(&task, &outcome);
+                }
+            }
         }
-        let runner = Runner {
-            dir: campaign.dir(),
-            spec: campaign.spec(),
-            mark: Some(campaign.id()),
-            alone: true,
-        };
+        if missing.is_empty() {
+            return Ok(());
+        }
         let next = AtomicUsize::new(0);
         let (sender, receiver) = mpsc::channel();
         // Asked for by the caller, or by a failure after which no further run makes sense.

@@ -3,6 +3,11 @@
 #![cfg(unix)]
 #![allow(clippy::unwrap_used)]
 
+mod damage;
+mod full_disk;
+mod kills;
 mod local;
 mod sandbox;
+mod status;
+mod store;
 mod worker;

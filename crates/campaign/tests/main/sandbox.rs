@@ -106,3 +106,20 @@ pub(crate) fn is_gone(pid: i32) -> bool {
     }
     false
 }
+
+/// This test program again, with one of its ignored tests as the whole program, which finds `dir` in `CAMPAIGN_TEST`.
+/// `wrapper` is a command line that it is put behind.
+pub(crate) fn this_program(wrapper: &[&str], test: &str, dir: &Path) -> std::process::Command {
+    let program = std::env::current_exe().unwrap();
+    let mut line: Vec<&str> = wrapper.to_vec();
+    line.extend([program.to_str().unwrap(), "--exact", test, "--ignored", "--nocapture"]);
+    let mut command = std::process::Command::new(line[0]);
+    command.args(&line[1..]).env("CAMPAIGN_TEST", dir).env("RUST_BACKTRACE", "0");
+    command.stdin(std::process::Stdio::null());
+    command
+}
+
+/// The directory that [`this_program`] was given; none where the test was started by hand.
+pub(crate) fn given_dir() -> Option<PathBuf> {
+    std::env::var_os("CAMPAIGN_TEST").map(PathBuf::from)
+}
