@@ -4,6 +4,7 @@ mod sandbox;
 
 mod bad_input;
 mod compare;
+mod damage;
 mod determinism;
 mod files;
 mod main_job;

@@ -4,7 +4,8 @@ use std::fs;
 
 use crate::sandbox::Sandbox;
 
-const FILES: [&str; 16] = [
+const FILES: [&str; 17] = [
+    "SHA256SUMS",
     "convergence.png",
     "convergence.svg",
     "corner.png",

@@ -18,6 +18,8 @@ pub enum Mistake {
     TooLarge,
     /// The file is not text in UTF-8.
     NotUtf8,
+    /// The file is not what this program wrote.
+    Damaged,
     /// The file is not TOML, CSV or JSON where it should be.
     Syntax,
     /// A table without rows, or a file with nothing in it.

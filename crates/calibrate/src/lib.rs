@@ -4,6 +4,7 @@ pub mod args;
 pub mod bench;
 pub mod calibration;
 pub mod check;
+pub mod checksums;
 pub mod compare;
 pub mod derived;
 pub mod error;

@@ -13,9 +13,9 @@ use smc_calib::{
     PathPoint, Residuals, SigmaSummary, StageRecord, StopReason, Warning,
 };
 
+use crate::checksums;
 use crate::error::{InputError, Mistake};
 use crate::plan::Plan;
-use crate::text_file;
 
 /// Version of the layout of `posterior.json`; a reader refuses others.
 pub const SCHEMA_VERSION: u32 = 1;
@@ -257,8 +257,7 @@ pub fn locate(path: &Path) -> PathBuf {
 /// another version.
 pub fn read(path: &Path) -> Result<PosteriorFile, InputError> {
     let path = locate(path);
-    let text = text_file::read(&path)?;
-    parse(&path.display().to_string(), &text)
+    checksums::read_as(&path, parse)
 }
 
 /// As [`read`], from text; `name` is what errors call it.

@@ -18,8 +18,9 @@ use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::number::significant;
 use crate::posterior_file::{self, PosteriorFile};
 use crate::prior_file::ParameterName;
+use crate::run::read_draws;
 use crate::weighted::Weighted;
-use crate::{output, summary, tables, text_file};
+use crate::{output, summary};
 
 /// A quantity under the posterior, over the draws that have it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -105,9 +106,7 @@ pub fn run(args: &PredictArgs) -> Result<(), Failure> {
     let path = posterior_file::locate(&args.posterior);
     let file = posterior_file::read(&path)?;
     let folder = path.parent().unwrap_or(Path::new("."));
-    let name = folder.join("draws.csv").display().to_string();
-    let text = text_file::read(&folder.join("draws.csv"))?;
-    let theta = tables::read_parameters(&name, &text, file.parameters.len())?;
+    let theta = read_draws(&file, folder)?;
     let mut targets = args.contact_ratio.clone();
     // The paper counts coalescence in percent of a/R = 1.
     targets.extend(args.coalescence.iter().map(|percent| percent / 100.0));

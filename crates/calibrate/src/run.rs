@@ -21,7 +21,7 @@ use crate::output::{POSTERIOR_RECORD, Published, RunFolder};
 use crate::plan::{Plan, Planned, noise_in_words};
 use crate::plot::Width;
 use crate::posterior_file::{self, PosteriorFile};
-use crate::{interrupt, summary, tables, verify};
+use crate::{checksums, interrupt, summary, tables, verify};
 
 /// How long things took. Apart from the posterior, whose bytes do not depend on it.
 #[derive(Debug, Serialize)]
@@ -110,11 +110,18 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
     pool.install(|| {
         let (tables, pictures) = rayon::join(
             || {
-                write(POSTERIOR_RECORD, posterior_json(&file)?.as_bytes())?;
                 write("table.md", tables::markdown(&file).as_bytes())?;
                 write("table.csv", tables::csv(&file).as_bytes())?;
-                write("samples.csv", tables::samples_csv(&file, &posterior).as_bytes())?;
-                write("draws.csv", tables::draws_csv(&file, &posterior).as_bytes())
+                let read_again = [
+                    (POSTERIOR_RECORD, posterior_json(&file)?),
+                    ("samples.csv", tables::samples_csv(&file, &posterior)),
+                    ("draws.csv", tables::draws_csv(&file, &posterior)),
+                ];
+                let read_again = read_again.each_ref().map(|(name, text)| (*name, text.as_str()));
+                for (name, text) in read_again {
+                    write(name, text.as_bytes())?;
+                }
+                write(checksums::FILE_NAME, checksums::lines(&read_again).as_bytes())
             },
             || draw(&file, &samples, false, Width::Column, &write),
         );
@@ -289,6 +296,34 @@ fn dry_run(planned: &Planned, json: bool) -> Result<(), Failure> {
 /// [`InputError`] for a file that is missing or cut off.
 pub fn read_samples(file: &PosteriorFile, folder: &Path) -> Result<SampleColumns, InputError> {
     let path = folder.join("samples.csv");
-    let text = crate::text_file::read(&path)?;
-    tables::read_sample_columns(&path.display().to_string(), &text, file.parameters.len())
+    checksums::read_as(&path, |name, text| {
+        let samples = tables::read_sample_columns(name, text, file.parameters.len())?;
+        complete(name, samples.weights.len(), file.counters.simulations, "samples")?;
+        Ok(samples)
+    })
+}
+
+/// Reads the parameter columns \[SI\] of the draws beside a `posterior.json`, one draw per row.
+///
+/// # Errors
+///
+/// [`InputError`] for a file that is missing or cut off.
+pub fn read_draws(file: &PosteriorFile, folder: &Path) -> Result<Vec<Vec<f64>>, InputError> {
+    let path = folder.join("draws.csv");
+    checksums::read_as(&path, |name, text| {
+        let draws = tables::read_parameters(name, text, file.parameters.len())?;
+        complete(name, draws.first().map_or(0, Vec::len), file.plan.sampler.draws, "draws")?;
+        Ok(draws)
+    })
+}
+
+/// Refuses a table that was cut off at the end of a line.
+fn complete(name: &str, found: usize, wanted: usize, what: &str) -> Result<(), InputError> {
+    if found == wanted {
+        return Ok(());
+    }
+    Err(InputError::new(name, Mistake::Damaged)
+        .found(format_args!("{found} {what}"))
+        .expected(format_args!("{wanted}, as posterior.json says"))
+        .help("the file is cut off or belongs to another run: run the calibration again"))
 }

@@ -15,6 +15,15 @@ pub const LARGEST_FILE_BYTES: u64 = 64 << 20;
 ///
 /// [`InputError`] for a file that is missing, unreadable, a directory, too large or not UTF-8.
 pub fn read(path: &Path) -> Result<String, InputError> {
+    read_up_to(path, LARGEST_FILE_BYTES)
+}
+
+/// As [`read`], with another limit \[bytes\].
+///
+/// # Errors
+///
+/// As [`read`].
+pub fn read_up_to(path: &Path, largest: u64) -> Result<String, InputError> {
     let name = path.display().to_string();
     let unreadable = |error: std::io::Error| match error.kind() {
         std::io::ErrorKind::NotFound => InputError::new(&name, Mistake::MissingFile)
@@ -29,11 +38,11 @@ pub fn read(path: &Path) -> Result<String, InputError> {
     };
     let mut bytes = Vec::new();
     File::open(path)
-        .and_then(|file| file.take(LARGEST_FILE_BYTES + 1).read_to_end(&mut bytes))
+        .and_then(|file| file.take(largest + 1).read_to_end(&mut bytes))
         .map_err(unreadable)?;
-    if bytes.len() as u64 > LARGEST_FILE_BYTES {
+    if bytes.len() as u64 > largest {
         return Err(InputError::new(&name, Mistake::TooLarge)
-            .found(format_args!("more than {} MiB", LARGEST_FILE_BYTES >> 20))
+            .found(format_args!("more than {} MiB", largest >> 20))
             .expected("an observation table or a description")
             .help("keep every n-th row: neck growth needs hundreds of points, not millions"));
     }

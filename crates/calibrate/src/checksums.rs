@@ -1,0 +1,79 @@
+//! `SHA256SUMS` beside the files of a run: what is read again is held against what was written.
+//!
+//! The format is that of `sha256sum`, so that `sha256sum -c SHA256SUMS` checks a folder without this program.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use sha2::{Digest as _, Sha256};
+
+use crate::error::{InputError, Mistake};
+use crate::text_file;
+
+/// Name of the file.
+pub const FILE_NAME: &str = "SHA256SUMS";
+
+/// Largest file of a run that is read again \[bytes\]: some millions of samples.
+const LARGEST_BYTES: u64 = 2 << 30;
+
+/// The lines of a `SHA256SUMS` for files by name.
+#[must_use]
+pub fn lines(files: &[(&str, &str)]) -> String {
+    let mut text = String::new();
+    for (name, contents) in files {
+        let _ = writeln!(text, "{}  {name}", sum(contents));
+    }
+    text
+}
+
+/// Reads a file of a run, understands it by `parse` (given its name and text), and holds it against the
+/// `SHA256SUMS` beside it, where there is one that lists it.
+///
+/// # Errors
+///
+/// [`InputError`] as [`text_file::read`] and `parse`, which say the place, and for a file that reads well but is not
+/// what was written.
+pub fn read_as<T>(
+    path: &Path,
+    parse: impl FnOnce(&str, &str) -> Result<T, InputError>,
+) -> Result<T, InputError> {
+    let text = text_file::read_up_to(path, LARGEST_BYTES)?;
+    let name = path.display().to_string();
+    let understood = parse(&name, &text)?;
+    let sums = path.with_file_name(FILE_NAME);
+    if !sums.exists() {
+        return Ok(understood);
+    }
+    let listed = text_file::read(&sums)?;
+    let own = path.file_name().and_then(|name| name.to_str());
+    let wanted =
+        listed.lines().filter_map(|line| line.split_once("  ")).find(|line| Some(line.1) == own);
+    match wanted {
+        Some((wanted, _)) if wanted != sum(&text) => Err(InputError::new(name, Mistake::Damaged)
+            .found(format_args!("contents that are not those listed in {}", sums.display()))
+            .help(
+                "the file was damaged or edited: run the calibration again or copy the folder again; \
+                 to read it as it is, remove its line from SHA256SUMS",
+            )),
+        _ => Ok(understood),
+    }
+}
+
+fn sum(text: &str) -> String {
+    let mut hex = String::with_capacity(64);
+    for byte in Sha256::digest(text.as_bytes()) {
+        let _ = write!(hex, "{byte:02x}");
+    }
+    hex
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// NIST FIPS 180-4, example "abc".
+    #[test]
+    fn the_sum_is_sha_256() {
+        assert_eq!(sum("abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+    }
+}
