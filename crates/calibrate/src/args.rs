@@ -470,6 +470,8 @@ pub enum BenchStudy {
     Exact(ExactBenchArgs),
     /// What a scene does not need, and what leaving it out saves
     Savings(SavingsBenchArgs),
+    /// How cost grows with samples, observations, dimensions and threads (half a minute)
+    Growth(GrowthBenchArgs),
 }
 
 /// Time per curve against error.
@@ -482,6 +484,14 @@ pub struct SimulatorBenchArgs {
     /// Parameter vectors drawn from each prior
     #[arg(long, value_name = "N", default_value_t = 200)]
     pub draws: usize,
+}
+
+/// How cost grows.
+#[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
+pub struct GrowthBenchArgs {
+    /// Folder for the table
+    #[arg(short, long, value_name = "DIR", default_value = "results/benchmarks")]
+    pub out: PathBuf,
 }
 
 /// What leaving out saves.

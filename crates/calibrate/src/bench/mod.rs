@@ -9,6 +9,7 @@ mod cpu_time;
 #[cfg(feature = "stiff-reference")]
 mod draws;
 mod exact;
+mod growth;
 mod report;
 mod rivals;
 mod sampler;
@@ -35,6 +36,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
         BenchStudy::Calibration(args) => calibration::run(args),
         BenchStudy::Exact(args) => exact::run(args),
         BenchStudy::Savings(args) => savings::run(args),
+        BenchStudy::Growth(args) => growth::run(args),
     }
 }
 
