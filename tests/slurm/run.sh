@@ -125,8 +125,19 @@ case_slurmctld_restarted() {
     "$cluster" kill "$scratch/cluster" ctld
     until_true grep -q 'what runs is not known' "$scratch/$case.log"
     "$cluster" start "$scratch/cluster" ctld
+    # It has forgotten what happened in its last seconds, starts jobs again that run already, and drains their nodes.
+    # Resuming these is the administrator's part.
+    while kill -0 $! 2>/dev/null; do
+        resume_nodes
+        sleep 0.5
+    done
     wait $! || fail "the driver failed"
     same_as_local "$case"
+}
+resume_nodes() {
+    if sinfo --noheader --Node --format=%t | grep -q '^dr'; then
+        scontrol update NodeName=n1,n2 State=RESUME || true
+    fi
 }
 
 case_driver_killed() {
@@ -214,6 +225,7 @@ if (($#)); then cases=("$@"); else
 fi
 for case in "${cases[@]}"; do
     begin=$SECONDS
+    resume_nodes
     SIM_LOG=$scratch/$case.starts SIM_FAIL="" SIM_HANG="" SIM_SECONDS=0
     "case_$case"
     until_true queue_is_empty
