@@ -59,7 +59,7 @@ impl Process {
         if self.host != lock::host() {
             return None;
         }
-        Some(self.boot == boot() && process_exists(self.pid))
+        Some(self.boot == boot() && lock::process_exists(self.pid))
     }
 }
 
@@ -67,20 +67,6 @@ impl Process {
 fn boot() -> String {
     let id = fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default();
     id.trim().to_owned()
-}
-
-#[cfg(unix)]
-fn process_exists(pid: u32) -> bool {
-    let pid = i32::try_from(pid).ok().and_then(rustix::process::Pid::from_raw);
-    pid.is_some_and(|pid| {
-        // Not allowed to signal it means that it is there.
-        rustix::process::test_kill_process(pid) != Err(rustix::io::Errno::SRCH)
-    })
-}
-
-#[cfg(not(unix))]
-fn process_exists(_pid: u32) -> bool {
-    true
 }
 
 /// What makes attempts.
@@ -267,7 +253,9 @@ impl Runner<'_> {
             Err(error) if is_shortage(&error) => Ok(None),
             Err(error) => {
                 let reason = match error.kind() {
-                    io::ErrorKind::NotFound => "there is no such program".to_owned(),
+                    io::ErrorKind::NotFound => {
+                        "there is no such program (or not the interpreter that it names)".to_owned()
+                    }
                     io::ErrorKind::PermissionDenied => "it is not executable".to_owned(),
                     _ => error.to_string(),
                 };

@@ -1,6 +1,6 @@
 //! A directory of runs, open for the one driver that has its lock.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -31,6 +31,9 @@ const TEMPORARY: &str = ".campaign-";
 
 /// Format of the directory.
 const FORMAT: u64 = 1;
+
+/// Room that is kept on the disk for outcomes: of a hundred runs with dozens of values each.
+const RESERVE_BYTES: u64 = 64 << 10;
 
 /// A file that was being written when its process died is removed when it is older than this.
 const STALE: Duration = Duration::from_secs(600);
@@ -137,15 +140,14 @@ impl Campaign {
             fs::create_dir_all(dir).map_err(failed)?;
         }
         let dir = fs::canonicalize(dir).map_err(failed)?;
-        let lock = match fs::read_dir(&dir).map_err(failed)?.next() {
-            // Before anything is put into somebody else's directory.
-            Some(_) if !dir.join(LOCK).exists() => return Err(CampaignError::Exists { dir }),
-            _ => Lock::take(&dir)?,
-        };
+        // Before anything is put into somebody else's directory.
+        unfinished(&dir, extra)?;
+        let lock = Lock::take(&dir)?;
         clear_unfinished(&dir, extra)?;
         for name in [OUTCOMES, ITERATIONS, WORK] {
             fs::create_dir_all(dir.join(name)).map_err(failed)?;
         }
+        durable::spread(&dir.join(WORK));
         for (name, contents) in extra {
             durable::write(&dir.join(name), contents)?;
         }
@@ -376,7 +378,7 @@ impl Campaign {
         state.results.get(&(number, fingerprint.clone())).cloned()
     }
 
-    /// Those of `tasks` that were submitted and have no outcome.
+    /// Those of `tasks` that have no outcome, each once.
     #[must_use]
     pub fn missing(&self, tasks: &[Task]) -> Vec<Task> {
         let state = self.state();
@@ -385,7 +387,9 @@ impl Campaign {
                 state.results.contains_key(&(number, fingerprint.clone()))
             })
         };
-        tasks.iter().filter(|task| !ended(task.number)).cloned().collect()
+        let mut seen = HashSet::new();
+        let mut open = |task: &&Task| seen.insert(task.number) && !ended(task.number);
+        tasks.iter().filter(&mut open).cloned().collect()
     }
 
     /// Stores outcomes of submitted tasks, flushed to disk once for all of them. A run that has an
@@ -557,7 +561,9 @@ impl State {
     ) -> Result<Mutex<Self>, CampaignError> {
         let (tasks_journal, tasks, broken) = Journal::open::<Task>(&dir.join(TASKS))?;
         damage.extend(broken);
-        let (results_journal, results, broken) = Journal::open::<ResultRecord>(&dir.join(RESULTS))?;
+        let (mut results_journal, results, broken) =
+            Journal::open::<ResultRecord>(&dir.join(RESULTS))?;
+        results_journal.reserve(RESERVE_BYTES);
         damage.extend(broken);
         let iterations = read_iterations(dir, damage)?;
         let tasks = index_tasks(spec, tasks);
@@ -708,6 +714,19 @@ fn check_name(name: &str) -> Result<(), CampaignError> {
 
 /// Empties a directory that an earlier [`Campaign::create`] did not finish; refuses any other.
 fn clear_unfinished(dir: &Path, extra: &BTreeMap<String, Vec<u8>>) -> Result<(), CampaignError> {
+    for path in unfinished(dir, extra)? {
+        // Without its record nothing was ever run here: the folders are empty.
+        let removed = if path.is_dir() { fs::remove_dir(&path) } else { fs::remove_file(&path) };
+        removed.map_err(|_| CampaignError::Exists { dir: dir.to_path_buf() })?;
+    }
+    Ok(())
+}
+
+/// What an earlier [`Campaign::create`] left in a directory, but for the lock; refuses a directory with anything else.
+fn unfinished(
+    dir: &Path,
+    extra: &BTreeMap<String, Vec<u8>>,
+) -> Result<Vec<PathBuf>, CampaignError> {
     let failed = |error| CampaignError::io("made", dir, error);
     let mut found = Vec::new();
     for entry in fs::read_dir(dir).map_err(failed)? {
@@ -724,12 +743,7 @@ fn clear_unfinished(dir: &Path, extra: &BTreeMap<String, Vec<u8>>) -> Result<(),
             found.push(entry.path());
         }
     }
-    for path in found {
-        // Without its record nothing was ever run here: the folders are empty.
-        let removed = if path.is_dir() { fs::remove_dir(&path) } else { fs::remove_file(&path) };
-        removed.map_err(|_| CampaignError::Exists { dir: dir.to_path_buf() })?;
-    }
-    Ok(())
+    Ok(found)
 }
 
 /// Removes what processes that died left half-written. Best effort: it is hidden and harmless.

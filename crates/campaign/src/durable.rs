@@ -74,6 +74,23 @@ pub(crate) fn flush_folder(folder: &Path) -> io::Result<()> {
     }
 }
 
+/// Tells ext4 that the folders in this one have nothing to do with each other. It then keeps their files apart, and
+/// does not search among those that were just removed for a place for new ones, which takes
+/// milliseconds after a thousand of them. Best effort.
+pub(crate) fn spread(folder: &Path) {
+    #[cfg(any(target_os = "linux", target_os = "android"))]
+    {
+        use rustix::fs::{IFlags, ioctl_getflags, ioctl_setflags};
+        if let Ok(file) = File::open(folder)
+            && let Ok(flags) = ioctl_getflags(&file)
+        {
+            let _ = ioctl_setflags(&file, flags | IFlags::TOPDIR);
+        }
+    }
+    #[cfg(not(any(target_os = "linux", target_os = "android")))]
+    let _ = folder;
+}
+
 /// Reads a file, if it is there.
 pub(crate) fn read(path: &Path) -> Result<Option<Vec<u8>>, CampaignError> {
     let mut bytes = Vec::new();

@@ -18,6 +18,10 @@ pub(crate) struct Journal {
     file: File,
     /// Length of what is known to be whole.
     length: u64,
+    /// Up to where the disk has set room aside.
+    reserved: u64,
+    /// How much room is set aside \[bytes\].
+    reserve: u64,
 }
 
 /// What the lines of a journal hold.
@@ -109,7 +113,26 @@ impl Journal {
         }
         let mut file = OpenOptions::new().write(true).open(path).map_err(failed)?;
         let length = file.seek(SeekFrom::End(0)).map_err(failed)?;
-        Ok((Self { path: path.to_path_buf(), file, length }, records, damage))
+        let path = path.to_path_buf();
+        Ok((Self { path, file, length, reserved: 0, reserve: 0 }, records, damage))
+    }
+
+    /// Sets room aside on the disk, now and always ahead of what is written, so that a disk that
+    /// somebody fills does not cost the records of what was finished meanwhile. Best effort.
+    pub(crate) fn reserve(&mut self, bytes: u64) {
+        self.reserve = bytes;
+        self.make_room();
+    }
+
+    fn make_room(&mut self) {
+        #[cfg(any(target_os = "linux", target_os = "android"))]
+        if self.reserve > 0 && self.length + self.reserve / 2 >= self.reserved {
+            use rustix::fs::{FallocateFlags, fallocate};
+            let flags = FallocateFlags::KEEP_SIZE;
+            if fallocate(&self.file, flags, self.length, self.reserve).is_ok() {
+                self.reserved = self.length + self.reserve;
+            }
+        }
     }
 
     /// Appends records and flushes them once. Where that fails, the file is as it was.
@@ -130,7 +153,9 @@ impl Journal {
     /// Half a line would be taken for a torn one: no harm if this fails.
     fn cut(&mut self, length: u64) {
         self.length = length;
+        self.reserved = 0;
         let _ = self.file.set_len(length);
+        self.make_room();
     }
 
     /// Appends records without flushing them. Where that fails, the file is as it was.
@@ -146,6 +171,7 @@ impl Journal {
         match place.and_then(|_| self.file.write_all(&text)) {
             Ok(()) => {
                 self.length += text.len() as u64;
+                self.make_room();
                 Ok(())
             }
             Err(error) => {

@@ -4,7 +4,7 @@ use std::fmt;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read as _, Seek as _, Write as _};
 use std::path::Path;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
 
@@ -15,6 +15,10 @@ const NAME: &str = "lock";
 /// For how long the lock is tried: somebody who asks for the status holds it for a moment.
 const PATIENCE: Duration = Duration::from_millis(300);
 
+/// For how long it is tried where its holder was killed: a process that the holder was just starting has it
+/// until it becomes the program that it is to be.
+const PATIENCE_WITH_THE_DEAD: Duration = Duration::from_secs(10);
+
 /// Who has a directory.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Holder {
@@ -24,6 +28,12 @@ pub struct Holder {
     pub host: String,
     /// Since when \[seconds since 1970\].
     pub since: u64,
+}
+
+impl Holder {
+    fn is_dead(&self) -> bool {
+        self.host == host() && !process_exists(self.pid)
+    }
 }
 
 impl fmt::Display for Holder {
@@ -55,6 +65,21 @@ pub(crate) fn host() -> String {
     }
 }
 
+/// Whether there is a process of this number on this machine.
+#[cfg(unix)]
+pub(crate) fn process_exists(pid: u32) -> bool {
+    let pid = i32::try_from(pid).ok().and_then(rustix::process::Pid::from_raw);
+    pid.is_some_and(|pid| {
+        // Not allowed to signal it means that it is there.
+        rustix::process::test_kill_process(pid) != Err(rustix::io::Errno::SRCH)
+    })
+}
+
+#[cfg(not(unix))]
+pub(crate) fn process_exists(_pid: u32) -> bool {
+    true
+}
+
 /// An exclusive lock on a directory. It ends with the process, however that ends.
 #[derive(Debug)]
 pub(crate) struct Lock {
@@ -73,18 +98,18 @@ impl Lock {
             .truncate(false)
             .open(&path)
             .map_err(failed)?;
-        let mut waited = Duration::ZERO;
+        let start = Instant::now();
         loop {
             match file.try_lock() {
                 Ok(()) => break,
-                Err(TryLockError::WouldBlock) if waited < PATIENCE => {
-                    let pause = Duration::from_millis(20);
-                    std::thread::sleep(pause);
-                    waited += pause;
-                }
                 Err(TryLockError::WouldBlock) => {
                     let holder = read_holder(&mut file);
-                    return Err(CampaignError::Locked { dir: dir.to_path_buf(), holder });
+                    let dead = holder.as_ref().is_some_and(Holder::is_dead);
+                    let patience = if dead { PATIENCE_WITH_THE_DEAD } else { PATIENCE };
+                    if start.elapsed() > patience {
+                        return Err(CampaignError::Locked { dir: dir.to_path_buf(), holder });
+                    }
+                    std::thread::sleep(Duration::from_millis(20));
                 }
                 Err(TryLockError::Error(error)) => return Err(failed(error)),
             }

@@ -35,13 +35,25 @@ pub(crate) fn run(command: &mut Command, limit: Duration, stop: &Stop) -> io::Re
     }
     let started = Instant::now();
     let mut child = command.spawn()?;
-    let waiter = Waiter::new(&child);
+    watch_over(&mut child, started, limit, stop).inspect_err(|_| {
+        // It cannot be waited for, so it must not go on either.
+        signal(&mut child, Strength::Kill);
+    })
+}
+
+fn watch_over(
+    child: &mut Child,
+    started: Instant,
+    limit: Duration,
+    stop: &Stop,
+) -> io::Result<Ended> {
+    let waiter = Waiter::new(child);
     loop {
         let elapsed = started.elapsed();
         let patience = limit.saturating_sub(elapsed).min(GLANCE);
-        if waiter.wait(&mut child, patience)? {
+        if waiter.wait(child, patience)? {
             // The group's number is not given away before the child is waited for.
-            signal(&child, Strength::Kill);
+            signal(child, Strength::Kill);
             return Ok(ended(child.wait()?));
         }
         let why = if stop.asked() {
@@ -51,7 +63,7 @@ pub(crate) fn run(command: &mut Command, limit: Duration, stop: &Stop) -> io::Re
         } else {
             continue;
         };
-        end(&mut child, &waiter)?;
+        end(child, &waiter)?;
         return Ok(why);
     }
 }
@@ -100,7 +112,7 @@ fn ended(status: ExitStatus) -> Ended {
 }
 
 #[cfg(unix)]
-fn signal(child: &Child, strength: Strength) {
+fn signal(child: &mut Child, strength: Strength) {
     use rustix::process::{Signal, kill_process_group};
     let signal = match strength {
         Strength::Ask => Signal::TERM,
@@ -136,8 +148,11 @@ fn only_zombies(_group: rustix::process::Pid) -> bool {
     false
 }
 
+/// Without groups only the process itself can be ended, and not asked first.
 #[cfg(not(unix))]
-fn signal(_child: &Child, _strength: Strength) {}
+fn signal(child: &mut Child, _strength: Strength) {
+    let _ = child.kill();
+}
 
 #[cfg(not(unix))]
 fn others_are_left(_child: &Child) -> bool {

@@ -242,7 +242,7 @@ fn check(faults: &[(usize, Fault)]) -> Result<(), TestCaseError> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 300, max_shrink_iters: 200, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 200, max_shrink_iters: 200, ..ProptestConfig::default() })]
     #[test]
     fn any_damage_is_found_and_costs_only_its_own_runs(
         faults in proptest::collection::vec((any::<usize>(), fault()), 1..4),

@@ -128,3 +128,27 @@ fn a_program_that_fails_on_a_full_disk_is_not_a_failed_run() {
     run(&campaign, &tasks(2));
     assert_eq!(crate::sandbox::values(&campaign, 1), [task(1).parameters[0]]);
 }
+
+#[test]
+fn a_run_that_finishes_on_a_full_disk_is_stored_in_the_room_kept_for_it() {
+    if !cfg!(target_os = "linux") {
+        return;
+    }
+    let Some(disk) = SmallDisk::new("512k") else { return };
+    let dir = disk.folder.path().join("campaign");
+    let big = disk.folder.path().join("somebody-elses");
+    let fill = format!("dd if=/dev/zero of={} bs=1k count=4000 2>/dev/null", big.display());
+    // More than what the removal of small files makes room for.
+    let mut command = shell(&format!("(echo x; seq 0.125 3000) > out.csv; {fill}; exit 0"));
+    command.outputs = vec![rows("out.csv", "x", 3000)];
+    let expected: Vec<f64> = (0..3000).map(|i| 0.125 + f64::from(i)).collect();
+    let campaign = create(&dir, &spec(command));
+    run(&campaign, &tasks(1));
+    assert_eq!(crate::sandbox::values(&campaign, 0), expected);
+    drop(campaign);
+    std::fs::remove_file(big).unwrap();
+    disk.grow();
+    let (campaign, damage) = Campaign::open(&dir).unwrap();
+    assert_eq!(damage, []);
+    assert_eq!(crate::sandbox::values(&campaign, 0), expected);
+}

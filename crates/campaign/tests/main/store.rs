@@ -68,7 +68,7 @@ fn a_second_driver_is_told_who_has_the_directory() {
     let words = format!("is in use by process {} on ", std::process::id());
     assert!(error.to_string().contains(&words), "{error}");
     let second = Campaign::create(&sandbox.dir(), &spec(function(0)), &BTreeMap::new());
-    assert!(matches!(second, Err(CampaignError::Locked { .. })), "{second:?}");
+    assert!(matches!(second, Err(CampaignError::Exists { .. })), "{second:?}");
     drop(campaign);
     Campaign::open(&sandbox.dir()).unwrap();
 }
