@@ -51,7 +51,7 @@ fn hold_every_damage(with_sums: bool) {
         fs::write(folder.join(FILES[which]), damaged(bytes, place, turn)).expect("written");
         let outcome = match FILES[which] {
             "posterior.json" => posterior_file::read(&folder).map(|_| ()),
-            "samples.csv" => read_samples(&file, &folder).map(|_| ()),
+            "samples.csv" => read_samples(file.parameters.len(), file.counters.simulations, &folder).map(|_| ()),
             _ => read_draws(&file, &folder).map(|_| ()),
         };
         fs::write(folder.join(FILES[which]), bytes).expect("written");
@@ -89,7 +89,9 @@ fn a_table_cut_off_at_the_end_of_a_line_is_not_whole() {
         let kept: Vec<&str> = text.lines().take(40).collect();
         fs::write(&path, kept.join("\n") + "\n").expect("written");
         let outcome = match name {
-            "samples.csv" => read_samples(&file, &folder).map(|_| ()),
+            "samples.csv" => {
+                read_samples(file.parameters.len(), file.counters.simulations, &folder).map(|_| ())
+            }
             _ => read_draws(&file, &folder).map(|_| ()),
         };
         assert_eq!(outcome.expect_err(name).mistake, Mistake::Damaged, "{name}");

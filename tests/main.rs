@@ -3,6 +3,7 @@
 mod sandbox;
 
 mod bad_input;
+mod campaign;
 mod compare;
 mod damage;
 mod determinism;

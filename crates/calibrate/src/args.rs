@@ -20,6 +20,9 @@ Examples:
   calibrate --material ps --experiment my.csv   own measurements of a built-in powder
   calibrate --experiment experiments/example-my-powder.toml --prior priors/example-my-powder.toml
                                                 own powder, own measurements, own priors
+  calibrate --plan experiments/external/impact.toml
+                                                own simulation program, own measurements of any kind
+  calibrate --resume results/impact             go on after an interruption
   calibrate inspect results/ps/posterior.json   print a posterior again
   calibrate plot results/ps --width full        draw its figures again
   calibrate compare --material ps               which kinetics do the data support?
@@ -43,7 +46,7 @@ Built-in materials: ps, pa12, peek.";
 #[command(
     name = "calibrate",
     version,
-    override_usage = "calibrate --material <NAME> [OPTIONS]\n       calibrate --experiment <FILE> [--prior <FILE>] [OPTIONS]\n       calibrate <COMMAND>",
+    override_usage = "calibrate --material <NAME> [OPTIONS]\n       calibrate --experiment <FILE> [--prior <FILE>] [OPTIONS]\n       calibrate --plan <FILE> [OPTIONS]\n       calibrate --resume <DIR>\n       calibrate <COMMAND>",
     after_help = AFTER_HELP,
     args_conflicts_with_subcommands = true,
     subcommand_negates_reqs = true,
@@ -64,7 +67,9 @@ impl Args {
     /// Whether nothing was asked for.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.command.is_none() && self.run.material.is_none() && self.run.experiment.is_none()
+        let run = &self.run;
+        let asked = run.material.is_some() || run.experiment.is_some();
+        self.command.is_none() && !asked && run.plan.is_none() && run.resume.is_none()
     }
 }
 
@@ -89,6 +94,13 @@ pub enum Command {
     Predict(PredictArgs),
     /// Check the sampler by simulation-based calibration: made data, ranks, coverage
     Validate(crate::validation::ValidateArgs),
+    /// Say how far the run of a plan is: done, running, failed by cause, time left
+    Status(StatusArgs),
+    /// Write what the run of a plan has so far as tables, also while it runs
+    Export(ExportArgs),
+    /// Make given runs of a plan; what a job on a cluster calls
+    #[command(hide = true)]
+    RunTask(RunTaskArgs),
     /// Print the completion script for a shell
     Completions(CompletionsArgs),
 }
@@ -108,6 +120,15 @@ pub struct RunArgs {
     /// Own priors (.toml) [default: the material's]
     #[arg(short, long, value_name = "FILE", help_heading = "What to calibrate")]
     pub prior: Option<PathBuf>,
+
+    /// Calibrate any simulator, as a plan file (.toml or .json) says: parameters, experiments, commands,
+    /// executor; see crates/calibrate/docs/plan-files.md
+    #[arg(long, value_name = "FILE", conflicts_with_all = NOT_WITH_A_PLAN, help_heading = "What to calibrate")]
+    pub plan: Option<PathBuf>,
+
+    /// Go on with a run of a plan that was interrupted, from its folder; nothing that finished is run again
+    #[arg(long, value_name = "DIR", conflicts_with_all = NOT_WITH_A_PLAN, conflicts_with_all = ["out", "dry_run"], help_heading = "What to calibrate")]
+    pub resume: Option<PathBuf>,
 
     /// Fit only the observations from T0 to T1, in seconds; either may be left out, as in 0.5:
     /// [default: all]
@@ -156,6 +177,11 @@ pub struct RunArgs {
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     pub out: Option<PathBuf>,
 
+    /// What Ctrl-C does to jobs on a cluster: detach leaves them running for --resume, cancel ends them.
+    /// Runs on this machine are ended in any case
+    #[arg(long, value_name = "WHAT", default_value = "detach", value_parser = on_interrupt_parser(), help_heading = "Output")]
+    pub on_interrupt: OnInterrupt,
+
     /// Print the plan and stop: what would be read, run and written
     #[arg(long, help_heading = "Output")]
     pub dry_run: bool,
@@ -171,6 +197,33 @@ pub struct RunArgs {
     /// Hold the posterior against quadrature afterwards, and fail where they differ
     #[arg(long, help_heading = "Output")]
     pub verify: bool,
+}
+
+/// Options that a plan file says itself.
+const NOT_WITH_A_PLAN: [&str; 13] = [
+    "material",
+    "experiment",
+    "prior",
+    "window",
+    "kinetics",
+    "solver",
+    "tolerance",
+    "noise",
+    "samples",
+    "iterations",
+    "ess",
+    "seed",
+    "verify",
+];
+
+/// What Ctrl-C does to jobs on a cluster.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum OnInterrupt {
+    /// They run on.
+    #[default]
+    Detach,
+    /// They are ended.
+    Cancel,
 }
 
 impl Default for RunArgs {
@@ -278,6 +331,52 @@ pub struct InspectArgs {
     /// Print the summary as JSON
     #[arg(long)]
     pub json: bool,
+}
+
+/// The run of a plan.
+#[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
+pub struct StatusArgs {
+    /// Folder of the run
+    #[arg(value_name = "DIR")]
+    pub dir: PathBuf,
+
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+const EXPORT_NOTES: &str = "\
+Writes samples.csv (every sample so far: parameters, state, log likelihood, its weight where its stage is
+complete, simulated values), runs.csv (every run: state, cause, attempts, seconds) and
+samples-grainlearning.txt (the parameter sets as GrainLearning and yade-batch read them).";
+
+/// Tables of a run.
+#[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
+#[command(after_help = EXPORT_NOTES)]
+pub struct ExportArgs {
+    /// Folder of the run
+    #[arg(value_name = "DIR")]
+    pub dir: PathBuf,
+
+    /// Folder for the tables [default: export in the folder of the run]
+    #[arg(short, long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+
+    /// Say nothing but errors
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+/// Runs to make.
+#[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
+pub struct RunTaskArgs {
+    /// Folder of the run
+    #[arg(value_name = "DIR")]
+    pub dir: PathBuf,
+
+    /// Numbers of the runs, as in 1-20,33
+    #[arg(long, value_name = "LIST")]
+    pub tasks: String,
 }
 
 const PREDICT_EXAMPLES: &str = "\
@@ -442,7 +541,7 @@ pub struct Table3Args {
 /// Files to validate.
 #[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
 pub struct CheckArgs {
-    /// Descriptions and priors (.toml), observation tables (.csv), posteriors (.json)
+    /// Descriptions, priors and plans (.toml), observation tables (.csv), posteriors (.json)
     #[arg(value_name = "FILE", required = true)]
     pub files: Vec<PathBuf>,
 
@@ -568,6 +667,13 @@ fn width_parser() -> impl TypedValueParser<Value = Width> {
     PossibleValuesParser::new(["column", "full"]).map(|name| match name.as_str() {
         "full" => Width::Full,
         _ => Width::Column,
+    })
+}
+
+fn on_interrupt_parser() -> impl TypedValueParser<Value = OnInterrupt> {
+    PossibleValuesParser::new(["detach", "cancel"]).map(|name| match name.as_str() {
+        "cancel" => OnInterrupt::Cancel,
+        _ => OnInterrupt::Detach,
     })
 }
 

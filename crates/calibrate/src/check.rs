@@ -9,6 +9,8 @@ use smc_calib::PriorSpec;
 use crate::args::CheckArgs;
 use crate::error::{Failure, InputError, Mistake};
 use crate::experiment::{Experiment, is_toml};
+use crate::external::describe::understood;
+use crate::external::plan_file::{PlanFile, looks_like_a_plan};
 use crate::observation_table::ObservationTable;
 use crate::prior_file::{ParameterName, PriorFile};
 use crate::toml_fields::Document;
@@ -77,7 +79,11 @@ pub fn file_at(
             TomlKind::Prior => PriorFile::read(path).map(|priors| of_priors(&priors)),
             TomlKind::Experiment => Experiment::read(path).map(|experiment| of(&experiment)),
             TomlKind::Scene => of_scene(&name, &text),
+            TomlKind::Plan => PlanFile::parse(path, text).map(|plan| understood(&plan)),
         };
+    }
+    if let Some(plan) = json_plan(path)? {
+        return Ok(understood(&plan));
     }
     if path.is_dir() || extension.as_deref().is_some_and(|extension| extension == "json") {
         return posterior(path);
@@ -90,10 +96,23 @@ pub fn file_at(
     })
 }
 
+/// A plan in JSON; none for a posterior, and for what is no JSON at all.
+fn json_plan(path: &Path) -> Result<Option<PlanFile>, InputError> {
+    let json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
+    if !json || path.is_dir() {
+        return Ok(None);
+    }
+    let text = text_file::read(path)?;
+    let is_plan = serde_json::from_str::<serde_json::Map<String, serde_json::Value>>(&text)
+        .is_ok_and(|object| object.contains_key("experiments"));
+    if is_plan { PlanFile::parse(path, text).map(Some) } else { Ok(None) }
+}
+
 enum TomlKind {
     Scene,
     Experiment,
     Prior,
+    Plan,
 }
 
 fn toml_kind(name: &str, text: &str) -> Result<TomlKind, InputError> {
@@ -102,6 +121,8 @@ fn toml_kind(name: &str, text: &str) -> Result<TomlKind, InputError> {
     let any_of = |names: &[&str]| keys.iter().any(|key| names.contains(key));
     if any_of(&["particles", "phases"]) {
         Ok(TomlKind::Scene)
+    } else if looks_like_a_plan(&keys) {
+        Ok(TomlKind::Plan)
     } else if any_of(&["table", "material", "powder"]) {
         Ok(TomlKind::Experiment)
     } else if any_of(&ParameterName::ALL.map(ParameterName::name)) {

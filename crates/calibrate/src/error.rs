@@ -237,6 +237,9 @@ pub enum Failure {
     /// Stopped by Ctrl-C: exit 130, as shells expect.
     #[error("interrupted; nothing was written")]
     Interrupted,
+    /// Stopped by Ctrl-C with everything that finished stored, and how to go on: exit 130.
+    #[error("{0}")]
+    Paused(String),
     /// The reader of standard output went away (`calibrate simulate ... | head`): exit 0, no message.
     #[error("standard output was closed")]
     OutputClosed,
@@ -253,7 +256,7 @@ impl Failure {
         match self {
             Self::Input(_) | Self::InputReported => 2,
             Self::Run(_) => 1,
-            Self::Interrupted => 130,
+            Self::Interrupted | Self::Paused(_) => 130,
             Self::OutputClosed => 0,
         }
     }
@@ -261,8 +264,10 @@ impl Failure {
     /// Says it on standard error and gives the exit code.
     #[must_use]
     pub fn report(&self) -> ExitCode {
-        if !matches!(self, Self::OutputClosed | Self::InputReported) {
-            eprintln!("error: {self}");
+        match self {
+            Self::OutputClosed | Self::InputReported => {}
+            Self::Paused(how) => eprintln!("{how}"),
+            _ => eprintln!("error: {self}"),
         }
         ExitCode::from(self.code())
     }

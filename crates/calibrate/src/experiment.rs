@@ -379,7 +379,11 @@ fn check_window(
 }
 
 /// A name becomes that of a folder.
-fn checked_name(fields: &Fields<'_>, name: &str, line: usize) -> Result<String, InputError> {
+pub(crate) fn checked_name(
+    fields: &Fields<'_>,
+    name: &str,
+    line: usize,
+) -> Result<String, InputError> {
     let plain = name.chars().all(|c| c.is_alphanumeric() || matches!(c, '-' | '_' | '.' | '+'));
     if plain && !name.starts_with('.') && name.len() <= 100 {
         return Ok(name.to_owned());

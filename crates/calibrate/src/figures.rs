@@ -1,10 +1,10 @@
 //! The figures of a calibration, made from its files alone: nothing is simulated here.
 
-use smc_calib::{Coordinate, MixtureRecord, Parameter};
+use smc_calib::{Coordinate, MixtureRecord, Parameter, ParameterSummary, PathPoint, StageRecord};
 
 use crate::plot::{
-    Band, ConvergenceFigure, ConvergenceStage, CornerFigure, CornerParameter, Figure, FitFigure,
-    Knee, RecursionFigure, RecursionParameter, ResidualsFigure,
+    Axes, Band, ConvergenceFigure, ConvergenceStage, CornerFigure, CornerParameter, Figure,
+    FitFigure, Knee, RecursionFigure, RecursionParameter, ResidualsFigure,
 };
 use crate::posterior_file::PosteriorFile;
 use crate::prior_file::ParameterName;
@@ -31,13 +31,13 @@ pub fn all(
     file: &PosteriorFile,
     samples: &SampleColumns,
     log_time: bool,
-) -> Vec<(&'static str, Box<dyn Figure + Send + Sync>)> {
+) -> Vec<(String, Box<dyn Figure + Send + Sync>)> {
     vec![
-        ("fit", Box::new(fit(file, log_time))),
-        ("corner", Box::new(corner(file, samples))),
-        ("recursion", Box::new(recursion(file, log_time))),
-        ("convergence", Box::new(convergence(file))),
-        ("residuals", Box::new(residuals(file, log_time))),
+        ("fit".to_owned(), Box::new(fit(file, log_time))),
+        ("corner".to_owned(), Box::new(corner(file, samples))),
+        ("recursion".to_owned(), Box::new(recursion(file, log_time))),
+        ("convergence".to_owned(), Box::new(convergence(file))),
+        ("residuals".to_owned(), Box::new(residuals(file, log_time))),
     ]
 }
 
@@ -65,6 +65,7 @@ pub fn fit(file: &PosteriorFile, log_time: bool) -> FitFigure {
             upper: knee.contact_ratio.eti95[1],
         }),
         paper_knee: file.knee.as_ref().and_then(|knee| knee.contact_ratio.paper),
+        axes: Axes::default(),
         log_time,
     }
 }
@@ -72,17 +73,27 @@ pub fn fit(file: &PosteriorFile, log_time: bool) -> FitFigure {
 /// Marginals and pairs of the parameters.
 #[must_use]
 pub fn corner(file: &PosteriorFile, samples: &SampleColumns) -> CornerFigure {
-    let parameters = file
-        .parameters
+    corner_of(&file.plan.title, &file.parameters, &file.map.theta, samples, &|name| {
+        let paper = file.paper.as_ref()?;
+        paper_place(name).map(|place| paper.si[place])
+    })
+}
+
+/// Marginals and pairs of any parameters; `paper` gives a value \[SI\] to mark, by name.
+pub(crate) fn corner_of(
+    title: &str,
+    summaries: &[ParameterSummary],
+    map: &[f64],
+    samples: &SampleColumns,
+    paper: &dyn Fn(&str) -> Option<f64>,
+) -> CornerFigure {
+    let parameters = summaries
         .iter()
         .zip(&samples.parameters)
         .enumerate()
         .map(|(place, (summary, column))| {
             let coordinate = summary.coordinate;
             let (symbol, unit) = symbol(&summary.parameter.name, &summary.parameter.unit);
-            let paper = file.paper.as_ref().and_then(|paper| {
-                paper_place(&summary.parameter.name).map(|place| paper.si[place])
-            });
             let draws: Vec<f64> = column.iter().map(|&value| coordinate.of(value)).collect();
             CornerParameter {
                 symbol,
@@ -90,12 +101,12 @@ pub fn corner(file: &PosteriorFile, samples: &SampleColumns) -> CornerFigure {
                 log10: coordinate == Coordinate::Log10,
                 prior: prior_density(&summary.parameter, &draws, &samples.weights),
                 draws,
-                paper: paper.map(|value| coordinate.of(value)),
-                map: Some(coordinate.of(file.map.theta[place])),
+                paper: paper(&summary.parameter.name).map(|value| coordinate.of(value)),
+                map: Some(coordinate.of(map[place])),
             }
         })
         .collect();
-    CornerFigure { title: file.plan.title.clone(), parameters, weights: samples.weights.clone() }
+    CornerFigure { title: title.to_owned(), parameters, weights: samples.weights.clone() }
 }
 
 /// The prior's density over (and a little beyond) the samples that carry weight.
@@ -136,14 +147,29 @@ fn prior_density(parameter: &Parameter, draws: &[f64], weights: &[f64]) -> Vec<(
 /// What each observation taught.
 #[must_use]
 pub fn recursion(file: &PosteriorFile, log_time: bool) -> RecursionFigure {
-    let parameters = file
-        .parameters
+    let control = file.path.iter().map(|point| point.control).collect();
+    let axis = ("time t", "s", control, log_time);
+    recursion_of(&file.plan.title, axis, &file.path, &file.parameters, &|name| {
+        let paper = file.paper.as_ref()?;
+        paper_place(name).map(|place| paper.si[place])
+    })
+}
+
+/// What each observation taught of any parameters. The axis is its name, unit, values, and whether it is logarithmic.
+pub(crate) fn recursion_of(
+    title: &str,
+    (control_name, control_unit, control, log_control): (&str, &str, Vec<f64>, bool),
+    path: &[PathPoint],
+    summaries: &[ParameterSummary],
+    paper: &dyn Fn(&str) -> Option<f64>,
+) -> RecursionFigure {
+    let parameters = summaries
         .iter()
         .enumerate()
         .map(|(place, summary)| {
             let (symbol, unit) = symbol(&summary.parameter.name, &summary.parameter.unit);
             let of = |pick: fn(&smc_calib::PathParameter) -> f64| -> Vec<f64> {
-                file.path.iter().map(|point| pick(&point.parameters[place])).collect()
+                path.iter().map(|point| pick(&point.parameters[place])).collect()
             };
             RecursionParameter {
                 symbol,
@@ -152,32 +178,37 @@ pub fn recursion(file: &PosteriorFile, log_time: bool) -> RecursionFigure {
                 median: of(|p| p.median),
                 interval50: Band { lower: of(|p| p.eti50[0]), upper: of(|p| p.eti50[1]) },
                 interval90: Band { lower: of(|p| p.eti90[0]), upper: of(|p| p.eti90[1]) },
-                paper: file.paper.as_ref().and_then(|paper| {
-                    paper_place(&summary.parameter.name)
-                        .map(|place| summary.coordinate.of(paper.si[place]))
-                }),
+                paper: paper(&summary.parameter.name).map(|value| summary.coordinate.of(value)),
             }
         })
         .collect();
     RecursionFigure {
-        title: file.plan.title.clone(),
-        control_name: "time t".to_owned(),
-        control_unit: "s".to_owned(),
-        control: file.path.iter().map(|point| point.control).collect(),
-        log_control: log_time,
+        title: title.to_owned(),
+        control_name: control_name.to_owned(),
+        control_unit: control_unit.to_owned(),
+        control,
+        log_control,
         parameters,
-        ess: file.path.iter().map(|point| point.ess).collect(),
+        ess: path.iter().map(|point| point.ess).collect(),
     }
 }
 
 /// How the sampler got there.
 #[must_use]
 pub fn convergence(file: &PosteriorFile) -> ConvergenceFigure {
+    convergence_of(&file.plan.title, &file.stages, file.plan.sampler.ess_target)
+}
+
+/// How any sampler got there.
+pub(crate) fn convergence_of(
+    title: &str,
+    stages: &[StageRecord],
+    ess_target: Option<f64>,
+) -> ConvergenceFigure {
     let components = |proposal: &MixtureRecord| proposal.components.len() as f64;
     ConvergenceFigure {
-        title: file.plan.title.clone(),
-        stages: file
-            .stages
+        title: title.to_owned(),
+        stages: stages
             .iter()
             .map(|stage| ConvergenceStage {
                 simulations: stage.total as f64,
@@ -190,7 +221,7 @@ pub fn convergence(file: &PosteriorFile) -> ConvergenceFigure {
             })
             .collect(),
         k_hat_limit: KHAT_LIMIT,
-        ess_target: file.plan.sampler.ess_target,
+        ess_target,
     }
 }
 
@@ -202,6 +233,7 @@ pub fn residuals(file: &PosteriorFile, log_time: bool) -> ResidualsFigure {
         time_s: file.plan.experiment.time_s.clone(),
         residual: file.residuals.values.clone(),
         sigma: file.sigma.map_or(file.fit.map.rmse, |sigma| sigma.median),
+        axes: Axes::default(),
         log_time,
     }
 }

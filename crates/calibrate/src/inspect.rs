@@ -4,11 +4,15 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::Path;
 
+use smc_calib::{ParameterSummary, StageRecord};
+
 use crate::args::InspectArgs;
 use crate::check::Understood;
 use crate::error::{Failure, InputError, RunError};
+use crate::external;
+use crate::external::posterior_file::{AnyPosterior, read_any};
 use crate::number::{significant, with_error};
-use crate::posterior_file::{self, PosteriorFile};
+use crate::posterior_file::PosteriorFile;
 use crate::summary;
 
 /// Prints a posterior.
@@ -17,14 +21,23 @@ use crate::summary;
 ///
 /// [`Failure::Input`] for a file that is not one.
 pub fn run(args: &InspectArgs) -> Result<(), Failure> {
-    let file = posterior_file::read(&args.file)?;
+    let file = read_any(&args.file)?;
     let mut out = std::io::stdout().lock();
-    if args.json {
-        let text = summary::json(&file, None).map_err(RunError::new)?;
-        writeln!(out, "{text}")?;
-    } else {
-        write!(out, "{}\n{}", summary::text(&file, None, None), details(&file))?;
-    }
+    let text = match (&file, args.json) {
+        (AnyPosterior::Pair(file), true) => summary::json(file, None).map_err(RunError::new)?,
+        (AnyPosterior::Plan(file), true) => {
+            external::summary::json(file, None).map_err(RunError::new)?
+        }
+        (AnyPosterior::Pair(file), false) => {
+            format!("{}\n{}", summary::text(file, None, None), details(file).trim_end())
+        }
+        (AnyPosterior::Plan(file), false) => format!(
+            "{}\n{}",
+            external::summary::text(file, None, None),
+            external::summary::details(file).trim_end()
+        ),
+    };
+    writeln!(out, "{text}")?;
     Ok(())
 }
 
@@ -34,30 +47,47 @@ pub fn run(args: &InspectArgs) -> Result<(), Failure> {
 ///
 /// [`InputError`] for a file that is not one.
 pub fn understand(path: &Path) -> Result<Understood, InputError> {
-    let file = posterior_file::read(path)?;
-    Ok(Understood {
-        headline: format!(
-            "a posterior of {} ({} kinetics, {} simulations, {})",
-            file.plan.title,
-            file.plan.kinetics,
-            file.counters.simulations,
-            if summary::trusted(&file) { "to be trusted" } else { "not to be trusted" }
+    let (headline, warnings) = match read_any(path)? {
+        AnyPosterior::Pair(file) => (
+            format!(
+                "a posterior of {} ({} kinetics, {} simulations, {})",
+                file.plan.title,
+                file.plan.kinetics,
+                file.counters.simulations,
+                trust(summary::trusted(&file))
+            ),
+            file.advice,
         ),
-        details: Vec::new(),
-        warnings: file.advice.clone(),
-    })
+        AnyPosterior::Plan(file) => (
+            format!(
+                "a posterior of {} ({} samples, {})",
+                file.plan.title,
+                file.counters.simulations,
+                trust(external::summary::trusted(&file))
+            ),
+            file.advice,
+        ),
+    };
+    Ok(Understood { headline, details: Vec::new(), warnings })
 }
 
-fn details(file: &PosteriorFile) -> String {
+fn trust(trusted: bool) -> &'static str {
+    if trusted { "to be trusted" } else { "not to be trusted" }
+}
+
+fn interval(lower: f64, upper: f64) -> String {
+    format!("{} .. {}", significant(lower, 4), significant(upper, 4))
+}
+
+/// One line per parameter, SI.
+pub(crate) fn parameter_table(parameters: &[ParameterSummary]) -> String {
     let mut text = String::new();
     let _ = writeln!(
         text,
         "{:<10}{:>12}{:>12}{:>26}{:>26}{:>8}{:>7}",
         "SI", "MAP", "median", "50 % interval", "95 % interval", "bits", "k-hat"
     );
-    let interval =
-        |lower: f64, upper: f64| format!("{} .. {}", significant(lower, 4), significant(upper, 4));
-    for summary in &file.parameters {
+    for summary in parameters {
         let si = &summary.in_si;
         let _ = writeln!(
             text,
@@ -71,6 +101,11 @@ fn details(file: &PosteriorFile) -> String {
             summary.khat,
         );
     }
+    text
+}
+
+fn details(file: &PosteriorFile) -> String {
+    let mut text = parameter_table(&file.parameters);
     if let Some(sigma) = &file.sigma {
         let _ = writeln!(
             text,
@@ -103,11 +138,25 @@ fn details(file: &PosteriorFile) -> String {
             );
         }
     }
+    text.push_str(&moments_and_correlation(&file.parameters, &file.correlation));
+    text.push_str(&stages(&file.stages));
+    for failure in &file.failures {
+        let _ = writeln!(text, "failed {} times: {}", failure.count, failure.cause);
+    }
+    text
+}
+
+/// Mean and standard deviation with their errors, and the correlation.
+pub(crate) fn moments_and_correlation(
+    parameters: &[ParameterSummary],
+    correlation: &[Vec<f64>],
+) -> String {
+    let mut text = String::new();
     let _ = writeln!(
         text,
         "\nmean and sd in the priors' coordinates, with Monte Carlo standard errors"
     );
-    for summary in &file.parameters {
+    for summary in parameters {
         let m = &summary.in_coordinate;
         let _ = writeln!(
             text,
@@ -123,19 +172,25 @@ fn details(file: &PosteriorFile) -> String {
             }
         );
     }
-    if file.parameters.len() > 1 {
+    if parameters.len() > 1 {
         let _ = writeln!(text, "\ncorrelation in the priors' coordinates");
-        for (summary, row) in file.parameters.iter().zip(&file.correlation) {
+        for (summary, row) in parameters.iter().zip(correlation) {
             let row: String = row.iter().map(|value| format!("{value:>8.3}")).collect();
             let _ = writeln!(text, "{:<10}{row}", summary.parameter.name);
         }
     }
+    text
+}
+
+/// What each stage did.
+pub(crate) fn stages(stages: &[StageRecord]) -> String {
+    let mut text = String::new();
     let _ = writeln!(
         text,
         "\n{:>5}{:>12}{:>9}{:>12}{:>10}{:>16}{:>8}",
         "stage", "simulations", "failed", "components", "beta", "log evidence", "ESS"
     );
-    for stage in &file.stages {
+    for stage in stages {
         let _ = writeln!(
             text,
             "{:>5}{:>12}{:>9}{:>12}{:>10}{:>16}{:>8.0}",
@@ -147,9 +202,6 @@ fn details(file: &PosteriorFile) -> String {
             with_error(stage.log_evidence, stage.log_evidence_se, 3),
             stage.ess,
         );
-    }
-    for failure in &file.failures {
-        let _ = writeln!(text, "failed {} times: {}", failure.count, failure.cause);
     }
     text
 }

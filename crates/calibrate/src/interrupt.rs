@@ -1,12 +1,13 @@
 //! Ctrl-C and termination: the run ends, removes what it has begun to write, and exits with 130.
 
-use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Once, OnceLock};
 
 use crate::error::Failure;
 
 static ASKED: AtomicBool = AtomicBool::new(false);
 static LISTENING: Once = Once::new();
+static ACTION: OnceLock<Box<dyn Fn() + Send + Sync>> = OnceLock::new();
 
 /// Takes over Ctrl-C, termination and hang-up from here on: the first asks the run to end, a second ends the
 /// program at once.
@@ -18,8 +19,17 @@ pub fn listen() {
             if ASKED.swap(true, Ordering::SeqCst) {
                 std::process::exit(130);
             }
+            if let Some(action) = ACTION.get() {
+                action();
+            }
         });
     });
+}
+
+/// As [`listen`], and calls `action` at the first request. Only the first action of a process counts.
+pub fn listen_with(action: impl Fn() + Send + Sync + 'static) {
+    let _ = ACTION.set(Box::new(action));
+    listen();
 }
 
 /// Whether the user has asked the run to end.

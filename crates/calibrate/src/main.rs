@@ -7,7 +7,8 @@ use std::process::ExitCode;
 use calibrate::args::{Args, Command, SHORT_HELP};
 use calibrate::error::Failure;
 use calibrate::{
-    bench, check, compare, inspect, plot_command, predict, run, simulate, table3, validation,
+    bench, check, compare, external, inspect, plot_command, predict, run, simulate, table3,
+    validation,
 };
 use clap::{CommandFactory as _, Parser as _};
 
@@ -35,6 +36,9 @@ fn dispatch(args: &Args) -> Result<(), Failure> {
         Some(Command::Bench(args)) => bench::run(args),
         Some(Command::Predict(args)) => predict::run(args),
         Some(Command::Validate(args)) => validation::run(args),
+        Some(Command::Status(args)) => external::status::run(args),
+        Some(Command::Export(args)) => external::export::run(args),
+        Some(Command::RunTask(args)) => external::run_task::run(args),
         Some(Command::Completions(args)) => {
             let mut script = Vec::new();
             clap_complete::generate(args.shell, &mut Args::command(), "calibrate", &mut script);

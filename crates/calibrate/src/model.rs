@@ -38,6 +38,19 @@ impl NeckGrowth {
         })
     }
 
+    /// A model of its parts. `names` says what each place of a parameter vector is.
+    #[must_use]
+    pub fn new(
+        names: Vec<ParameterName>,
+        powder: Powder,
+        scene: PairScene,
+        kinetics: Kinetics,
+        solver: SolverSettings,
+        times_s: Vec<f64>,
+    ) -> Self {
+        Self { names, powder, scene, kinetics, solver, times_s }
+    }
+
     /// The same model at other times \[s\], sorted and not negative.
     #[must_use]
     pub fn at_times(&self, times_s: Vec<f64>) -> Self {

@@ -217,7 +217,7 @@ pub fn parse_times(name: &str, text: &str) -> Result<Vec<f64>, InputError> {
 }
 
 /// Lines with something in them, numbered from 1.
-fn rows(text: &str) -> impl Iterator<Item = (usize, &str)> {
+pub(crate) fn rows(text: &str) -> impl Iterator<Item = (usize, &str)> {
     // A lone CR (old spreadsheets) ends a line as well.
     let lines = text.split('\n').flat_map(|line| {
         let line = line.strip_suffix('\r').unwrap_or(line);
@@ -232,7 +232,7 @@ fn unquoted(field: &str) -> &str {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Separator {
+pub(crate) enum Separator {
     Comma,
     Semicolon,
     Tab,
@@ -240,7 +240,7 @@ enum Separator {
 }
 
 impl Separator {
-    fn of(header: &str) -> Self {
+    pub(crate) fn of(header: &str) -> Self {
         if header.contains(';') {
             Self::Semicolon
         } else if header.contains(',') {
@@ -252,7 +252,7 @@ impl Separator {
         }
     }
 
-    fn split(self, row: &str) -> Vec<&str> {
+    pub(crate) fn split(self, row: &str) -> Vec<&str> {
         match self {
             Self::Comma => row.split(',').map(unquoted).collect(),
             Self::Semicolon => row.split(';').map(unquoted).collect(),

@@ -6,10 +6,12 @@ use std::path::Path;
 
 use crate::args::PlotArgs;
 use crate::error::{Failure, InputError, Mistake, RunError};
+use crate::external::posterior_file::{AnyPosterior, locate, read_any};
+use crate::external::report;
+use crate::figures;
 use crate::output;
 use crate::plot::Width;
-use crate::posterior_file;
-use crate::run::{draw, read_samples};
+use crate::run::{draw_all, read_samples};
 
 /// Draws every figure of the run that `args` name.
 ///
@@ -18,13 +20,17 @@ use crate::run::{draw, read_samples};
 /// [`Failure::Input`] for files that are missing or damaged, or a folder that cannot be written;
 /// [`Failure::Run`] where writing fails.
 pub fn run(args: &PlotArgs) -> Result<(), Failure> {
-    let path = posterior_file::locate(&args.file);
-    let file = posterior_file::read(&path)?;
+    let path = locate(&args.file);
+    let file = read_any(&args.file)?;
     let folder = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
-    let samples = read_samples(&file, folder)?;
+    let (dimensions, simulations) = match &file {
+        AnyPosterior::Pair(file) => (file.parameters.len(), file.counters.simulations),
+        AnyPosterior::Plan(file) => (file.parameters.len(), file.counters.simulations),
+    };
+    let samples = read_samples(dimensions, simulations, folder)?;
     if samples.weights.is_empty() {
         return Err(InputError::new(
             folder.join("samples.csv").display().to_string(),
@@ -43,8 +49,12 @@ pub fn run(args: &PlotArgs) -> Result<(), Failure> {
                 .expected("a folder for the figures")
         })?;
     }
-    output::check_file(&out.join("fit.png"))?;
-    draw(&file, &samples, args.log_time, args.width, &|name, bytes| {
+    output::check_file(&out.join("corner.png"))?;
+    let figures = match &file {
+        AnyPosterior::Pair(file) => figures::all(file, &samples, args.log_time),
+        AnyPosterior::Plan(file) => report::figures(file, &samples, args.log_time),
+    };
+    draw_all(&figures, args.width, &|name, bytes| {
         output::write_file(&out.join(name), bytes)
             .map_err(|error| RunError::new(format_args!("{}: {error}", out.join(name).display())))
     })?;
@@ -55,8 +65,9 @@ pub fn run(args: &PlotArgs) -> Result<(), Failure> {
         };
         writeln!(
             std::io::stdout().lock(),
-            "{}/: fit, corner, recursion, convergence, residuals (.png, .svg; {width} wide)",
-            out.display()
+            "{}/: {} (.png, .svg; {width} wide)",
+            out.display(),
+            figures.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ")
         )?;
     }
     Ok(())

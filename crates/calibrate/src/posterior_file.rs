@@ -294,7 +294,7 @@ fn cut_off(base: InputError) -> InputError {
         .help("the file is cut off; run the calibration again or copy the file again")
 }
 
-fn bad_json(name: &str, text: &str, error: &serde_json::Error) -> InputError {
+pub(crate) fn bad_json(name: &str, text: &str, error: &serde_json::Error) -> InputError {
     let base = InputError::new(name, Mistake::Syntax).at_line(error.line().max(1));
     // A file that is cut off can end in the middle of a number or a name.
     let at_its_end = !text.ends_with('\n') && error.line() >= text.lines().count();

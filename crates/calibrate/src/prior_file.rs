@@ -219,6 +219,13 @@ const DISTRIBUTIONS: [&str; 5] =
     ["log-uniform", "uniform", "log-normal", "normal", "truncated-normal"];
 
 fn prior(parameter: ParameterName, fields: &Fields<'_>) -> Result<Prior, InputError> {
+    let prior = any_prior(fields)?;
+    check_support(parameter, fields, prior.spec())?;
+    Ok(prior)
+}
+
+/// A prior of any parameter, from a table whose other fields have been asked for already.
+pub(crate) fn any_prior(fields: &Fields<'_>) -> Result<Prior, InputError> {
     let Some(At { value: distribution, line }) = fields.text("distribution")? else {
         return Err(fields
             .missing("distribution")
@@ -263,9 +270,7 @@ fn prior(parameter: ParameterName, fields: &Fields<'_>) -> Result<Prior, InputEr
         }
     };
     fields.finish()?;
-    let prior = Prior::new(spec.clone()).map_err(|error| refused(fields, &error))?;
-    check_support(parameter, fields, &spec)?;
-    Ok(prior)
+    Prior::new(spec).map_err(|error| refused(fields, &error))
 }
 
 /// The line of a field that was read.
@@ -303,7 +308,7 @@ fn refused(fields: &Fields<'_>, error: &PriorError) -> InputError {
 }
 
 /// All parameters are positive, and phi is a contact ratio.
-fn check_support(
+pub(crate) fn check_support(
     parameter: ParameterName,
     fields: &Fields<'_>,
     spec: &PriorSpec,

@@ -19,7 +19,7 @@ use crate::figures::{self, SampleColumns};
 use crate::number::significant;
 use crate::output::{POSTERIOR_RECORD, Published, RunFolder};
 use crate::plan::{Plan, Planned, noise_in_words};
-use crate::plot::Width;
+use crate::plot::{Figure, Width};
 use crate::posterior_file::{self, PosteriorFile};
 use crate::{checksums, interrupt, summary, tables, verify};
 
@@ -72,6 +72,9 @@ impl Observer for Watch {
 ///
 /// [`Failure`] with the reason; nothing has been written then, and earlier results are untouched.
 pub fn run(args: &RunArgs) -> Result<(), Failure> {
+    if args.plan.is_some() || args.resume.is_some() {
+        return crate::external::driver::run(args);
+    }
     let planned = Planned::from_args(args)?;
     let folder = RunFolder::prepare(&planned.out, POSTERIOR_RECORD)?;
     if args.dry_run {
@@ -114,8 +117,8 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
                 write("table.csv", tables::csv(&file).as_bytes())?;
                 let read_again = [
                     (POSTERIOR_RECORD, posterior_json(&file)?),
-                    ("samples.csv", tables::samples_csv(&file, &posterior)),
-                    ("draws.csv", tables::draws_csv(&file, &posterior)),
+                    ("samples.csv", tables::samples_csv(&posterior)),
+                    ("draws.csv", tables::draws_csv(&posterior)),
                 ];
                 let read_again = read_again.each_ref().map(|(name, text)| (*name, text.as_str()));
                 for (name, text) in read_again {
@@ -170,7 +173,19 @@ pub fn draw(
     width: Width,
     write: &WriteFile<'_>,
 ) -> Result<(), RunError> {
-    figures::all(file, samples, log_time)
+    draw_all(&figures::all(file, samples, log_time), width, write)
+}
+
+/// Figures by the names of their files.
+pub(crate) type NamedFigures = Vec<(String, Box<dyn Figure + Send + Sync>)>;
+
+/// Writes figures as PNG and SVG.
+pub(crate) fn draw_all(
+    figures: &NamedFigures,
+    width: Width,
+    write: &WriteFile<'_>,
+) -> Result<(), RunError> {
+    figures
         .par_iter()
         .map(|(name, figure)| {
             let picture = figure
@@ -294,11 +309,15 @@ fn dry_run(planned: &Planned, json: bool) -> Result<(), Failure> {
 /// # Errors
 ///
 /// [`InputError`] for a file that is missing or cut off.
-pub fn read_samples(file: &PosteriorFile, folder: &Path) -> Result<SampleColumns, InputError> {
+pub fn read_samples(
+    dimensions: usize,
+    simulations: usize,
+    folder: &Path,
+) -> Result<SampleColumns, InputError> {
     let path = folder.join("samples.csv");
     checksums::read_as(&path, |name, text| {
-        let samples = tables::read_sample_columns(name, text, file.parameters.len())?;
-        complete(name, samples.weights.len(), file.counters.simulations, "samples")?;
+        let samples = tables::read_sample_columns(name, text, dimensions)?;
+        complete(name, samples.weights.len(), simulations, "samples")?;
         Ok(samples)
     })
 }

@@ -11,7 +11,7 @@ use crate::number::{self, significant, with_error};
 use crate::posterior_file::PosteriorFile;
 
 /// Fewest effective samples that a 95 % interval is read from without a warning.
-const ENOUGH: f64 = 400.0;
+pub(crate) const ENOUGH: f64 = 400.0;
 /// Information \[bits\] below which the data are said not to inform a parameter.
 pub const INFORMED_BITS: f64 = 0.5;
 

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use smc_calib::{Coordinate, Posterior};
+use smc_calib::{Coordinate, Parameter, ParameterSummary, Posterior};
 
 use crate::error::{InputError, Mistake};
 use crate::figures::SampleColumns;
@@ -215,8 +215,8 @@ pub fn csv(file: &PosteriorFile) -> String {
 /// Every simulated sample with its weight: parameters in SI, normal scores, log likelihood (empty where the
 /// simulation failed), weight, stage and sub-net.
 #[must_use]
-pub fn samples_csv(file: &PosteriorFile, posterior: &Posterior) -> String {
-    let mut text = header(file);
+pub fn samples_csv(posterior: &Posterior) -> String {
+    let mut text = header(&posterior.parameters);
     text.push_str(",log_likelihood,weight,stage,replicate\n");
     text.reserve(posterior.samples.len() * 150);
     for sample in &posterior.samples {
@@ -233,8 +233,8 @@ pub fn samples_csv(file: &PosteriorFile, posterior: &Posterior) -> String {
 
 /// Equally weighted posterior draws: parameters in SI, normal scores, and the noise sigma where it is inferred.
 #[must_use]
-pub fn draws_csv(file: &PosteriorFile, posterior: &Posterior) -> String {
-    let mut text = header(file);
+pub fn draws_csv(posterior: &Posterior) -> String {
+    let mut text = header(&posterior.parameters);
     text.push_str(",sigma [1],sample\n");
     text.reserve(posterior.draws.len() * 150);
     for draw in &posterior.draws {
@@ -246,16 +246,17 @@ pub fn draws_csv(file: &PosteriorFile, posterior: &Posterior) -> String {
     text
 }
 
-fn header(file: &PosteriorFile) -> String {
-    let named = file
-        .parameters
-        .iter()
-        .map(|summary| format!("{} [{}]", summary.parameter.name, summary.parameter.unit));
-    let scores = file.parameters.iter().map(|summary| format!("z_{} [1]", summary.parameter.name));
+pub(crate) fn header(parameters: &[ParameterSummary]) -> String {
+    let named = parameters.iter().map(|summary| {
+        let Parameter { name, unit, .. } = &summary.parameter;
+        // A unit that a user has written may hold anything.
+        format!("{name} [{}]", unit.replace([',', '"', '\n', '\r'], " "))
+    });
+    let scores = parameters.iter().map(|summary| format!("z_{} [1]", summary.parameter.name));
     named.chain(scores).collect::<Vec<_>>().join(",")
 }
 
-fn numbers<'a>(text: &mut String, values: impl Iterator<Item = &'a f64>) {
+pub(crate) fn numbers<'a>(text: &mut String, values: impl Iterator<Item = &'a f64>) {
     for (place, value) in values.enumerate() {
         if place > 0 {
             text.push(',');

@@ -6,6 +6,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::error::{InputError, Mistake, nearest};
+use crate::json_document;
 
 /// A parsed file, and the way to say where in it something is wrong.
 pub(crate) struct Document<'i> {
@@ -26,6 +27,13 @@ impl<'i> Document<'i> {
                 None => input,
             }
         })?;
+        Ok(Self { name, text, root })
+    }
+
+    /// Parses JSON: an object, strictly.
+    pub(crate) fn parse_json(name: &'i str, text: &'i str) -> Result<Self, InputError> {
+        let root = json_document::parse(name, text)
+            .map_err(|refused| refused.error.at_line(line_of(text, refused.offset)))?;
         Ok(Self { name, text, root })
     }
 
@@ -211,6 +219,134 @@ impl<'d> Fields<'d> {
                 known: RefCell::new(Vec::new()),
             })),
             None => Err(self.wrong_type(key, at, &format!("a table [{}]", self.path_of(key)))),
+        }
+    }
+
+    /// The file's name.
+    pub(crate) fn file_name(&self) -> String {
+        self.name.to_owned()
+    }
+
+    /// The line that the table begins on.
+    pub(crate) fn line(&self) -> Option<usize> {
+        self.line
+    }
+
+    /// Every field as a table of its own, with the name that the user chose, in the file's order.
+    pub(crate) fn named_tables(&self) -> Result<Vec<(At<&'d str>, Fields<'d>)>, InputError> {
+        let mut tables = Vec::new();
+        for (key, value) in self.table {
+            let name = key.get_ref().as_ref();
+            let at = At { value: value.get_ref(), line: line_of(self.text, key.span().start) };
+            let Some(table) = at.value.as_table() else {
+                let expected = format!("a table [{}]", self.path_of(name));
+                return Err(self.wrong_type(name, at, &expected));
+            };
+            let fields = Fields {
+                name: self.name,
+                text: self.text,
+                path: self.path_of(name),
+                line: Some(at.line),
+                table,
+                known: RefCell::new(Vec::new()),
+            };
+            tables.push((key.span().start, (At { value: name, line: at.line }, fields)));
+        }
+        tables.sort_by_key(|(start, _)| *start);
+        Ok(tables.into_iter().map(|(_, table)| table).collect())
+    }
+
+    /// Every field as text, under the name that the user chose, in the file's order.
+    pub(crate) fn named_texts(&self) -> Result<Vec<(At<&'d str>, &'d str)>, InputError> {
+        let mut texts = Vec::new();
+        for (key, value) in self.table {
+            let name = key.get_ref().as_ref();
+            let line = line_of(self.text, key.span().start);
+            let Some(text) = value.get_ref().as_str() else {
+                return Err(self.wrong_type(
+                    name,
+                    At { value: value.get_ref(), line },
+                    "text in quotes",
+                ));
+            };
+            texts.push((key.span().start, (At { value: name, line }, text)));
+        }
+        texts.sort_by_key(|(start, _)| *start);
+        Ok(texts.into_iter().map(|(_, text)| text).collect())
+    }
+
+    /// A whole number from `least` to `most`, if it is there.
+    pub(crate) fn whole(
+        &self,
+        key: &'static str,
+        least: u64,
+        most: u64,
+    ) -> Result<Option<At<u64>>, InputError> {
+        let Some(at) = self.number(key)? else { return Ok(None) };
+        // Beyond 2^53 a double is no longer exact: read the digits themselves.
+        let exact = self
+            .table
+            .get(key)
+            .and_then(|value| value.get_ref().as_integer())
+            .and_then(|integer| integer.as_str().replace('_', "").parse::<u64>().ok());
+        let whole = exact.or_else(|| {
+            let fits = at.value >= 0.0 && at.value <= 9e15 && at.value.fract() == 0.0;
+            fits.then_some(at.value as u64)
+        });
+        match whole {
+            Some(value) if (least..=most).contains(&value) => Ok(Some(At { value, line: at.line })),
+            _ => Err(self.error(key, at.line, Mistake::OutOfRange).found(at.value).expected(
+                if most == u64::MAX {
+                    format!("a whole number, at least {least}")
+                } else {
+                    format!("a whole number from {least} to {most}")
+                },
+            )),
+        }
+    }
+
+    /// A list of texts in brackets, if it is there.
+    pub(crate) fn texts(&self, key: &'static str) -> Result<Option<At<Vec<&'d str>>>, InputError> {
+        let Some(at) = self.get(key) else { return Ok(None) };
+        let expected = "a list of texts, as in [\"sh\", \"simulate.sh\"]";
+        let Some(array) = at.value.as_array() else {
+            return Err(self.wrong_type(key, at, expected));
+        };
+        let mut texts = Vec::new();
+        for item in array.iter() {
+            let Some(text) = item.get_ref().as_str() else {
+                let line = line_of(self.text, item.span().start);
+                return Err(self.wrong_type(
+                    key,
+                    At { value: item.get_ref(), line },
+                    "text in quotes",
+                ));
+            };
+            texts.push(text);
+        }
+        Ok(Some(At { value: texts, line: at.line }))
+    }
+
+    /// One of a closed list of names, if it is there.
+    pub(crate) fn choice<T: Copy>(
+        &self,
+        key: &'static str,
+        choices: &[(&'static str, T)],
+    ) -> Result<Option<At<T>>, InputError> {
+        let Some(At { value, line }) = self.text(key)? else { return Ok(None) };
+        match choices.iter().find(|(name, _)| *name == value) {
+            Some((_, choice)) => Ok(Some(At { value: *choice, line })),
+            None => {
+                let names: Vec<&str> = choices.iter().map(|(name, _)| *name).collect();
+                Err(self
+                    .error(key, line, Mistake::UnknownName)
+                    .found(format_args!("\"{value}\""))
+                    .expected(format_args!("one of {}", names.join(", ")))
+                    .help_if(
+                        nearest(value, names.iter().copied())
+                            .map(|near| format!("did you mean \"{near}\"?")),
+                    ))
+            }
         }
     }
 

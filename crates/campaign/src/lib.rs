@@ -40,6 +40,7 @@
 
 mod attempt;
 mod campaign;
+mod contents;
 mod durable;
 mod error;
 mod executor;
@@ -63,6 +64,7 @@ mod template;
 mod worker;
 
 pub use campaign::{Campaign, Collected};
+pub use contents::{Contents, contents};
 pub use error::{CampaignError, Damage, ExecutorError};
 pub use executor::{Event, Executor, Request, Stop};
 pub use in_process::{Fault, InProcess};

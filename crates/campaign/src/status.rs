@@ -104,7 +104,7 @@ pub fn status(dir: &Path) -> Result<Status, CampaignError> {
 }
 
 /// Outcomes of workers that are not collected yet; what cannot be read is not there yet.
-fn published(dir: &Path) -> Vec<ResultRecord> {
+pub(crate) fn published(dir: &Path) -> Vec<ResultRecord> {
     let Ok(entries) = fs::read_dir(dir.join(OUTCOMES)) else { return Vec::new() };
     entries
         .flatten()

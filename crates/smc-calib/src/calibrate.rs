@@ -135,19 +135,19 @@ fn equal_stages(settings: &Settings) -> Vec<usize> {
 }
 
 /// Weights of the result and the log of the factor taken out of them.
-fn final_weights(sampler: &Sampler<'_>, tuned: Option<f64>) -> (Vec<f64>, f64) {
+pub(crate) fn final_weights(sampler: &Sampler<'_>, tuned: Option<f64>) -> (Vec<f64>, f64) {
     match tuned {
         None => exponentiate(&sampler.ln_weights()),
         Some(share) => exponentiate(&sampler.tuned_ln_weights(share)),
     }
 }
 
-struct Staged {
-    record: StageRecord,
+pub(crate) struct Staged {
+    pub(crate) record: StageRecord,
     worst_mean_error: f64,
 }
 
-fn stage_record(
+pub(crate) fn stage_record(
     sampler: &Sampler<'_>,
     problem: &JointProblem<'_>,
     tuned: Option<f64>,
@@ -216,7 +216,7 @@ fn reached(staged: &Staged, sampler: &Sampler<'_>, settings: &Settings) -> Optio
 }
 
 /// Refuses what does not fit together.
-fn check(
+pub(crate) fn check(
     problem: &JointProblem<'_>,
     settings: &Settings,
 ) -> Result<JointLikelihood, CalibrateError> {

@@ -40,6 +40,14 @@ pub enum CalibrateError {
         /// What is allowed.
         range: &'static str,
     },
+    /// A given parameter set that cannot be weighted.
+    #[error("given parameter set {}: {problem}", set + 1)]
+    Design {
+        /// Which, from 0.
+        set: usize,
+        /// What is wrong with it.
+        problem: String,
+    },
     /// The simulator said that it cannot run at all.
     #[error("the simulator cannot run, stopped after {simulations} simulations: {cause}")]
     Fatal {

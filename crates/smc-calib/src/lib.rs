@@ -31,6 +31,7 @@
 pub mod bench_support;
 mod calibrate;
 mod density;
+mod design;
 mod em;
 mod error;
 mod estimate;
@@ -66,6 +67,7 @@ mod warning;
 
 pub use calibrate::{Observer, calibrate, calibrate_joint};
 pub use density::{DensitySummary, sample_density};
+pub use design::calibrate_design;
 pub use error::CalibrateError;
 pub use joint::{Group, JointProblem};
 pub use leave_one_out::{LeaveOneOut, LeaveOneOutPoint, leave_one_out, leave_one_out_of};

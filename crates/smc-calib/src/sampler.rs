@@ -81,8 +81,19 @@ impl<'a> Sampler<'a> {
             z.extend(block);
             replicates.extend(labels);
         }
-        self.proposals.push((n, proposal));
-        let simulated = self.pool.extend(self.target, &z, &replicates, stage, &self.proposals);
+        self.simulate(proposal, &z, &replicates)
+    }
+
+    /// Simulates given normal scores as a stage of draws from `proposal`.
+    pub(crate) fn simulate(
+        &mut self,
+        proposal: Proposal,
+        z: &[f64],
+        replicates: &[u32],
+    ) -> Result<(), CalibrateError> {
+        let stage = self.proposals.len();
+        self.proposals.push((replicates.len(), proposal));
+        let simulated = self.pool.extend(self.target, z, replicates, stage, &self.proposals);
         self.counters.simulations = self.pool.len();
         self.counters.component_densities = self.pool.component_densities;
         match simulated {

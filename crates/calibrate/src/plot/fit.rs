@@ -8,7 +8,7 @@ use super::layout::{Spec, layout};
 use super::page::Page;
 use super::palette::{Marker, Pen, WHITE};
 use super::panel::Panel;
-use super::{Band, Columns, PlotError, Role};
+use super::{Axes, Band, Columns, PlotError, Role};
 
 /// Where zipping hands over to stretching: the contact ratio a_ve/R, with a central interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,6 +52,8 @@ pub struct FitFigure {
     pub knee: Option<Knee>,
     /// Knee of the paper's parameters, a_ve/R.
     pub paper_knee: Option<f64>,
+    /// What the axes are called.
+    pub axes: Axes,
     /// Logarithmic time axis (times <= 0 are left out).
     pub log_time: bool,
 }
@@ -113,25 +115,34 @@ impl FitFigure {
 
         let scale = if self.log_time { Scale::Log } else { Scale::Linear };
         let times = self.time_s.iter().chain(&self.grid_s).copied();
-        let x = Axis::holding("time t", "s", scale, times, 0.02);
-        let x = if self.log_time { x } else { x.starting_at(0.0) };
+        let axes = &self.axes;
+        let x = Axis::holding(&axes.control_name, &axes.control_unit, scale, times, 0.02);
+        let x = if self.log_time || !axes.from_zero { x } else { x.starting_at(0.0) };
         // Data, mean and bands set the range; a comparison curve may leave it, as Frenkel's does.
         let own =
             [&self.contact_ratio, &self.mean, &self.map, &self.band90.lower, &self.band90.upper];
         let mut heights: Vec<f64> =
             own.into_iter().flatten().copied().filter(|v| v.is_finite()).collect();
-        let reach = heights.iter().copied().fold(0.0, f64::max) * 1.15;
+        let reach = if axes.from_zero {
+            heights.iter().copied().fold(0.0, f64::max) * 1.15
+        } else {
+            f64::INFINITY
+        };
+        let lower = if axes.from_zero { &[][..] } else { &self.predictive90.lower };
+        heights.extend(lower.iter().copied().filter(|v| v.is_finite()));
         let others = [&self.predictive90.upper, &self.paper, &self.frenkel];
         heights.extend(
             others
                 .into_iter()
                 .flatten()
                 .copied()
-                .filter(|v| reach == 0.0 || (0.0..=reach).contains(v)),
+                .filter(|v| reach == 0.0 || !axes.from_zero || (0.0..=reach).contains(v)),
         );
-        heights.push(0.0);
-        let y =
-            Axis::holding("contact ratio a/R", "", Scale::Linear, heights, 0.04).starting_at(0.0);
+        if axes.from_zero {
+            heights.push(0.0);
+        }
+        let y = Axis::holding(&axes.value_name, &axes.value_unit, Scale::Linear, heights, 0.04);
+        let y = if axes.from_zero { y.starting_at(0.0) } else { y };
         let height = page.of_width(140.0, 230.0);
         let panels = layout(page, top, 8.0, &[(height, vec![Some(Spec::new(x, y))])])?;
         let Some(panel) = panels.into_iter().flatten().flatten().next() else { return Ok(()) };

@@ -106,6 +106,34 @@ pub enum PlotError {
     Encode(String),
 }
 
+/// What the axes of a measured curve are called.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Axes {
+    /// Name of the control variable, for example `time t`.
+    pub control_name: String,
+    /// Its unit; empty for a pure number.
+    pub control_unit: String,
+    /// Name of the measured quantity.
+    pub value_name: String,
+    /// Its unit; empty for a pure number.
+    pub value_unit: String,
+    /// Whether both axes begin at zero.
+    pub from_zero: bool,
+}
+
+impl Default for Axes {
+    /// Neck growth: contact ratio over time, both from zero.
+    fn default() -> Self {
+        Self {
+            control_name: "time t".to_owned(),
+            control_unit: "s".to_owned(),
+            value_name: "contact ratio a/R".to_owned(),
+            value_unit: String::new(),
+            from_zero: true,
+        }
+    }
+}
+
 /// A lower and an upper bound per point of a grid.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Band {

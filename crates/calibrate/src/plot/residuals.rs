@@ -7,7 +7,7 @@ use super::header::{Swatch, header};
 use super::layout::{Spec, layout};
 use super::page::Page;
 use super::palette::{GREY, Marker, Pen};
-use super::{Columns, PlotError, Role};
+use super::{Axes, Columns, PlotError, Role};
 
 /// Residuals against time, their autocorrelation, and their normal quantiles.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -20,6 +20,8 @@ pub struct ResidualsFigure {
     pub residual: Vec<f64>,
     /// Standard deviation of the noise (a/R): the band is twice that to both sides.
     pub sigma: f64,
+    /// What the axes of the measured curve are called.
+    pub axes: Axes,
     /// Logarithmic time axis (times <= 0 are left out).
     pub log_time: bool,
 }
@@ -37,10 +39,16 @@ impl ResidualsFigure {
         let top = header(page, &self.title, &entries)?;
 
         let scale = if self.log_time { Scale::Log } else { Scale::Linear };
-        let x = Axis::holding("time t", "s", scale, self.time_s.iter().copied(), 0.02);
-        let x = if self.log_time { x } else { x.starting_at(0.0) };
+        let axes = &self.axes;
+        let times = self.time_s.iter().copied();
+        let x = Axis::holding(&axes.control_name, &axes.control_unit, scale, times, 0.02);
+        let x = if self.log_time || !axes.from_zero { x } else { x.starting_at(0.0) };
         let residuals = self.residual.iter().copied().chain([2.2 * sigma, -2.2 * sigma]);
-        let y = Axis::holding("residual of a/R", "", Scale::Linear, residuals, 0.05);
+        let name = match axes.value_name.strip_prefix("contact ratio ") {
+            Some(symbol) => format!("residual of {symbol}"),
+            None => format!("residual of {}", axes.value_name),
+        };
+        let y = Axis::holding(&name, &axes.value_unit, Scale::Linear, residuals, 0.05);
 
         let correlation = autocorrelation(&self.residual);
         let lags: Vec<f64> = (0..correlation.len()).map(|lag| lag as f64).collect();

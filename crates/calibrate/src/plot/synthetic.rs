@@ -1,7 +1,7 @@
 //! One figure of each kind from made-up numbers, for the tests and for looking at.
 
 use super::{
-    Band, CompareFigure, ConvergenceFigure, ConvergenceStage, CornerFigure, CornerParameter,
+    Axes, Band, CompareFigure, ConvergenceFigure, ConvergenceStage, CornerFigure, CornerParameter,
     Figure, FitFigure, Knee, NamedCurve, RecursionFigure, RecursionParameter, RegimeMapFigure,
     ResidualsFigure, Role, WorkPrecisionFigure, WorkPrecisionSeries,
 };
@@ -74,6 +74,7 @@ pub(super) fn figures(
         knee: Some(Knee { time_s: 0.5, ratio: 0.5, lower: 0.45, upper: 0.55 }),
         paper_knee: Some(0.42),
         mean: mean.clone(),
+        axes: Axes::default(),
         log_time: false,
     };
     let log_fit = FitFigure { log_time: true, ..fit.clone() };
@@ -188,6 +189,7 @@ pub(super) fn figures(
         time_s: time_s.clone(),
         residual,
         sigma: 0.03,
+        axes: Axes::default(),
         log_time: false,
     };
 

@@ -397,6 +397,7 @@ proptest! {
                 band50: band.clone(), band90: band.clone(), predictive90: band.clone(), map: xs.clone(),
                 paper: ys.clone(), frenkel: xs.clone(), knee: Some(Knee { time_s: shift, ratio: shift, lower: 0.0, upper: shift }),
                 paper_knee: Some(shift), log_time: log, title: "t".into(),
+                axes: Axes { from_zero: shift > 0.0, ..Axes::default() },
             }),
             Box::new(CornerFigure { parameters: vec![parameter, other], weights: ys.clone(), title: String::new() }),
             Box::new(RecursionFigure {
@@ -407,6 +408,7 @@ proptest! {
             }),
             Box::new(ResidualsFigure {
                 time_s: sorted.clone(), residual: ys.clone(), sigma: shift, log_time: log, title: String::new(),
+                axes: Axes { from_zero: shift > 0.0, ..Axes::default() },
             }),
             Box::new(RegimeMapFigure {
                 grid_s: sorted.clone(), a0: shift, a1: ys.clone(), a2: xs.clone(), p1: Some((shift, 0.1)),

@@ -1,0 +1,88 @@
+//! Placeholders in a command: `{name}`; `{{` and `}}` stand for braces.
+
+/// Placeholders that every command has, beside the parameters.
+pub(crate) const RESERVED: [&str; 4] = ["parameters", "run", "seed", "plan_dir"];
+
+/// What is wrong with a template.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum TemplateError {
+    /// A brace without its partner.
+    Unbalanced,
+    /// A name that is none.
+    Unknown(String),
+}
+
+/// A piece of a template.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Piece<'t> {
+    Text(&'t str),
+    Escaped(char),
+    Name(&'t str),
+}
+
+fn pieces(template: &str) -> Result<Vec<Piece<'_>>, TemplateError> {
+    let mut pieces = Vec::new();
+    let mut rest = template;
+    while let Some(place) = rest.find(['{', '}']) {
+        pieces.push(Piece::Text(&rest[..place]));
+        let brace = if rest[place..].starts_with('{') { '{' } else { '}' };
+        let after = &rest[place + 1..];
+        if after.starts_with(brace) {
+            pieces.push(Piece::Escaped(brace));
+            rest = &after[1..];
+        } else if brace == '{' {
+            let end = after.find('}').ok_or(TemplateError::Unbalanced)?;
+            pieces.push(Piece::Name(&after[..end]));
+            rest = &after[end + 1..];
+        } else {
+            return Err(TemplateError::Unbalanced);
+        }
+    }
+    pieces.push(Piece::Text(rest));
+    Ok(pieces)
+}
+
+/// Checks a template against the names of the parameters.
+pub(crate) fn check(template: &str, parameters: &[String]) -> Result<(), TemplateError> {
+    for piece in pieces(template)? {
+        if let Piece::Name(name) = piece
+            && !RESERVED.contains(&name)
+            && !parameters.iter().any(|parameter| parameter == name)
+        {
+            return Err(TemplateError::Unknown(name.to_owned()));
+        }
+    }
+    Ok(())
+}
+
+/// Replaces `{plan_dir}` and leaves everything else a template.
+pub(crate) fn with_folder(template: &str, folder: &str) -> Result<String, TemplateError> {
+    let folder = folder.replace('{', "{{").replace('}', "}}");
+    let mut text = String::new();
+    for piece in pieces(template)? {
+        match piece {
+            Piece::Text(piece) => text.push_str(piece),
+            Piece::Escaped(brace) => text.extend([brace, brace]),
+            Piece::Name("plan_dir") => text.push_str(&folder),
+            Piece::Name(name) => text.extend(["{", name, "}"]),
+        }
+    }
+    Ok(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn placeholders_are_checked_and_braces_escaped() {
+        let names = ["c1".to_owned(), "tau_s".to_owned()];
+        assert_eq!(check("awk 'BEGIN {{ print {c1} }}' {run}", &names), Ok(()));
+        assert_eq!(check("{c2}", &names), Err(TemplateError::Unknown("c2".to_owned())));
+        assert_eq!(check("{c1", &names), Err(TemplateError::Unbalanced));
+        assert_eq!(check("c1}", &names), Err(TemplateError::Unbalanced));
+        assert_eq!(check("", &names), Ok(()));
+        let text = with_folder("{plan_dir}/run.sh {{x}} {c1}", "/home/a{b}");
+        assert_eq!(text.as_deref(), Ok("/home/a{{b}}/run.sh {{x}} {c1}"));
+    }
+}

@@ -1,0 +1,83 @@
+//! Everything that a campaign holds, for anybody who may read its directory.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use crate::campaign::{self, Record};
+use crate::error::CampaignError;
+use crate::outcome::Outcome;
+use crate::spec::CampaignSpec;
+use crate::status::published;
+use crate::task::Task;
+
+/// What a campaign holds.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Contents {
+    /// What is run.
+    pub spec: CampaignSpec,
+    /// Every task that was submitted, by number.
+    pub tasks: Vec<Task>,
+    /// How they ended, as far as they have, by number.
+    pub outcomes: HashMap<u64, Outcome>,
+}
+
+/// Reads what the campaign in `dir` holds, without its lock and without changing anything: also while it runs.
+/// What is damaged is left out.
+///
+/// # Errors
+///
+/// [`CampaignError`] where there is no campaign, or its record is damaged.
+pub fn contents(dir: &Path) -> Result<Contents, CampaignError> {
+    let record = Record::read_present(dir)?;
+    // First those that wait to be collected: they may be in the journal a moment later.
+    let published = published(dir);
+    let (tasks, results) = campaign::snapshot(dir, &record.spec)?;
+    let mut outcomes = HashMap::new();
+    for result in results.into_iter().chain(published) {
+        if tasks.get(&result.number).is_some_and(|(_, task)| *task == result.task) {
+            outcomes.entry(result.number).or_insert(result.outcome);
+        }
+    }
+    let tasks = tasks.into_values().map(|(task, _)| task).collect();
+    Ok(Contents { spec: record.spec, tasks, outcomes })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+    use crate::{Campaign, CommandSpec, Executor, InProcess, Keep, Stop};
+
+    #[test]
+    fn what_is_stored_is_read_while_the_campaign_is_open() {
+        let spec = CampaignSpec {
+            parameter_names: vec!["x".into()],
+            commands: vec![CommandSpec {
+                name: "square".into(),
+                argv: vec![],
+                environment: BTreeMap::new(),
+                timeout_s: 1.0,
+                retries: 0,
+                outputs: vec![],
+                keep: Keep::None,
+            }],
+            seed: 1,
+        };
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let dir = folder.path().join("run");
+        assert!(contents(&dir).is_err());
+        let campaign = Campaign::create(&dir, &spec, &BTreeMap::new()).expect("made");
+        let task = |number: u64| Task { number, command: 0, parameters: vec![number as f64] };
+        let tasks: Vec<Task> = (1..=3).map(task).collect();
+        campaign.record_submitted(&tasks).expect("stored");
+        let read = contents(&dir).expect("contents");
+        assert_eq!((read.spec, read.tasks, read.outcomes.len()), (spec, tasks.clone(), 0));
+        let mut threads =
+            InProcess::new(1, |task: &Task| Ok(vec![task.parameters[0].powi(2)])).expect("a pool");
+        threads.run(&campaign, &tasks[..2], &mut |_| (), &Stop::new()).expect("runs");
+        let read = contents(&dir).expect("contents");
+        assert_eq!(read.outcomes.len(), 2);
+        assert_eq!(read.outcomes[&2].values(), Some(&[4.0][..]));
+    }
+}
