@@ -126,7 +126,8 @@ mark() { env "LOOPBACK_SLURM=$dir" "$@"; }
 start() {
     case $1 in
         munge)
-            mark munged --key-file="$dir/munge.key" --socket="$dir/munge.socket" --pid-file="$dir/munge.pid" \
+            # Forced: it would refuse a directory that only its owner may enter.
+            mark munged --force --key-file="$dir/munge.key" --socket="$dir/munge.socket" --pid-file="$dir/munge.pid" \
                 --log-file="$dir/munge.log" --seed-file="$dir/munge.seed" --num-threads=2
             wait_for "munged" 10 munge --no-input --socket="$dir/munge.socket"
             ;;

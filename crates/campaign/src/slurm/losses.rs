@@ -92,7 +92,7 @@ impl Session<'_> {
                     let job = &mut self.jobs[job];
                     let number = u32::try_from(element).unwrap_or(u32::MAX);
                     let row = rows.iter().find(|row| {
-                        row.name == job.submission.name && row.elements.contains(number)
+                        row.name == job.submission.name && row.elements.may_hold(number)
                     });
                     if let Some(row) = row {
                         job.remember(element, row.state);

@@ -79,8 +79,8 @@ impl State {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Elements {
     ranges: Vec<(RangeInclusive<u32>, usize)>,
-    /// Cut off by Slurm: there are more, unnamed.
-    cut_off: bool,
+    /// There are more, unnamed: Slurm cut the list off, or gave none.
+    more: bool,
 }
 
 impl Elements {
@@ -91,10 +91,15 @@ impl Elements {
         let inner = inner.strip_suffix(']').unwrap_or(inner);
         // The limit of elements at the same time belongs to the whole list.
         let list = inner.split('%').next().unwrap_or_default();
-        let mut elements = Self { ranges: Vec::new(), cut_off: false };
+        let mut elements = Self { ranges: Vec::new(), more: false };
+        // What is left of an array that was cancelled before any of its elements started.
+        if list == "N/A" {
+            elements.more = true;
+            return Ok(elements);
+        }
         for part in list.split(',') {
             if part == "..." {
-                elements.cut_off = true;
+                elements.more = true;
                 continue;
             }
             let (range, step) = part.split_once(':').unwrap_or((part, "1"));
@@ -110,12 +115,16 @@ impl Elements {
         Ok(elements)
     }
 
-    /// Whether the element is (or, in a list that was cut off, may be) among these.
-    pub(super) fn contains(&self, element: u32) -> bool {
-        let named = self.ranges.iter().any(|(range, step)| {
+    /// Whether the element is named.
+    pub(super) fn name(&self, element: u32) -> bool {
+        self.ranges.iter().any(|(range, step)| {
             range.contains(&element) && ((element - range.start()) as usize).is_multiple_of(*step)
-        });
-        named || self.cut_off
+        })
+    }
+
+    /// Whether the element is named, or may be among those that are not.
+    pub(super) fn may_hold(&self, element: u32) -> bool {
+        self.more || self.name(element)
     }
 }
 
@@ -224,7 +233,7 @@ mod tests {
 
     fn elements_of(text: &str) -> Vec<u32> {
         let elements = Elements::parse(text).expect("elements");
-        (0..30).filter(|&element| elements.contains(element)).collect()
+        (0..30).filter(|&element| elements.may_hold(element)).collect()
     }
 
     #[test]
@@ -235,7 +244,13 @@ mod tests {
         assert_eq!(elements_of("1,3,7-9"), [1, 3, 7, 8, 9]);
         assert_eq!(elements_of("0-10:5"), [0, 5, 10]);
         assert_eq!(elements_of("0,2,..."), (0..30).collect::<Vec<_>>(), "cut off: may be any");
-        for wrong in ["", "N/A", "a-b", "5-3", "3-", "-3", "1,,2", "0-4:0", "[]", "4294967296"] {
+        assert_eq!(
+            elements_of("N/A"),
+            (0..30).collect::<Vec<_>>(),
+            "cancelled before it was split"
+        );
+        assert!(!Elements::parse("N/A").expect("elements").name(0));
+        for wrong in ["", "a-b", "5-3", "3-", "-3", "1,,2", "0-4:0", "[]", "4294967296"] {
             assert!(Elements::parse(wrong).is_err(), "{wrong:?}");
         }
     }
@@ -254,7 +269,7 @@ mod tests {
         assert_eq!(rows[4].state, State::Ended(Ending::ExitCode));
         assert_eq!(rows[5].state, State::Ended(Ending::Killed), "by a signal");
         assert_eq!((rows[0].job, rows[0].state), (12, State::Pending));
-        assert!(rows[0].elements.contains(19) && !rows[0].elements.contains(4));
+        assert!(rows[0].elements.name(19) && !rows[0].elements.name(4));
         assert_eq!(rows[1].state, State::Running);
         assert_eq!(rows[2].state, State::Ended(Ending::Cancelled));
         assert_eq!(rows[3].name, "x-2");
@@ -313,8 +328,8 @@ mod tests {
                     12_10|x-1|CANCELLED by 0|0:15\n12_11|x-1|FAILED|1:0\n12_12|x-1|FAILED|0:9\n";
         let rows = sacct(text).expect("a table");
         assert_eq!(rows[0].state, State::Ended(Ending::TimeLimit));
-        assert!(rows[0].elements.contains(3) && rows[0].job == 12 && rows[0].name == "x-1");
-        assert!(rows[1].elements.contains(9) && rows[1].state == State::Pending);
+        assert!(rows[0].elements.name(3) && rows[0].job == 12 && rows[0].name == "x-1");
+        assert!(rows[1].elements.name(9) && rows[1].state == State::Pending);
         assert_eq!(rows[2].state, State::Ended(Ending::Cancelled));
         assert_eq!(rows[3].state, State::Ended(Ending::ExitCode));
         assert_eq!(rows[4].state, State::Ended(Ending::Killed), "by a signal");

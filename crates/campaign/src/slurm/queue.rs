@@ -113,12 +113,11 @@ impl Session<'_> {
     }
 }
 
-/// The line about an element; one that says that it is alive, where there are several.
+/// The line about an element: one that names it, or else one of which it may be a part.
 fn row_of<'a>(rows: &[&'a QueueRow], element: usize) -> Option<&'a QueueRow> {
     let element = u32::try_from(element).ok()?;
-    let mut of_element = rows.iter().filter(|row| row.elements.contains(element));
-    let alive = of_element.clone().find(|row| !matches!(row.state, State::Ended(_)));
-    alive.or_else(|| of_element.next()).copied()
+    let named = rows.iter().find(|row| row.elements.name(element));
+    named.or_else(|| rows.iter().find(|row| row.elements.may_hold(element))).copied()
 }
 
 fn next_place(before: Place, row: Option<&QueueRow>) -> Place {

@@ -613,6 +613,22 @@ fn cancel_ends_the_jobs_and_the_next_driver_submits_at_once() {
 }
 
 #[test]
+fn an_array_that_somebody_cancelled_before_it_began_is_lost_and_submitted_again() {
+    let mut fake = Fake::new(2, 1);
+    let name = submission::job_name(&fake.campaign, 1);
+    fake.run_with(move |cluster| {
+        cluster.await_submissions(1);
+        // The very words of Slurm 22.05.
+        cluster.queue(&format!("{name}|1|N/A|CANCELLED|None\n"));
+        cluster.await_submissions(2);
+        cluster.publish(&[1, 2]);
+    })
+    .expect("all ended");
+    assert!(fake.failures().is_empty());
+    assert!(fake.notes().contains("was cancelled"), "{}", fake.notes());
+}
+
+#[test]
 fn job_names_follow_from_the_directory_and_can_be_asked_for() {
     let fake = Fake::new(1, 0);
     let name = submission::job_name(&fake.campaign, 12);

@@ -1,0 +1,235 @@
+#!/usr/bin/env bash
+# Runs on a real Slurm of two nodes (cluster.sh), with everything that can happen to one; each must end with the same
+# table as the same runs made by processes of this machine. Needs Debian's slurm-wlm and munge (cluster.sh install).
+#
+#   tests/slurm/run.sh [CASE...]        all cases, or those named
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/../.."
+here=$PWD/tests/slurm
+cluster=$here/cluster.sh
+simulator=$here/simulator.sh
+
+if ! lacking=$("$cluster" missing); then
+    echo "skipped: not installed: $lacking (as root: tests/slurm/cluster.sh install)"
+    exit "${SKIPPED:-0}"
+fi
+
+if [ -z "${DRIVE:-}" ]; then
+    cargo build --locked --quiet -p campaign --example drive
+    DRIVE=${CARGO_TARGET_DIR:-$PWD/target}/debug/examples/drive
+fi
+scratch=$(mktemp -d)
+export SIM_LOG="" SIM_SECONDS=0 SIM_FAIL="" SIM_HANG=""
+export SLURM_SETTINGS='{"chunk": 2, "poll_min_s": 0.1, "poll_max_s": 0.5, "grace_s": 2, "command_timeout_s": 5}'
+runs=12
+
+finish() {
+    local status=$?
+    trap - EXIT
+    if ((status != 0)); then
+        echo "FAILED: case ${case:-none}; the end of the driver's words:"
+        tail -n 30 "$scratch/${case:-none}.log" 2>/dev/null || true
+        tail -n 30 "$scratch/cluster/ctld.log" 2>/dev/null || true
+    fi
+    "$cluster" down "$scratch/cluster" 2>/dev/null || true
+    rm -rf "$scratch"
+    exit "$status"
+}
+trap finish EXIT
+fail() { echo "$*"; exit 1; }
+
+# drive CASE EXECUTOR: makes the runs in a directory of the case's name.
+drive() { "$DRIVE" "$scratch/$1" "$2" "$runs" "$simulator" 2>>"$scratch/$1.log"; }
+
+# The same table as the local executor's with the same simulator.
+same_as_local() {
+    local expected=local${SIM_FAIL:+-fail}${SIM_HANG:+-hang}
+    if [ ! -d "$scratch/$expected" ]; then
+        SIM_SECONDS=0 SIM_LOG="" drive "$expected" local || fail "the local executor failed"
+    fi
+    diff "$scratch/$expected/table.txt" "$scratch/$1/table.txt" || fail "$1: not the local executor's table"
+}
+
+# How often each run was started: fails where one was more often.
+each_once() {
+    local twice
+    twice=$(sort "$SIM_LOG" | uniq -d | tr '\n' ' ')
+    [ -z "$twice" ] || fail "$case: started more than once: $twice"
+}
+
+# Waits until a condition holds, at most 60 s.
+until_true() {
+    local deadline=$((SECONDS + 60))
+    until "$@"; do
+        ((SECONDS < deadline)) || fail "$case: never came true: $*"
+        sleep 0.1
+    done
+}
+started() { [ "$(cat "$SIM_LOG" 2>/dev/null | wc -l)" -ge "$1" ]; }
+running() { [ "$(squeue --noheader --array --states=running | wc -l)" -ge "$1" ]; }
+queue_is_empty() { [ -z "$(squeue --noheader)" ]; }
+
+case_all_succeed() {
+    drive "$case" slurm
+    same_as_local "$case"
+    each_once
+}
+
+case_exit_code() {
+    SIM_FAIL=5
+    drive "$case" slurm
+    grep -q '^5 exit code 7$' "$scratch/$case/table.txt" || fail "no exit code in the table"
+    same_as_local "$case"
+    each_once
+}
+
+case_hanging_run() {
+    SIM_HANG=4
+    export RUN_TIMEOUT_S=3
+    drive "$case" slurm
+    grep -q '^4 not finished after' "$scratch/$case/table.txt" || fail "no timeout in the table"
+    same_as_local "$case"
+    unset RUN_TIMEOUT_S
+    # Its whole process group is gone.
+    ! pgrep -f "^sleep 98765$" >/dev/null || fail "the run that hung is still there"
+}
+
+# The daemons of both nodes are killed and come back soon: jobs go on without them.
+case_slurmd_restarted() {
+    SIM_SECONDS=2 drive "$case" slurm &
+    until_true started 3
+    "$cluster" kill "$scratch/cluster" n1
+    "$cluster" kill "$scratch/cluster" n2
+    sleep 1
+    "$cluster" start "$scratch/cluster" n1
+    "$cluster" start "$scratch/cluster" n2
+    wait $! || fail "the driver failed"
+    same_as_local "$case"
+    each_once
+}
+
+# A node is away for so long that Slurm gives its jobs up.
+case_node_lost() {
+    SIM_SECONDS=2 drive "$case" slurm &
+    until_true started 3
+    "$cluster" kill "$scratch/cluster" n1
+    until_true eval '[[ $(sinfo --noheader --Node --nodes=n1 --format=%t) = down* ]]'
+    "$cluster" start "$scratch/cluster" n1
+    wait $! || fail "the driver failed"
+    same_as_local "$case"
+}
+
+case_slurmctld_restarted() {
+    SIM_SECONDS=4 drive "$case" slurm &
+    until_true started 3
+    "$cluster" kill "$scratch/cluster" ctld
+    until_true grep -q 'what runs is not known' "$scratch/$case.log"
+    "$cluster" start "$scratch/cluster" ctld
+    # It has forgotten what happened in its last seconds, starts jobs again that run already, and drains their nodes.
+    # Resuming these is the administrator's part.
+    while kill -0 $! 2>/dev/null; do
+        resume_nodes
+        sleep 0.5
+    done
+    wait $! || fail "the driver failed"
+    same_as_local "$case"
+}
+resume_nodes() {
+    if sinfo --noheader --Node --format=%t | grep -q '^dr'; then
+        scontrol update NodeName=n1,n2 State=RESUME || true
+    fi
+}
+
+case_driver_killed() {
+    SIM_SECONDS=2 "$DRIVE" "$scratch/$case" slurm "$runs" "$simulator" 2>>"$scratch/$case.log" &
+    until_true started 3
+    kill -KILL $!
+    wait $! 2>/dev/null && fail "it was killed"
+    squeue --noheader --array | grep -q . || fail "no jobs go on"
+    drive "$case" slurm
+    grep -q 'in Slurm.s queue already' "$scratch/$case.log" || fail "jobs were not taken up"
+    same_as_local "$case"
+    each_once
+}
+
+case_driver_killed_often() {
+    local attempt pid
+    for attempt in 1 2 3 4 5 6 7 8; do
+        "$DRIVE" "$scratch/$case" slurm "$runs" "$simulator" 2>>"$scratch/$case.log" &
+        pid=$!
+        sleep "0.$((RANDOM % 5))$((RANDOM % 10))"
+        kill -KILL "$pid" 2>/dev/null || true
+        wait "$pid" 2>/dev/null || true
+    done
+    drive "$case" slurm
+    same_as_local "$case"
+}
+
+case_user_scancel() {
+    SIM_SECONDS=2 drive "$case" slurm &
+    until_true started 3
+    scancel --user="$(id -un)"
+    wait $! || fail "the driver failed"
+    grep -q 'was cancelled' "$scratch/$case.log" || fail "the driver does not say so"
+    same_as_local "$case"
+}
+
+case_two_drivers() {
+    SIM_SECONDS=1 drive "$case" slurm &
+    until_true started 1
+    ! "$DRIVE" "$scratch/$case" slurm "$runs" "$simulator" 2>"$scratch/second" || fail "the second one ran"
+    grep -q 'is in use by' "$scratch/second" || fail "the second one says: $(cat "$scratch/second")"
+    wait $! || fail "the first one failed"
+    same_as_local "$case"
+    each_once
+}
+
+case_interrupted() {
+    "$DRIVE" "$scratch/$case" slurm "$runs" "$simulator" 2>>"$scratch/$case.log" &
+    until_true queue_has_jobs
+    kill -TERM $!
+    wait $! && fail "it was interrupted"
+    until_true queue_is_empty
+    drive "$case" slurm
+    same_as_local "$case"
+}
+queue_has_jobs() { ! queue_is_empty; }
+
+case_detached() {
+    SIM_SECONDS=1 DETACH=1 "$DRIVE" "$scratch/$case" slurm "$runs" "$simulator" 2>>"$scratch/$case.log" &
+    until_true started 2
+    kill -TERM $!
+    wait $! && fail "it was interrupted"
+    # The jobs come to their end without a driver.
+    until_true queue_is_empty
+    each_once
+    drive "$case" slurm
+    same_as_local "$case"
+    each_once
+}
+
+case_refused() {
+    ! SLURM_SETTINGS='{"partition": "nope"}' drive "$case" slurm || fail "there is no such partition"
+    grep -q 'invalid partition specified: nope' "$scratch/$case.log" || fail "Slurm's words are missing"
+    drive "$case" slurm
+    same_as_local "$case"
+}
+
+MAX_ARRAY_SIZE=5 SLURMD_TIMEOUT=5 "$cluster" up "$scratch/cluster" >"$scratch/up.log" 2>&1 ||
+    fail "no cluster: $(cat "$scratch/up.log")"
+# shellcheck source=/dev/null
+source "$scratch/cluster/env"
+if (($#)); then cases=("$@"); else
+    cases=(all_succeed exit_code hanging_run slurmd_restarted node_lost slurmctld_restarted driver_killed
+        driver_killed_often user_scancel two_drivers interrupted detached refused)
+fi
+for case in "${cases[@]}"; do
+    begin=$SECONDS
+    resume_nodes
+    SIM_LOG=$scratch/$case.starts SIM_FAIL="" SIM_HANG="" SIM_SECONDS=0
+    "case_$case"
+    until_true queue_is_empty
+    echo "ok: $case ($((SECONDS - begin)) s)"
+done
+case=""
+echo "all cases on Slurm passed in $SECONDS s"
