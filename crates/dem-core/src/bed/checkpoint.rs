@@ -118,7 +118,8 @@ stored_struct!(
     largest_driving, inertial_number, necks_meet, energies
 );
 stored_struct!(
-    QuasiStaticReport: steps, rejected, newton, conjugate_gradients, error_estimate, balanced_at_s
+    QuasiStaticReport: steps, rejected, newton, conjugate_gradients, error_estimate, mean_error,
+    squared_error, balanced_at_s, next_step_s
 );
 stored_struct!(Series: samples, phase, phase_start_s, quasi_static, stopped);
 

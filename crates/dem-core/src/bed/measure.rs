@@ -81,6 +81,16 @@ pub struct Sample {
     pub energies: Energies,
 }
 
+/// Error of the mean contact ratio by inertia, of a run that is observed in these states.
+///
+/// A contact lags behind its balance by the time `sqrt(m x R/fa)` in which fa moves its two particles by their
+/// overlap. With the inertial number I that is `I/(2 sqrt 2)` of a/R; the estimate takes I itself at its
+/// largest, three times as much, because particles that nothing holds lag by more.
+#[must_use]
+pub fn inertia_error(samples: &[Sample]) -> f64 {
+    samples.iter().map(|sample| sample.inertial_number).fold(0.0, f64::max)
+}
+
 impl Bed {
     /// The contacts of particles, in the order of the neighbour list.
     pub fn contacts(&self) -> impl Iterator<Item = ContactState> + '_ {
@@ -249,6 +259,25 @@ impl Bed {
             })
         });
         meet.count() as f64 / n as f64
+    }
+
+    /// How far the mean contact ratios of two beds of so many particles may differ by chance though the same law
+    /// rules them; 0 without contacts.
+    ///
+    /// The standard error of the mean, as if contacts were drawn by chance, together with the chance
+    /// that small contacts are there at all: the number m of those below half the mean, and one more, is uncertain by its root,
+    /// and each takes its share of the mean away.
+    #[must_use]
+    pub fn chance_of_mean_contact_ratio(&self) -> f64 {
+        let ratios: Vec<f64> = self.contacts().map(|contact| contact.contact_ratio()).collect();
+        if ratios.is_empty() {
+            return 0.0;
+        }
+        let count = ratios.len() as f64;
+        let mean = ratios.iter().sum::<f64>() / count;
+        let variance = ratios.iter().map(|ratio| (ratio - mean).powi(2)).sum::<f64>() / count;
+        let small = 1.0 + ratios.iter().filter(|&&ratio| ratio < 0.5 * mean).count() as f64;
+        (variance / count + small * (mean / count).powi(2)).sqrt()
     }
 
     /// Net force on each particle by its contacts, walls and weight, in the order of the particles \[N\].

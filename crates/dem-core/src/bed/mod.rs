@@ -39,6 +39,7 @@
 //! # Ok::<(), dem_core::bed::BedError>(())
 //! ```
 
+mod balance;
 mod checkpoint;
 mod contact;
 mod engine;
@@ -49,6 +50,7 @@ mod material;
 mod measure;
 mod motion;
 mod neighbours;
+mod network;
 mod output;
 mod packing;
 mod particles;
@@ -61,7 +63,7 @@ mod vec3;
 pub use engine::{Bed, Drive, Start, Surroundings, Work};
 pub use error::BedError;
 pub use material::{Friction, Growing, Material};
-pub use measure::{ContactState, Energies, Sample};
+pub use measure::{ContactState, Energies, Sample, inertia_error};
 pub use output::{CSV_HEADER, write_csv, write_vtk};
 pub use packing::{Radii, jammed_packing, random_packing};
 pub use particles::Particles;

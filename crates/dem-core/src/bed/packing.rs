@@ -106,7 +106,7 @@ pub fn random_packing(
     // Beyond the densest lattice there is nothing to try.
     if wished < 0.745 {
         let mut soft = Soft::thrown(region, radius_m, seed)?;
-        if soft.relax(PADDING, 0.5 * PADDING) {
+        if soft.relax(PADDING, 0.5 * PADDING, 1e-3) {
             return Ok(soft.positions_m());
         }
         let reached = wished * (1.0 - 1.5 * soft.mean_overlap);
@@ -115,8 +115,11 @@ pub fn random_packing(
     Err(BedError::PackingDensity { wished, reached: 0.64, particles })
 }
 
-/// A jammed packing: the box is shrunk around the particles until these hold each other, with
-/// overlaps of at most `overlap` mean radii. Returns the box and the centres.
+/// A jammed packing: particles that hold each other, with overlaps of at most `overlap` mean radii. Returns
+/// the box and the centres.
+///
+/// Particles thrown into a box somewhat too small are brought to balance, and the box is enlarged
+/// until hardly any overlap is left, as by C.S. O'Hern et al., Phys. Rev. E 68 (2003) 011306.
 ///
 /// # Errors
 ///
@@ -132,38 +135,35 @@ pub fn jammed_packing(
         let factor = (density(region, radius_m) / target).cbrt();
         Region { size_m: region.size_m.map(|size| size * factor), ..*region }
     };
-    let mut target = 0.58;
-    let mut step = 0.02;
-    let mut soft = Soft::thrown(&sized(target), radius_m, seed)?;
-    let mut free = None;
-    // Compress, and where it jams halve the step: up to the first jammed state that is hardly compressed.
-    loop {
-        if soft.relax(0.0, 1e-5) {
-            free = Some((target, soft.clone()));
-        } else {
-            // A jammed state carries force on nearly every particle.
-            if soft.largest_overlap <= overlap {
-                return Ok((soft.region_m(), soft.positions_m()));
-            }
-            step *= 0.5;
-            match &free {
-                Some((at, state)) => {
-                    target = *at;
-                    soft = state.clone();
-                }
-                None => {
-                    target -= 4.0 * step;
-                    soft = Soft::thrown(&sized(target), radius_m, seed)?;
-                    continue;
-                }
-            }
-            if step < 1e-7 {
-                return Ok((soft.region_m(), soft.positions_m()));
+    let mut target = 0.65;
+    let mut jammed = Soft::thrown(&sized(target), radius_m, seed)?;
+    while jammed.relax(0.0, 1e-5, ROUGH) && target < 0.95 {
+        target += 0.02;
+        jammed.resize(&sized(target));
+    }
+    // Share of the overlaps that the next enlargement leaves.
+    const LEAST: f64 = 0.15;
+    let mut left: f64 = LEAST;
+    while left < 0.9999 {
+        if jammed.largest_overlap <= overlap {
+            let held = !jammed.relax(0.0, 0.02 * overlap, BALANCE);
+            if held && jammed.largest_overlap <= overlap {
+                break;
             }
         }
-        target += step;
-        soft.resize(&sized(target));
+        let wished = left.max((0.6 * overlap / jammed.largest_overlap).min(0.9));
+        let next = target * (1.0 - 1.5 * jammed.mean_overlap * (1.0 - wished));
+        let mut soft = jammed.clone();
+        soft.resize(&sized(next));
+        if soft.relax(0.0, 0.02 * overlap, ROUGH) {
+            // Enlarged too far: they hold each other no more.
+            left = 0.5 * (1.0 + left);
+        } else {
+            (jammed, target) = (soft, next);
+            left = (0.7 * left).max(LEAST);
+        }
     }
+    Ok((jammed.region_m(), jammed.positions_m()))
 }
 
 fn density(region: &Region, radius_m: &[f64]) -> f64 {
@@ -173,6 +173,10 @@ fn density(region: &Region, radius_m: &[f64]) -> f64 {
 
 /// Gap, over the mean radius, that the particles of a packing are pushed apart to.
 const PADDING: f64 = 1e-3;
+
+/// Net force on a particle, over a mean contact force, that counts as balanced: on the way, and at the end.
+const ROUGH: f64 = 0.03;
+const BALANCE: f64 = 0.01;
 
 /// Soft spheres; lengths in mean radii.
 #[derive(Clone)]
@@ -328,8 +332,8 @@ impl Soft {
     }
 
     /// Pushes the particles apart, to a gap of `padding`, until no overlap with it exceeds
-    /// `tolerance`. False where they jam.
-    fn relax(&mut self, padding: f64, tolerance: f64) -> bool {
+    /// `tolerance`. False where they jam: no net force exceeds `balance` mean contact forces.
+    fn relax(&mut self, padding: f64, tolerance: f64, balance: f64) -> bool {
         if padding != self.padding {
             self.padding = padding;
             self.listed.clear();
@@ -351,7 +355,7 @@ impl Soft {
                 fastest = fastest.max(dot(*f, *f));
             }
             // Balanced though pressed: the largest net force is small against a contact force.
-            if iteration > 50 && fastest.sqrt() < 1e-3 * self.mean_overlap {
+            if iteration > 50 && fastest.sqrt() < balance * self.mean_overlap {
                 return false;
             }
             if power > 0.0 {

@@ -156,14 +156,17 @@ impl Run {
         };
         self.bed.begin(&drive)?;
         self.series.quasi_static.balanced_at_s = None;
+        self.series.quasi_static.next_step_s = None;
         self.series.phase_start_s.push(self.bed.time_s());
         if phase.mode == Mode::Dynamic {
             // Observations fall on steps.
             let every_s = phase.every_s();
             self.steps = (every_s / self.bed.step_s()).ceil() as u64;
-            self.bed.begin_with_step(every_s / self.steps as f64)?;
+            self.bed.begin_with_step(every_s / self.steps as f64)
+        } else {
+            // A quasi-static phase starts in balance.
+            self.go(phase)
         }
-        Ok(())
     }
 
     fn go(&mut self, phase: &Phase) -> Result<(), BedError> {

@@ -690,6 +690,23 @@ impl Scene {
         Ok(self)
     }
 
+    /// The same scene with another loading stiffness where it is heated; the other phases keep theirs.
+    ///
+    /// # Errors
+    ///
+    /// [`BedError::Material`].
+    pub fn with_heated_k1(mut self, k1_n_per_m: f64) -> Result<Self, BedError> {
+        let mut spec = *self.bed.material().spec();
+        let before = spec.k1;
+        spec.k1 = k1_n_per_m;
+        Material::new(spec)?;
+        for phase in &mut self.phases {
+            let k1 = if phase.heated { k1_n_per_m } else { phase.k1_n_per_m.unwrap_or(before) };
+            phase.k1_n_per_m = Some(k1);
+        }
+        Ok(self)
+    }
+
     /// The phases.
     #[must_use]
     pub fn phases(&self) -> &[Phase] {
