@@ -15,6 +15,7 @@ use smc_calib::{
 
 use crate::checksums;
 use crate::error::{InputError, Mistake};
+use crate::external;
 use crate::plan::Plan;
 
 /// Version of the layout of `posterior.json`; a reader refuses others.
@@ -256,7 +257,7 @@ pub fn locate(path: &Path) -> PathBuf {
 /// [`InputError`] that names file, line and remedy for a file that is missing, cut off, not a posterior, or of
 /// another version.
 pub fn read(path: &Path) -> Result<PosteriorFile, InputError> {
-    let path = locate(path);
+    let path = external::posterior_file::locate(path);
     checksums::read_as(&path, parse)
 }
 
@@ -269,6 +270,7 @@ pub fn parse(name: &str, text: &str) -> Result<PosteriorFile, InputError> {
     #[derive(Deserialize)]
     struct Version {
         schema_version: u32,
+        kind: Option<String>,
     }
     if text.trim().is_empty() {
         return Err(InputError::new(name, Mistake::Empty)
@@ -278,6 +280,15 @@ pub fn parse(name: &str, text: &str) -> Result<PosteriorFile, InputError> {
     }
     let version: Version =
         serde_json::from_str(text).map_err(|error| bad_json(name, text, &error))?;
+    if let Some(kind) = version.kind {
+        return Err(InputError::new(name, Mistake::Conflict)
+            .in_field("kind")
+            .found(format_args!("\"{kind}\": the posterior of a plan"))
+            .expected(
+                "the posterior of one pair, as calibrate --material and --experiment write it",
+            )
+            .help("calibrate inspect and calibrate plot read both kinds"));
+    }
     if version.schema_version != SCHEMA_VERSION {
         return Err(InputError::new(name, Mistake::OutOfRange)
             .in_field("schema_version")

@@ -242,7 +242,7 @@ pub enum ExecutorPlan {
 
 /// Options of Slurm; the cluster's defaults where not given.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct SlurmPlan {
     /// `--partition`.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -171,7 +171,8 @@ fn draws_csv(file: &PlanPosterior, posterior: &Posterior) -> String {
             .find(|(_, found)| found.label == group.name)
             .map_or("", |(plan, _)| plan.unit.as_str());
         let unit = if unit.is_empty() { "1" } else { unit };
-        text.push_str(&quoted(&format!(",sigma_{} [{unit}]", group.name)));
+        text.push(',');
+        text.push_str(&quoted(&format!("sigma_{} [{unit}]", group.name)));
     }
     text.push_str(",sample\n");
     for (place, draw) in posterior.draws.iter().enumerate() {

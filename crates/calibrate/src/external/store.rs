@@ -301,6 +301,27 @@ pub(crate) fn refused(dir: &Path, error: CampaignError) -> Failure {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::external::plan::SlurmPlan;
+
+    #[test]
+    fn every_executor_is_stored_and_read_back() {
+        let full = SlurmPlan {
+            partition: Some("short".to_owned()),
+            extra: vec!["--qos=low".to_owned()],
+            chunk: Some(3),
+            poll_min_s: Some(0.5),
+            ..SlurmPlan::default()
+        };
+        for executor in [
+            ExecutorPlan::Threads { threads: None },
+            ExecutorPlan::Local { parallel: Some(3) },
+            ExecutorPlan::Slurm(SlurmPlan::default()),
+            ExecutorPlan::Slurm(full),
+        ] {
+            let text = serde_json::to_string(&executor).expect("JSON");
+            assert_eq!(serde_json::from_str::<ExecutorPlan>(&text).expect(&text), executor);
+        }
+    }
 
     #[test]
     fn the_first_difference_is_named_with_its_place() {
