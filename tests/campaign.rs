@@ -175,7 +175,7 @@ fn the_example_runs_and_finds_what_it_was_made_of() {
     let header = draws.lines().next().expect("a header");
     assert_eq!(
         header,
-        "stiffness [N/m],damping [N s/m],z_stiffness [1],z_damping [1],sigma_force [N],sample"
+        "stiffness [N/m],damping [N s/m],z_stiffness [1],z_damping [1],sigma_force [N],sigma_restitution [1],sample"
     );
     let predicted = sandbox.run("predict --posterior results/impact --contact-ratio 0.9");
     predicted.refused(&["the posterior of a plan"]);
@@ -428,6 +428,39 @@ fn a_changed_plan_and_damaged_files_are_named_and_the_rest_is_used() {
     sandbox.run("--resume results/line --plan line.toml").succeeded();
     assert_eq!(posterior_bytes(&sandbox, "results/line"), bytes);
     assert_eq!(runs(&sandbox), before);
+    let record = sandbox.path().join("results/line/campaign.json");
+    let text = fs::read_to_string(&record).expect("campaign.json");
+    fs::write(&record, &text[..text.len() / 2]).expect("cut off");
+    sandbox.run("--resume results/line").refused(&["campaign.json", "--plan FILE"]);
+    sandbox.run("--resume results/line --plan line.toml").succeeded();
+    assert_eq!(posterior_bytes(&sandbox, "results/line"), bytes);
+    assert_eq!(runs(&sandbox), before, "its runs are used");
+}
+
+#[test]
+fn a_simulator_that_never_works_is_a_failed_run_and_a_plan_in_json_is_a_plan() {
+    let sandbox = line(24, "0");
+    sandbox.write("line.sh", "echo broken >&2; exit 7\n");
+    let ran = sandbox.run("--plan line.toml");
+    assert_eq!(ran.code, 1, "{ran:#?}");
+    for words in ["exit code 7", "calibrate export results/line"] {
+        assert!(ran.stderr.contains(words), "{words} is not in\n{}", ran.stderr);
+    }
+    sandbox.run("export results/line").succeeded();
+    let written = fs::read_to_string(sandbox.path().join("results/line/export/runs.csv"));
+    assert!(written.expect("runs.csv").contains("exit code 7"));
+    let stopped = status(&sandbox, "results/line");
+    assert_eq!((&stopped["state"], &stopped["reported"]), (&"stopped".into(), &false.into()));
+    sandbox.run("inspect results/line").refused(&["no posterior yet", "--resume"]);
+
+    let value: toml::Value = toml::from_str(&line_plan(24, "0")).expect("TOML");
+    sandbox.write("json/line.json", serde_json::to_string(&value).expect("JSON"));
+    sandbox.write("json/line.sh", LINE_SH);
+    sandbox.write("json/line.csv", LINE_CSV);
+    let checked = sandbox.run("check json/line.json");
+    assert!(checked.succeeded().stdout.contains("the plan line: 1 parameter,"), "{checked:?}");
+    sandbox.run("--plan json/line.json --out json/run --quiet").succeeded();
+    assert_eq!(status(&sandbox, "json/run")["state"], "done");
 }
 
 #[test]

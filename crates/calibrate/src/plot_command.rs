@@ -6,11 +6,12 @@ use std::path::Path;
 
 use crate::args::PlotArgs;
 use crate::error::{Failure, InputError, Mistake, RunError};
-use crate::external::posterior_file::{AnyPosterior, locate, read_any};
+use crate::external::posterior_file::{AnyPosterior, read_any};
 use crate::external::report;
 use crate::figures;
 use crate::output;
 use crate::plot::Width;
+use crate::posterior_file::locate;
 use crate::run::{draw_all, read_samples};
 
 /// Draws every figure of the run that `args` name.

@@ -15,7 +15,7 @@ use smc_calib::{
 
 use crate::checksums;
 use crate::error::{InputError, Mistake};
-use crate::external;
+use crate::external::REPORT;
 use crate::plan::Plan;
 
 /// Version of the layout of `posterior.json`; a reader refuses others.
@@ -244,10 +244,15 @@ pub struct Curves {
     pub frenkel: Option<Vec<f64>>,
 }
 
-/// The file that a path means: itself, or the one in the folder it names.
+/// The file that a path means: itself, the one in the folder it names, or the one in the report of a plan's run.
 #[must_use]
 pub fn locate(path: &Path) -> PathBuf {
-    if path.is_dir() { path.join(FILE_NAME) } else { path.to_owned() }
+    if !path.is_dir() {
+        return path.to_owned();
+    }
+    let own = path.join(FILE_NAME);
+    let reported = path.join(REPORT).join(FILE_NAME);
+    if reported.is_file() && !own.is_file() { reported } else { own }
 }
 
 /// Reads a `posterior.json`, or the one in a folder.
@@ -257,7 +262,7 @@ pub fn locate(path: &Path) -> PathBuf {
 /// [`InputError`] that names file, line and remedy for a file that is missing, cut off, not a posterior, or of
 /// another version.
 pub fn read(path: &Path) -> Result<PosteriorFile, InputError> {
-    let path = external::posterior_file::locate(path);
+    let path = locate(path);
     checksums::read_as(&path, parse)
 }
 

@@ -14,6 +14,7 @@ use campaign::{Campaign, CampaignError, Event, Executor, ExecutorError, Local, S
 use indicatif::{ProgressBar, ProgressStyle};
 use smc_calib::{CalibrateError, Observer, Posterior, StageRecord};
 
+use super::REPORT;
 use super::describe;
 use super::plan::{ExecutorPlan, ExternalPlan, SlurmPlan};
 use super::plan_file::PlanFile;
@@ -21,7 +22,7 @@ use super::posterior_file::PlanPosterior;
 use super::problem::{self, Unfinished};
 use super::report;
 use super::simulator::{PlanSimulator, Runner, STOPPED, sample_of};
-use super::store::{self, REPORT, Stored};
+use super::store::{self, Stored};
 use super::summary;
 use crate::args::{OnInterrupt, RunArgs};
 use crate::error::{Failure, InputError, Mistake, RunError};

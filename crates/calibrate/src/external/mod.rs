@@ -19,3 +19,6 @@ pub mod status;
 mod store;
 pub mod summary;
 mod template;
+
+/// The folder of the results in the folder of a run.
+pub const REPORT: &str = "report";

@@ -13,7 +13,6 @@ use smc_calib::{
 };
 
 use super::plan::{ExternalPlan, ObservablePlan};
-use super::store::REPORT;
 use crate::checksums;
 use crate::error::{InputError, Mistake, RunError};
 use crate::posterior_file::{self, FILE_NAME, FitError};
@@ -128,24 +127,13 @@ pub enum AnyPosterior {
     Plan(Box<PlanPosterior>),
 }
 
-/// The `posterior.json` that a path means: itself, the one in the folder, or the one in the report of a run's folder.
-#[must_use]
-pub fn locate(path: &Path) -> std::path::PathBuf {
-    let report = path.join(REPORT).join(FILE_NAME);
-    if report.is_file() && !path.join(FILE_NAME).is_file() {
-        report
-    } else {
-        posterior_file::locate(path)
-    }
-}
-
 /// Reads a `posterior.json` of either kind, the one in a folder, or the one in a run's folder.
 ///
 /// # Errors
 ///
 /// [`InputError`] that names file, line and remedy.
 pub fn read_any(path: &Path) -> Result<AnyPosterior, InputError> {
-    let file = locate(path);
+    let file = posterior_file::locate(path);
     if path.is_dir() && !file.is_file() && path.join(super::store::RESOLVED).is_file() {
         return Err(InputError::new(path.display().to_string(), Mistake::MissingFile)
             .found("a run that has no posterior yet")

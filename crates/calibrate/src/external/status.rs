@@ -6,7 +6,8 @@ use std::io::Write as _;
 
 use serde::Serialize;
 
-use super::store::{self, REPORT, Stored};
+use super::REPORT;
+use super::store::{self, Stored};
 use crate::args::StatusArgs;
 use crate::error::{Failure, RunError};
 use crate::number::significant;

@@ -18,8 +18,6 @@ use crate::error::{Failure, InputError, Mistake, RunError};
 
 /// The file with the plan as it was understood, tables and all.
 pub(crate) const RESOLVED: &str = "resolved-plan.json";
-/// The folder of the results in the folder of a run.
-pub(crate) const REPORT: &str = "report";
 
 /// What is kept of a plan, so that a run needs no other file to go on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
