@@ -8,6 +8,7 @@ mod compare;
 mod damage;
 mod determinism;
 mod files;
+mod lammps;
 mod main_job;
 mod plot;
 mod predict;

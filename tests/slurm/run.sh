@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
-# Runs on a real Slurm of two nodes (cluster.sh), with everything that can happen to one; each must end with the same
-# table as the same runs made by processes of this machine. Needs Debian's slurm-wlm and munge (cluster.sh install).
+# Calibrations on a real Slurm of two nodes (cluster.sh), with everything that can happen to one; each must end with the
+# same bytes of the posterior as with runs by processes of this machine. Needs slurm-wlm and munge (cluster.sh install).
 #
-#   tests/slurm/run.sh [CASE...]        all cases, or those named
+#   tests/slurm/run.sh [CASE...]             all cases, or those named
+#   LEVEL=runs tests/slurm/run.sh [CASE...]  without the calibration: the runs alone, by crates/campaign/examples/drive.rs
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 here=$PWD/tests/slurm
@@ -14,19 +15,22 @@ if ! lacking=$("$cluster" missing); then
     exit "${SKIPPED:-0}"
 fi
 
-if [ -z "${DRIVE:-}" ]; then
+level=${LEVEL:-posterior}
+target=${CARGO_TARGET_DIR:-$PWD/target}/debug
+if [ "$level" = runs ]; then
     cargo build --locked --quiet -p campaign --example drive
-    DRIVE=${CARGO_TARGET_DIR:-$PWD/target}/debug/examples/drive
+else
+    cargo build --locked --quiet -p calibrate
 fi
 scratch=$(mktemp -d)
-export SIM_LOG="" SIM_SECONDS=0 SIM_FAIL="" SIM_HANG=""
-export SLURM_SETTINGS='{"chunk": 2, "poll_min_s": 0.1, "poll_max_s": 0.5, "grace_s": 2, "command_timeout_s": 5}'
-runs=12
+export SIM_LOG="" SIM_SECONDS=0 SIM_FAIL="" SIM_HANG="" RUN_TIMEOUT_S=60 PARTITION=main
+runs=16
 
 finish() {
     local status=$?
     trap - EXIT
     if ((status != 0)); then
+        exec >&2
         echo "FAILED: case ${case:-none}; the end of the driver's words:"
         tail -n 30 "$scratch/${case:-none}.log" 2>/dev/null || true
         tail -n 30 "$scratch/cluster/ctld.log" 2>/dev/null || true
@@ -36,18 +40,65 @@ finish() {
     exit "$status"
 }
 trap finish EXIT
-fail() { echo "$*"; exit 1; }
+fail() { echo "$*" >&2; exit 1; }
 
-# drive CASE EXECUTOR: makes the runs in a directory of the case's name.
-drive() { "$DRIVE" "$scratch/$1" "$2" "$runs" "$simulator" 2>>"$scratch/$1.log"; }
-
-# The same table as the local executor's with the same simulator.
-same_as_local() {
-    local expected=local${SIM_FAIL:+-fail}${SIM_HANG:+-hang}
-    if [ ! -d "$scratch/$expected" ]; then
-        SIM_SECONDS=0 SIM_LOG="" drive "$expected" local || fail "the local executor failed"
+# launch CASE EXECUTOR: becomes the driver of a run in the case's directory, one that begins or goes on.
+launch() {
+    local dir=$scratch/$1 plan=$scratch/$1-$2.toml
+    exec 2>>"$scratch/$1.log"
+    if [ "$level" = runs ]; then
+        export SLURM_SETTINGS="{\"partition\": \"$PARTITION\", \"chunk\": 2, \"poll_min_s\": 0.1, \"poll_max_s\": 0.5,
+            \"grace_s\": 2, \"command_timeout_s\": 5}"
+        exec "$target/examples/drive" "$dir" "$2" "$runs" "$simulator"
     fi
-    diff "$scratch/$expected/table.txt" "$scratch/$1/table.txt" || fail "$1: not the local executor's table"
+    plan "$2" >"$plan"
+    local interrupt=(--on-interrupt "${ON_INTERRUPT:-cancel}")
+    if [ -e "$dir/campaign.json" ]; then
+        exec "$target/calibrate" --resume "$dir" --plan "$plan" "${interrupt[@]}"
+    fi
+    exec "$target/calibrate" --plan "$plan" --out "$dir" "${interrupt[@]}"
+}
+drive() { (launch "$@"); }
+
+plan() {
+    cat <<PLAN
+name = "slurm"
+[parameters.x]
+distribution = "uniform"
+lower = 0.5
+upper = 1.5
+[experiments.sine.simulator]
+kind = "command"
+argv = ["$simulator", "{x}", "{run}"]
+timeout_s = $RUN_TIMEOUT_S
+[experiments.sine.observables.y]
+table = "sine.csv"
+control = "t"
+noise = { kind = "fixed", sigma = 0.1 }
+result = { file = "out.csv", control = "t", value = "y" }
+[sampler]
+samples = $runs
+iterations = 2
+seed = 3
+[executor]
+PLAN
+    if [ "$1" = local ]; then
+        printf 'kind = "local"\nparallel = 8\n'
+    else
+        printf 'kind = "slurm"\npartition = "%s"\nchunk = 2\n' "$PARTITION"
+        printf 'poll_min_s = 0.1\npoll_max_s = 0.5\ngrace_s = 2\ncommand_timeout_s = 5\n'
+    fi
+}
+printf 't,y\n0.1,0.11\n0.5,0.44\n1,0.87\n' >"$scratch/sine.csv"
+
+# The same outcome as the local executor's with the same simulator.
+same_as_local() {
+    local expected=local${SIM_FAIL:+-fail}${SIM_HANG:+-hang} result=report/posterior.json
+    [ "$level" = posterior ] || result=table.txt
+    if [ ! -d "$scratch/$expected" ]; then
+        SIM_SECONDS=0 SIM_LOG="" drive "$expected" local >/dev/null || fail "the local executor failed"
+    fi
+    diff "$scratch/$expected/$result" "$scratch/$1/$result" || fail "$1: not what the local executor gives"
 }
 
 # How often each run was started: fails where one was more often.
@@ -78,18 +129,17 @@ case_all_succeed() {
 case_exit_code() {
     SIM_FAIL=5
     drive "$case" slurm
-    grep -q '^5 exit code 7$' "$scratch/$case/table.txt" || fail "no exit code in the table"
+    grep -q '"number":5,.*"exit_code":{"code":7}' "$scratch/$case/results.jsonl" || fail "no exit code"
     same_as_local "$case"
     each_once
 }
 
 case_hanging_run() {
     SIM_HANG=4
-    export RUN_TIMEOUT_S=3
+    RUN_TIMEOUT_S=3
     drive "$case" slurm
-    grep -q '^4 not finished after' "$scratch/$case/table.txt" || fail "no timeout in the table"
+    grep -q '"number":4,.*"timeout"' "$scratch/$case/results.jsonl" || fail "no timeout"
     same_as_local "$case"
-    unset RUN_TIMEOUT_S
     # Its whole process group is gone.
     ! pgrep -f "^sleep 98765$" >/dev/null || fail "the run that hung is still there"
 }
@@ -141,7 +191,7 @@ resume_nodes() {
 }
 
 case_driver_killed() {
-    SIM_SECONDS=2 "$DRIVE" "$scratch/$case" slurm "$runs" "$simulator" 2>>"$scratch/$case.log" &
+    SIM_SECONDS=2 launch "$case" slurm &
     until_true started 3
     kill -KILL $!
     wait $! 2>/dev/null && fail "it was killed"
@@ -155,7 +205,7 @@ case_driver_killed() {
 case_driver_killed_often() {
     local attempt pid
     for attempt in 1 2 3 4 5 6 7 8; do
-        "$DRIVE" "$scratch/$case" slurm "$runs" "$simulator" 2>>"$scratch/$case.log" &
+        launch "$case" slurm &
         pid=$!
         sleep "0.$((RANDOM % 5))$((RANDOM % 10))"
         kill -KILL "$pid" 2>/dev/null || true
@@ -177,15 +227,15 @@ case_user_scancel() {
 case_two_drivers() {
     SIM_SECONDS=1 drive "$case" slurm &
     until_true started 1
-    ! "$DRIVE" "$scratch/$case" slurm "$runs" "$simulator" 2>"$scratch/second" || fail "the second one ran"
-    grep -q 'is in use by' "$scratch/second" || fail "the second one says: $(cat "$scratch/second")"
+    ! drive "$case" slurm || fail "the second one ran"
+    grep -q 'in use by' "$scratch/$case.log" || fail "the second one does not say why"
     wait $! || fail "the first one failed"
     same_as_local "$case"
     each_once
 }
 
 case_interrupted() {
-    "$DRIVE" "$scratch/$case" slurm "$runs" "$simulator" 2>>"$scratch/$case.log" &
+    launch "$case" slurm &
     until_true queue_has_jobs
     kill -TERM $!
     wait $! && fail "it was interrupted"
@@ -196,7 +246,7 @@ case_interrupted() {
 queue_has_jobs() { ! queue_is_empty; }
 
 case_detached() {
-    SIM_SECONDS=1 DETACH=1 "$DRIVE" "$scratch/$case" slurm "$runs" "$simulator" 2>>"$scratch/$case.log" &
+    SIM_SECONDS=1 DETACH=1 ON_INTERRUPT=detach launch "$case" slurm &
     until_true started 2
     kill -TERM $!
     wait $! && fail "it was interrupted"
@@ -209,7 +259,7 @@ case_detached() {
 }
 
 case_refused() {
-    ! SLURM_SETTINGS='{"partition": "nope"}' drive "$case" slurm || fail "there is no such partition"
+    ! PARTITION=nope drive "$case" slurm || fail "there is no such partition"
     grep -q 'invalid partition specified: nope' "$scratch/$case.log" || fail "Slurm's words are missing"
     drive "$case" slurm
     same_as_local "$case"
@@ -226,8 +276,8 @@ fi
 for case in "${cases[@]}"; do
     begin=$SECONDS
     resume_nodes
-    SIM_LOG=$scratch/$case.starts SIM_FAIL="" SIM_HANG="" SIM_SECONDS=0
-    "case_$case"
+    SIM_LOG=$scratch/$case.starts SIM_FAIL="" SIM_HANG="" SIM_SECONDS=0 RUN_TIMEOUT_S=60
+    "case_$case" >/dev/null
     until_true queue_is_empty
     echo "ok: $case ($((SECONDS - begin)) s)"
 done

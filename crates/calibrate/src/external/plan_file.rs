@@ -483,8 +483,9 @@ impl Reader<'_> {
         if program.contains('{') && !program.starts_with("{plan_dir}/") {
             return Ok(());
         }
-        let relative = program.strip_prefix("{plan_dir}/").unwrap_or(program);
-        if relative.contains('/') {
+        let beside_plan = program.strip_prefix("{plan_dir}/");
+        let relative = beside_plan.unwrap_or(program);
+        if beside_plan.is_some() || relative.contains('/') {
             let path = self.folder.join(relative);
             if !path.is_file() {
                 return Err(refused(format!("the program {}", path.display()))
@@ -1162,6 +1163,7 @@ samples = 40
             ("{{}}", "}", "written twice"),
             ("\"sh\", ", "\"no-such-program-anywhere\", ", "not on the path"),
             ("\"sh\", ", "\"./nothing.sh\", ", "nothing.sh"),
+            ("\"sh\", ", "\"{plan_dir}/nothing.sh\", ", "a file that is there"),
             ("argv = [\"sh\"", "argv = [3", "text in quotes"),
             ("argv = ", "timeout_s = -1\nargv = ", "timeout_s"),
             ("argv = ", "retries = 1.5\nargv = ", "whole number"),
