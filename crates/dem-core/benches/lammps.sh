@@ -2,23 +2,49 @@
 # The same jammed packing in LAMMPS (Debian: apt-get install lammps) and here: particle steps per second
 # of both, and their ratio, on one core and on two. LAMMPS has no sintering: granular pair style hooke without
 # friction, the same stiffness, dissipation, step and skin; here the contact law without growth.
-# From the repository: crates/dem-core/benches/lammps.sh [PARTICLES] [STEPS]
+# The best of REPEATS runs each, taken in turn. Prints a table, and writes it to results/bed/lammps.md.
+# From the repository: crates/dem-core/benches/lammps.sh [PARTICLES] [STEPS] [REPEATS]
 set -eu
 particles=${1:-10000}
-steps=${2:-2000}
+steps=${2:-1000}
+repeats=${3:-5}
 cargo build --release -p dem-core --example bed_cost --example bed_for_lammps
-examples=${CARGO_TARGET_DIR:-target}/release/examples
+repository=$(pwd)
+target=${CARGO_TARGET_DIR:-target}
+case $target in /*) ;; *) target=$repository/$target ;; esac
+examples=$target/release/examples
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 "$examples/bed_for_lammps" "$particles" "$steps" "$work"
 cd "$work"
+export OMP_NUM_THREADS=1 OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
+# The larger of two numbers.
+larger() { awk -v a="$1" -v b="$2" 'BEGIN { print (a + 0 > b + 0) ? a : b }'; }
+busy=$(cut -d' ' -f1 /proc/loadavg)
+{
+    echo "# The same packing in LAMMPS"
+    echo
+    echo "$particles jammed particles, $steps steps, best of $repeats runs; $(lmp -h | sed -n 's/.*Simulator - *//p' | head -n 1),"
+    echo "\`gran/hooke\` under MPI, on $(sed -n 's/^model name[^:]*: //p' /proc/cpuinfo | head -n 1)."
+    echo "Load average when it began: $busy on $(getconf _NPROCESSORS_ONLN) cores; where it is not near zero the row of two cores says nothing,"
+    echo "because MPI processes wait for each other."
+    echo
+    echo "| cores | here, particle steps/s | LAMMPS, particle steps/s | ratio |"
+    echo "|---|---|---|---|"
+} >table
 for cores in 1 2; do
-    export OMP_NUM_THREADS=1 OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
-    mpirun --oversubscribe -np $cores lmp -in in.bed -log log.$cores -screen none
-    # "Loop time of T on P procs for S steps with N atoms"
-    theirs=$(awk '/^Loop time/ { rate = $9 * $12 / $4 } END { print rate }' log.$cores)
-    ours=$("$examples/bed_cost" normal "$particles" "$steps" $cores |
-        sed 's/.*threads [0-9]*: \([0-9.e+]*\) particle.*/\1/')
+    ours=0
+    theirs=0
+    for run in $(seq "$repeats"); do
+        mpirun --oversubscribe --bind-to none -np $cores lmp -in in.bed -log log -screen none
+        # "Loop time of T on P procs for S steps with N atoms"
+        theirs=$(larger "$theirs" "$(awk '/^Loop time/ { rate = $9 * $12 / $4 } END { print rate }' log)")
+        ours=$(larger "$ours" "$("$examples/bed_cost" normal "$particles" "$steps" $cores |
+            sed 's/.*threads [0-9]*: \([0-9.e+]*\) particle.*/\1/')")
+    done
     awk -v c=$cores -v a="$ours" -v b="$theirs" 'BEGIN {
-        printf "%d core(s): here %.3g, LAMMPS %.3g particle steps/s, ratio %.2f\n", c, a, b, a / b }'
+        printf "| %d | %.3g | %.3g | %.2f |\n", c, a, b, a / b }' >>table
 done
+mkdir -p "$repository/results/bed"
+cp table "$repository/results/bed/lammps.md"
+cat table

@@ -11,7 +11,7 @@ use std::time::Instant;
 use dem_core::bed::{
     Bed, Drive, Friction, Growing, Material, Region, Side, Start, Surroundings, jammed_packing,
 };
-use dem_core::{Kinetics, PairSpec, Sintering, paper};
+use dem_core::{Kinetics, PairSpec, Sintering, SolverKind, SolverSettings, paper, simulate};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().collect();
@@ -20,6 +20,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let (particles, steps): (usize, u64) = (particles.parse()?, steps.parse()?);
     rayon::ThreadPoolBuilder::new().num_threads(threads.parse()?).build_global()?;
+    if scene == "pair-solver" {
+        return pair_solver(steps);
+    }
     let mut bed = bed(scene, particles)?;
     bed.advance(20)?;
     let (before, cpu) = (Instant::now(), cpu_seconds());
@@ -34,6 +37,17 @@ fn main() -> Result<(), Box<dyn Error>> {
         bed.memory_bytes() / n,
         bed.work(),
     );
+    Ok(())
+}
+
+/// The same pair through the solver for pairs.
+fn pair_solver(steps: u64) -> Result<(), Box<dyn Error>> {
+    let scene = PairSpec::new(paper::PA12, 2f64.cbrt()).build()?;
+    let settings = SolverSettings::of(SolverKind::Verlet);
+    let end_s = steps as f64 * settings.step_over_collision_time * scene.collision_time_s();
+    let sintering = Sintering { c1: 2.4e-5, tau_s: 3.81, delta_c: 9.5e-8 };
+    let curve = simulate(&scene, Kinetics::ThreeStage, &sintering, &settings, &[end_s])?;
+    println!("pair-solver: {:?}", curve.contact_ratio);
     Ok(())
 }
 
@@ -56,6 +70,10 @@ fn bed(scene: &str, particles: usize) -> Result<Bed, Box<dyn Error>> {
     if particles == 2 {
         start.position_m = vec![[0.0; 3], [(2.0 - 1e-3) * radius_m, 0.0, 0.0]];
         start.radius_m = vec![radius_m; 2];
+    } else if has("chain") {
+        let place = |i: usize| [i as f64 * (2.0 - 1e-3) * radius_m, 0.0, 0.0];
+        start.position_m = (0..particles).map(place).collect();
+        start.radius_m = vec![radius_m; particles];
     } else {
         let side = if has("walls") { Side::Walls } else { Side::Periodic };
         // Large periodic packings are copies of one of 2000 at most.
