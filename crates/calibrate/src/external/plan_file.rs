@@ -1298,7 +1298,7 @@ noise = { kind = "fixed", sigma = 0.05 }
         let plan = place.read(&text).expect("a plan").plan;
         assert_eq!(plan.design.as_ref().expect("a design").sets, [[2.0], [3.0]]);
         assert_eq!(plan.budget(), 2);
-        let error = place.read(&text.replace("design", "samples = 9\ndesign")).expect_err("both");
+        let error = place.read(&text.replace("design", "samples = 99\ndesign")).expect_err("both");
         assert_eq!(error.mistake, Mistake::Conflict);
         std::fs::write(&design, "description k\na 2\nb 30\n").expect("written");
         let error = place.read(&text).expect_err("out of the prior");

@@ -245,12 +245,19 @@ pub fn figures(file: &PlanPosterior, samples: &SampleColumns, log_control: bool)
 }
 
 fn axes(plan: &ObservablePlan) -> Axes {
-    let words = |name: &str| name.replace('_', " ");
+    // `time_s` in seconds is the time: the unit stands behind it anyway.
+    let words = |name: &str, unit: &str| {
+        let suffix = format!("_{}", unit.to_lowercase());
+        name.strip_suffix(&suffix).filter(|rest| !rest.is_empty()).unwrap_or(name).replace('_', " ")
+    };
     let from_zero = plan.values.iter().chain(&plan.control).all(|value| *value >= 0.0);
     Axes {
-        control_name: plan.control_column.as_deref().map_or("row".to_owned(), words),
+        control_name: plan
+            .control_column
+            .as_deref()
+            .map_or("row".to_owned(), |name| words(name, &plan.control_unit)),
         control_unit: plan.control_unit.clone(),
-        value_name: words(&plan.name),
+        value_name: words(&plan.name, &plan.unit),
         value_unit: plan.unit.clone(),
         from_zero,
     }
