@@ -13,5 +13,6 @@ mod main_job;
 mod plot;
 mod predict;
 mod readme;
+mod scenes;
 mod simulate;
 mod table3;

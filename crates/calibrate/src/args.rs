@@ -92,6 +92,10 @@ pub enum Command {
     Bench(BenchArgs),
     /// Predict sintering times of a pair from a saved posterior, with their intervals
     Predict(PredictArgs),
+    /// Run a powder bed for draws of a posterior: density over time, time to a target density
+    Densify(crate::densify::DensifyArgs),
+    /// Run a scene of many particles: series, pictures, VTK files
+    Scene(crate::scene_command::SceneArgs),
     /// Check the sampler by simulation-based calibration: made data, ranks, coverage
     Validate(crate::validation::ValidateArgs),
     /// Say how far the run of a plan is: done, running, failed by cause, time left
@@ -709,7 +713,7 @@ fn parse_positive(text: &str) -> Result<f64, String> {
     if value > 0.0 { Ok(value) } else { Err("expected a number > 0".to_owned()) }
 }
 
-fn parse_target(text: &str) -> Result<f64, String> {
+pub(crate) fn parse_target(text: &str) -> Result<f64, String> {
     let value = number(text)?;
     if value > 0.0 && value <= crate::observation_table::LARGEST_CONTACT_RATIO {
         Ok(value)

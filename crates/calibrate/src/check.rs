@@ -3,7 +3,6 @@
 use std::io::Write as _;
 use std::path::Path;
 
-use dem_core::bed::SceneFile;
 use smc_calib::PriorSpec;
 
 use crate::args::CheckArgs;
@@ -14,7 +13,7 @@ use crate::external::plan_file::{PlanFile, looks_like_a_plan};
 use crate::observation_table::ObservationTable;
 use crate::prior_file::{ParameterName, PriorFile};
 use crate::toml_fields::Document;
-use crate::{material::Material, text_file};
+use crate::{material::Material, scene_command, scene_file, text_file};
 
 /// What is understood of a file: a headline, details, and warnings.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -78,9 +77,15 @@ pub fn file_at(
         return match toml_kind(&name, &text)? {
             TomlKind::Prior => PriorFile::read(path).map(|priors| of_priors(&priors)),
             TomlKind::Experiment => Experiment::read(path).map(|experiment| of(&experiment)),
-            TomlKind::Scene => of_scene(&name, &text),
+            TomlKind::Scene => of_scene(&name, &text, false),
             TomlKind::Plan => PlanFile::parse(path, text).map(|plan| understood(&plan)),
         };
+    }
+    if path.is_file() && extension.as_deref().is_some_and(|extension| extension == "json") {
+        let text = text_file::read(path)?;
+        if is_json_scene(&text) {
+            return of_scene(&path.display().to_string(), &text, true);
+        }
     }
     if let Some(plan) = json_plan(path)? {
         return Ok(understood(&plan));
@@ -146,13 +151,19 @@ fn toml_kind(name: &str, text: &str) -> Result<TomlKind, InputError> {
 }
 
 /// A scene of many particles. What it says is checked; its packing is not made.
-fn of_scene(name: &str, text: &str) -> Result<Understood, InputError> {
-    let scene = SceneFile::parse(text, name)
-        .map_err(|error| InputError::new(name, Mistake::Syntax).found(error))?;
+fn of_scene(name: &str, text: &str, json: bool) -> Result<Understood, InputError> {
+    let scene = scene_file::parse(name.to_owned(), text, json)?;
     Ok(Understood {
-        headline: format!("a scene of many particles, {}", scene.name),
+        headline: format!("a scene of many particles, {}", scene.file.name),
+        details: scene_command::describe(&scene),
         ..Understood::default()
     })
+}
+
+/// Whether a JSON file is a scene and no posterior.
+fn is_json_scene(text: &str) -> bool {
+    let value: Result<serde_json::Value, _> = serde_json::from_str(text);
+    value.is_ok_and(|value| value.get("particles").is_some() && value.get("phases").is_some())
 }
 
 fn of_table(table: &ObservationTable) -> String {

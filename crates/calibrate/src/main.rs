@@ -7,8 +7,8 @@ use std::process::ExitCode;
 use calibrate::args::{Args, Command, SHORT_HELP};
 use calibrate::error::Failure;
 use calibrate::{
-    bench, check, compare, external, inspect, plot_command, predict, run, simulate, table3,
-    validation,
+    bench, check, compare, densify, external, inspect, plot_command, predict, run, scene_command,
+    simulate, table3, validation,
 };
 use clap::{CommandFactory as _, Parser as _};
 
@@ -35,6 +35,8 @@ fn dispatch(args: &Args) -> Result<(), Failure> {
         Some(Command::Check(args)) => check::run(args, inspect::understand),
         Some(Command::Bench(args)) => bench::run(args),
         Some(Command::Predict(args)) => predict::run(args),
+        Some(Command::Densify(args)) => densify::run(args),
+        Some(Command::Scene(args)) => scene_command::run(args),
         Some(Command::Validate(args)) => validation::run(args),
         Some(Command::Status(args)) => external::status::run(args),
         Some(Command::Export(args)) => external::export::run(args),

@@ -114,14 +114,14 @@ impl RunFolder {
         }
     }
 
-    fn parent(&self) -> &Path {
+    pub(crate) fn parent(&self) -> &Path {
         match self.target.parent() {
             Some(parent) if !parent.as_os_str().is_empty() => parent,
             _ => Path::new("."),
         }
     }
 
-    fn name(&self) -> String {
+    pub(crate) fn name(&self) -> String {
         self.target.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
     }
 

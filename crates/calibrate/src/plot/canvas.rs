@@ -52,19 +52,58 @@ pub(super) struct TextBox {
     pub(super) bounds: Rect,
 }
 
+/// Pixels below all marks of the PNG; the SVG does not have them.
+pub(super) struct Backdrop {
+    rgb: Vec<u8>,
+    across: usize,
+}
+
+impl Backdrop {
+    /// Averages `samples` by `samples` colours (from 0 to 1, row by row) for each of the pixels.
+    pub(super) fn averaged(
+        colours: &[[f32; 3]],
+        across: usize,
+        down: usize,
+        samples: usize,
+    ) -> Backdrop {
+        let mut rgb = Vec::with_capacity(3 * across * down);
+        for row in 0..down {
+            for column in 0..across {
+                for part in 0..3 {
+                    let mut sum = 0.0;
+                    for y in 0..samples {
+                        let from = (row * samples + y) * across * samples + column * samples;
+                        sum += colours[from..from + samples].iter().map(|c| c[part]).sum::<f32>();
+                    }
+                    let mean = sum / (samples * samples) as f32;
+                    rgb.push((255.0 * mean).round() as u8);
+                }
+            }
+        }
+        Backdrop { rgb, across }
+    }
+}
+
 /// A picture under construction, in hundredths of a point. The origin is the upper left corner, y points down.
 pub(super) struct Canvas {
     /// Width and height that plotters may draw on; the picture is cut to what is used.
     size: (u32, u32),
     marks: Vec<Mark>,
     pub(super) texts: Vec<TextBox>,
+    /// With the pixels from the left and from the top at which it begins.
+    backdrop: Option<((usize, usize), Backdrop)>,
+}
+
+/// A length in points as pixels of the PNG.
+fn pixels(points: f32) -> usize {
+    (points * DOTS_PER_INCH / 72.0).round() as usize
 }
 
 impl Canvas {
     /// An empty picture of a size in points.
     pub(super) fn new(width: f32, height: f32) -> Canvas {
         let size = (grid(width) as u32, grid(height) as u32);
-        Canvas { size, marks: Vec::new(), texts: Vec::new() }
+        Canvas { size, marks: Vec::new(), texts: Vec::new(), backdrop: None }
     }
 
     /// Width and height in points.
@@ -75,6 +114,17 @@ impl Canvas {
     /// Leaves out what lies below a height in points.
     pub(super) fn cut(&mut self, height: f32) {
         self.size.1 = grid(height) as u32;
+    }
+
+    /// Puts pixels under the marks, in a rectangle given in points; `draw` gets its size in pixels.
+    pub(super) fn set_backdrop(
+        &mut self,
+        (left, top): (f32, f32),
+        (width, height): (f32, f32),
+        draw: impl FnOnce(usize, usize) -> Backdrop,
+    ) {
+        let backdrop = draw(pixels(width).max(1), pixels(height).max(1));
+        self.backdrop = Some(((pixels(left), pixels(top)), backdrop));
     }
 
     pub(super) fn fill(&mut self, path: Option<Path>, color: BackendColor) {
@@ -99,6 +149,19 @@ impl Canvas {
         let mut pixmap = Pixmap::new(width, height)
             .ok_or_else(|| PlotError::Encode(format!("no memory for {width} x {height} pixels")))?;
         pixmap.fill(tiny_skia::Color::WHITE);
+        if let Some(((left, top), Backdrop { rgb, across })) = &self.backdrop {
+            let wide = width as usize;
+            for (row, colours) in rgb.chunks_exact(3 * across).enumerate() {
+                let from = 4 * ((top + row) * wide + left);
+                let to = pixmap.data_mut().get_mut(from..).unwrap_or_default();
+                let room = across.min(&wide.saturating_sub(*left)).to_owned();
+                for (pixel, colour) in
+                    to.chunks_exact_mut(4).zip(colours.chunks_exact(3)).take(room)
+                {
+                    pixel[..3].copy_from_slice(colour);
+                }
+            }
+        }
         let scale = Transform::from_scale(scale, scale);
         for mark in &self.marks {
             match mark {

@@ -16,10 +16,12 @@
 //! Values which are not finite are skipped: a gap in a curve, a missing marker, an interval that is not drawn.
 
 mod axis;
+mod bed;
 mod canvas;
 mod compare;
 mod convergence;
 mod corner;
+mod densification;
 mod density;
 mod elements;
 mod fit;
@@ -31,6 +33,7 @@ mod panel;
 mod recursion;
 mod regime_map;
 mod residuals;
+mod series;
 #[cfg(test)]
 mod synthetic;
 #[cfg(test)]
@@ -38,14 +41,17 @@ mod tests;
 mod text;
 mod work_precision;
 
+pub use bed::BedFigure;
 pub use compare::{CompareFigure, NamedCurve};
 pub use convergence::{ConvergenceFigure, ConvergenceStage};
 pub use corner::{CornerFigure, CornerParameter};
+pub use densification::DensificationFigure;
 pub use fit::{FitFigure, Knee};
 pub use palette::Role;
 pub use recursion::{RecursionFigure, RecursionParameter};
 pub use regime_map::RegimeMapFigure;
 pub use residuals::ResidualsFigure;
+pub use series::SeriesFigure;
 pub use work_precision::{WorkPrecisionFigure, WorkPrecisionGrid, WorkPrecisionSeries};
 
 /// One figure as bytes of both formats, drawn from the same list of strokes and fills.
@@ -182,10 +188,12 @@ figures!(
     CompareFigure,
     ConvergenceFigure,
     CornerFigure,
+    DensificationFigure,
     FitFigure,
     RecursionFigure,
     RegimeMapFigure,
     ResidualsFigure,
+    SeriesFigure,
     WorkPrecisionFigure,
     WorkPrecisionGrid
 );

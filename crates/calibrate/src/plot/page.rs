@@ -12,7 +12,7 @@ use plotters::style::TextStyle;
 use plotters::style::text_anchor::Pos;
 use tiny_skia::Rect;
 
-use super::canvas::{Canvas, POINTS_PER_MM, grid};
+use super::canvas::{Backdrop, Canvas, POINTS_PER_MM, grid};
 use super::palette::{BLACK, Pen};
 use super::{Picture, PlotError, Width, text};
 
@@ -104,6 +104,16 @@ impl Page {
             self.text(text, size, at, anchor)?;
         }
         Ok(inside && free)
+    }
+
+    /// Puts pixels under all that is drawn, in a rectangle.
+    pub(super) fn set_backdrop(
+        &self,
+        corner: (f32, f32),
+        size: (f32, f32),
+        draw: impl FnOnce(usize, usize) -> Backdrop,
+    ) {
+        self.canvas.borrow_mut().set_backdrop(corner, size, draw);
     }
 
     /// Ends the page at a height.

@@ -2,7 +2,7 @@
 //!
 //! A field that is not known is refused, and a field that is missing is named. All numbers are SI.
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::engine::{Bed, Start, Surroundings};
 use super::error::{BedError, field, within};
@@ -12,7 +12,7 @@ use super::region::{Region, Side};
 use crate::{Damping, Kinetics, PairSpec, Powder, Sintering, paper};
 
 /// A scene as it is written, not yet checked.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneFile {
     /// A name for outputs.
@@ -40,7 +40,7 @@ pub struct SceneFile {
 }
 
 /// `[material]`
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct MaterialTable {
     /// Young's modulus \[Pa\].
@@ -83,7 +83,7 @@ fn restitution() -> f64 {
 }
 
 /// `[sintering]`
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct SinteringTable {
     /// Name of the kinetics.
@@ -99,7 +99,7 @@ pub struct SinteringTable {
 }
 
 /// `[box]`
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct BoxTable {
     /// Lengths \[m\]; left out, a packing makes the box, a cube.
@@ -112,7 +112,7 @@ pub struct BoxTable {
 }
 
 /// Name of a [`Side`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SideName {
     /// [`Side::Open`].
@@ -137,7 +137,7 @@ impl From<SideName> for Side {
 }
 
 /// `[particles.table]`, `[particles.lattice]` or `[particles.packing]`
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub enum ParticlesTable {
     /// One by one.
@@ -175,7 +175,7 @@ pub enum ParticlesTable {
 }
 
 /// `radii = { equal = {..} }`, `{ log-normal = {..} }` or `{ histogram = {..} }`
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub enum RadiiTable {
     /// [`Radii::Equal`].
@@ -200,7 +200,7 @@ pub enum RadiiTable {
 }
 
 /// `[gravity]`
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct GravityTable {
     /// Acceleration \[m/s2\].
@@ -215,7 +215,7 @@ fn allowed_load() -> f64 {
 }
 
 /// `[drag]`
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct DragTable {
     /// Viscosity of the fluid \[Pa s\].
@@ -223,7 +223,7 @@ pub struct DragTable {
 }
 
 /// `[friction]`
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct FrictionTable {
     /// Coefficient of friction.
@@ -244,7 +244,7 @@ fn half() -> f64 {
 }
 
 /// How a phase is computed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, Default)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mode {
     /// Newton's law.
@@ -255,7 +255,7 @@ pub enum Mode {
 }
 
 /// `[[phases]]`
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Phase {
     /// A name for outputs.

@@ -22,10 +22,16 @@ fn run(scene: &Scene) -> Series {
 
 #[test]
 fn example_parameters_are_those_of_the_paper() {
-    let expected = printed::from_printed(&paper::PA12_TABLE3, paper::PA12.radius_m);
-    for name in
-        ["pair", "chain-of-ten", "four-particles", "powder-bed-1000", "periodic-packing-10000"]
-    {
+    let pa12 = printed::from_printed(&paper::PA12_TABLE3, paper::PA12.radius_m);
+    let peek = printed::from_printed(&paper::PEEK_450PF_TABLE3, paper::PEEK_450PF.radius_m);
+    for (name, expected) in [
+        ("pair", pa12),
+        ("chain-of-ten", pa12),
+        ("four-particles", pa12),
+        ("packing-200", peek),
+        ("powder-bed-1000", pa12),
+        ("periodic-packing-10000", pa12),
+    ] {
         let file = SceneFile::parse(&text(name), name).expect("valid");
         let table = file.sintering.expect("every example sinters");
         for (value, expected) in [

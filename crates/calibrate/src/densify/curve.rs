@@ -1,0 +1,383 @@
+//! The bed of one draw over time, its file, and the bands over all draws.
+
+use std::fmt::Write as _;
+
+use dem_core::bed::Sample;
+use serde::Serialize;
+
+use crate::scene_command::NECKS_MEET;
+use crate::weighted::Weighted;
+
+/// What is said of time.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Target {
+    /// Mass over density and bed volume.
+    RelativeDensity(f64),
+    /// Mean a/R over the contacts of the bed.
+    ContactRatio(f64),
+}
+
+impl Target {
+    /// What it is, in words.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::RelativeDensity(_) => "relative density",
+            Self::ContactRatio(_) => "mean contact ratio a/R",
+        }
+    }
+
+    /// The value wished for.
+    #[must_use]
+    pub fn value(self) -> f64 {
+        match self {
+            Self::RelativeDensity(value) | Self::ContactRatio(value) => value,
+        }
+    }
+}
+
+/// A moment of a bed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moment {
+    /// Since heating began \[s\].
+    pub time_s: f64,
+    /// Relative density, NaN where the bed has no volume.
+    pub relative_density: f64,
+    /// Contacts per particle.
+    pub coordination: f64,
+    /// Mean contact ratio.
+    pub mean_contact_ratio: f64,
+    /// Share of the particles on which necks meet.
+    pub necks_meet: f64,
+    /// Mean and largest of the force that drives the growth, over fa.
+    pub driving: [f64; 2],
+    /// Inertial number.
+    pub inertial_number: f64,
+}
+
+impl Moment {
+    /// Of an observation, with time counted from when heating began.
+    #[must_use]
+    pub fn of(sample: &Sample, heated_from_s: f64) -> Self {
+        Self {
+            time_s: sample.time_s - heated_from_s,
+            relative_density: sample.relative_density,
+            coordination: sample.coordination,
+            mean_contact_ratio: sample.mean_contact_ratio,
+            necks_meet: sample.necks_meet,
+            driving: [sample.mean_driving, sample.largest_driving],
+            inertial_number: sample.inertial_number,
+        }
+    }
+
+    fn of_target(&self, target: Target) -> f64 {
+        match target {
+            Target::RelativeDensity(_) => self.relative_density,
+            Target::ContactRatio(_) => self.mean_contact_ratio,
+        }
+    }
+
+    fn numbers(&self) -> [f64; 8] {
+        let [mean, largest] = self.driving;
+        [
+            self.time_s,
+            self.relative_density,
+            self.coordination,
+            self.mean_contact_ratio,
+            self.necks_meet,
+            mean,
+            largest,
+            self.inertial_number,
+        ]
+    }
+}
+
+/// The bed of one draw.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Curve {
+    /// Its moments, in time. It ends where the bed is full (relative density 1) or the scene ends.
+    pub moments: Vec<Moment>,
+    /// Sum of the errors of a/R of all quasi-static steps; 0 for dynamic scenes.
+    pub error_estimate: f64,
+}
+
+const COLUMNS: &str = "time_s,relative_density,coordination,mean_contact_ratio,necks_meet,mean_driving,\
+                       largest_driving,inertial_number";
+const END: &str = "# end";
+
+impl Curve {
+    /// As a file that says what it belongs to and that it is whole.
+    #[must_use]
+    pub fn file(&self, belongs_to: &str) -> String {
+        let mut text =
+            format!("# {belongs_to}\n# error_estimate {:e}\n{COLUMNS}\n", self.error_estimate);
+        for moment in &self.moments {
+            let numbers = moment.numbers().map(|number| format!("{number:e}"));
+            let _ = writeln!(text, "{}", numbers.join(","));
+        }
+        text.push_str(END);
+        text.push('\n');
+        text
+    }
+
+    /// Reads such a file back; `None` where it belongs to something else or is not whole.
+    #[must_use]
+    pub fn parse(text: &str, belongs_to: &str) -> Option<Self> {
+        let mut lines = text.lines();
+        if lines.next()?.strip_prefix("# ")? != belongs_to {
+            return None;
+        }
+        let error_estimate = lines.next()?.strip_prefix("# error_estimate ")?.parse().ok()?;
+        if lines.next()? != COLUMNS {
+            return None;
+        }
+        let mut moments = Vec::new();
+        for line in lines {
+            if line == END {
+                return Some(Self { moments, error_estimate }).filter(|c| !c.moments.is_empty());
+            }
+            let numbers: Vec<f64> =
+                line.split(',').map(|cell| cell.parse().ok()).collect::<Option<_>>()?;
+            let [
+                time_s,
+                relative_density,
+                coordination,
+                mean_contact_ratio,
+                necks_meet,
+                mean,
+                largest,
+                inertial_number,
+            ] = *numbers.as_slice()
+            else {
+                return None;
+            };
+            moments.push(Moment {
+                time_s,
+                relative_density,
+                coordination,
+                mean_contact_ratio,
+                necks_meet,
+                driving: [mean, largest],
+                inertial_number,
+            });
+        }
+        None
+    }
+
+    /// When a quantity first reaches a level \[s\], and another one then, by straight lines between observations.
+    fn crossing(
+        &self,
+        of: impl Fn(&Moment) -> f64,
+        level: f64,
+        other: impl Fn(&Moment) -> f64,
+    ) -> Option<(f64, f64)> {
+        let after = self.moments.iter().position(|moment| of(moment) >= level)?;
+        let to = &self.moments[after];
+        let Some(from) = after.checked_sub(1).map(|before| &self.moments[before]) else {
+            return Some((to.time_s, other(to)));
+        };
+        let share = (level - of(from)) / (of(to) - of(from));
+        let between = |a: f64, b: f64| a + share * (b - a);
+        Some((between(from.time_s, to.time_s), between(other(from), other(to))))
+    }
+
+    /// When the target is reached \[s\].
+    #[must_use]
+    pub fn time_to(&self, target: Target) -> Option<f64> {
+        self.crossing(|moment| moment.of_target(target), target.value(), |_| 0.0)
+            .map(|(time, _)| time)
+    }
+
+    /// When necks begin to meet on too many particles \[s\], and the target's quantity then.
+    #[must_use]
+    pub fn model_ends(&self, target: Target) -> Option<(f64, f64)> {
+        self.crossing(|moment| moment.necks_meet, NECKS_MEET, |moment| moment.of_target(target))
+    }
+}
+
+/// Quantiles over draws at one time.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Band {
+    /// Median.
+    pub median: f64,
+    /// Equal-tailed 50 % interval.
+    pub eti50: [f64; 2],
+    /// Equal-tailed 90 % interval.
+    pub eti90: [f64; 2],
+}
+
+impl Band {
+    fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
+        let draws = Weighted::new(values.map(|value| (value, 1.0)));
+        let median = draws.quantile(0.5);
+        median.is_finite().then(|| Self {
+            median,
+            eti50: draws.interval(0.5),
+            eti90: draws.interval(0.9),
+        })
+    }
+}
+
+/// All draws at one time.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Point {
+    /// Since heating began \[s\].
+    pub time_s: f64,
+    /// Relative density; none where the bed has no volume. Draws whose bed is full by then count as 1.
+    pub relative_density: Option<Band>,
+    /// Mean contact ratio; of draws whose bed is full by then, the last one.
+    pub mean_contact_ratio: Band,
+    /// Share of the draws for which the model has ended by then.
+    pub outside_model: f64,
+}
+
+impl Point {
+    /// The band of the target's quantity.
+    #[must_use]
+    pub fn of_target(&self, target: Target) -> Option<Band> {
+        match target {
+            Target::RelativeDensity(_) => self.relative_density,
+            Target::ContactRatio(_) => Some(self.mean_contact_ratio),
+        }
+    }
+}
+
+/// Bands at the observation times of the scene.
+#[must_use]
+pub(super) fn bands(curves: &[Curve], target: Target) -> Vec<Point> {
+    let Some(longest) = curves.iter().max_by_key(|curve| curve.moments.len()) else {
+        return Vec::new();
+    };
+    let ends: Vec<f64> = curves
+        .iter()
+        .map(|curve| curve.model_ends(target).map_or(f64::INFINITY, |(time, _)| time))
+        .collect();
+    longest
+        .moments
+        .iter()
+        .enumerate()
+        .filter_map(|(place, moment)| {
+            // A bed that was full stays as it was.
+            let at = |curve: &Curve| curve.moments.get(place).or(curve.moments.last()).copied();
+            let all = || curves.iter().filter_map(at);
+            let outside = ends.iter().filter(|&&end| end <= moment.time_s).count();
+            Some(Point {
+                time_s: moment.time_s,
+                relative_density: Band::of(
+                    all().map(|m| m.relative_density.min(1.0)).filter(|d| !d.is_nan()),
+                ),
+                mean_contact_ratio: Band::of(all().map(|m| m.mean_contact_ratio))?,
+                outside_model: outside as f64 / curves.len() as f64,
+            })
+        })
+        .collect()
+}
+
+/// The time to a target over all draws, those that never reach it being later than all others.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct TimeTo {
+    /// Median \[s\]; none where half of the draws or more never reach it.
+    pub median: Option<f64>,
+    /// Equal-tailed 50 % interval; an end that no draw reaches is none.
+    pub eti50: [Option<f64>; 2],
+    /// Equal-tailed 90 % interval.
+    pub eti90: [Option<f64>; 2],
+}
+
+impl TimeTo {
+    /// Of times, none for draws that never get there.
+    #[must_use]
+    pub fn of(times: &[Option<f64>]) -> Self {
+        let mut sorted: Vec<f64> = times.iter().map(|time| time.unwrap_or(f64::INFINITY)).collect();
+        sorted.sort_by(f64::total_cmp);
+        // As `Weighted`, linear between the middles of neighbouring weights.
+        let quantile = |p: f64| {
+            let last = sorted.len().checked_sub(1)?;
+            let at = (p * sorted.len() as f64 - 0.5).clamp(0.0, last as f64);
+            let (below, share) = (at.floor() as usize, at.fract());
+            let value = match share {
+                0.0 => sorted[below],
+                share => sorted[below] + share * (sorted[below + 1] - sorted[below]),
+            };
+            Some(value).filter(|value| value.is_finite())
+        };
+        Self {
+            median: quantile(0.5),
+            eti50: [0.25, 0.75].map(quantile),
+            eti90: [0.05, 0.95].map(quantile),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn curve(density: &[f64]) -> Curve {
+        let moments = density
+            .iter()
+            .enumerate()
+            .map(|(k, &relative_density)| Moment {
+                time_s: k as f64,
+                relative_density,
+                coordination: 6.0,
+                mean_contact_ratio: 0.5 * relative_density,
+                necks_meet: if relative_density > 0.85 { 0.1 } else { 0.0 },
+                driving: [1.0, 1.5],
+                inertial_number: f64::NAN,
+            })
+            .collect();
+        Curve { moments, error_estimate: 1e-3 }
+    }
+
+    #[test]
+    fn times_are_read_off_straight_lines_and_the_model_ends_where_necks_meet() {
+        let curve = curve(&[0.6, 0.8, 0.9]);
+        assert_eq!(curve.time_to(Target::RelativeDensity(0.7)), Some(0.5));
+        assert_eq!(curve.time_to(Target::RelativeDensity(0.6)), Some(0.0));
+        assert_eq!(curve.time_to(Target::ContactRatio(0.45)), Some(2.0));
+        assert_eq!(curve.time_to(Target::RelativeDensity(0.95)), None);
+        let (time, density) = curve.model_ends(Target::RelativeDensity(0.9)).expect("it ends");
+        assert!((time - 1.5).abs() < 1e-12 && (density - 0.85).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_curve_reads_back_as_it_was_and_not_for_another_plan_or_when_cut() {
+        let curve = curve(&[0.6, 0.7, 0.123_456_789_012_345_67]);
+        let text = curve.file("plan 1 draw 2");
+        let back = Curve::parse(&text, "plan 1 draw 2").expect("whole");
+        assert_eq!(format!("{back:?}"), format!("{curve:?}"));
+        assert_eq!(Curve::parse(&text, "plan 1 draw 3"), None);
+        for cut in 0..text.len() - 1 {
+            assert_eq!(Curve::parse(&text[..cut], "plan 1 draw 2"), None, "{cut}");
+        }
+    }
+
+    #[test]
+    fn bands_hold_a_full_bed_at_one_and_count_who_left_the_model() {
+        let curves = [curve(&[0.6, 0.8, 1.02]), curve(&[0.6, 0.7, 0.8, 0.9])];
+        let points = bands(&curves, Target::RelativeDensity(0.9));
+        assert_eq!(points.len(), 4);
+        let last = &points[3];
+        let density = last.relative_density.expect("a density");
+        assert_eq!((density.median, density.eti90[1]), (0.95, 1.0));
+        let outside: Vec<f64> = points.iter().map(|point| point.outside_model).collect();
+        assert_eq!(outside, [0.0, 0.0, 0.5, 1.0]);
+    }
+
+    #[test]
+    fn draws_that_never_arrive_are_later_than_all_others() {
+        let some = |times: &[f64], never: usize| {
+            let mut all: Vec<Option<f64>> = times.iter().copied().map(Some).collect();
+            all.extend(vec![None; never]);
+            TimeTo::of(&all)
+        };
+        let all = some(&[1.0, 2.0, 3.0, 4.0], 0);
+        assert_eq!((all.median, all.eti90), (Some(2.5), [Some(1.0), Some(4.0)]));
+        let half = some(&[1.0, 2.0], 2);
+        assert_eq!((half.median, half.eti50[0], half.eti90[1]), (None, Some(1.5), None));
+        assert_eq!(some(&[], 3).median, None);
+        assert_eq!(some(&[], 0).median, None);
+    }
+}

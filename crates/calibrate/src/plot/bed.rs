@@ -1,0 +1,486 @@
+//! A bed as it looks: its spheres, shaded, coloured by contact ratio.
+//!
+//! Seen from far away (no perspective), a little from above, lit from the upper left. Every pixel shows the nearest
+//! sphere; where two spheres grow into each other their neck is the line in which they meet, drawn darker. A dark disc
+//! is a neck with a particle beyond a periodic side.
+
+use plotters::element::Rectangle;
+use plotters::style::{Color as _, RGBAColor};
+use rayon::prelude::*;
+
+use super::axis::{Axis, Scale};
+use super::canvas::Backdrop;
+use super::header::header;
+use super::layout::{Spec, layout};
+use super::page::Page;
+use super::{Columns, PlotError, Width};
+
+type Vec3 = [f64; 3];
+
+/// A bed at one time.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct BedFigure {
+    /// Heading; empty for none.
+    pub title: String,
+    /// Centres \[m\]; the third axis points up.
+    pub position_m: Vec<[f64; 3]>,
+    /// Radii \[m\].
+    pub radius_m: Vec<f64>,
+    /// Mean contact ratio a/R of each particle's contacts; NaN for a particle without one.
+    pub contact_ratio: Vec<f64>,
+    /// Contacts: the first particle, and the vector from it to where the centre of the other one is \[m\] (its nearest
+    /// image), which is the third number's particle.
+    pub contacts: Vec<(usize, [f64; 3], usize)>,
+    /// Lower and upper corner of a box to draw around \[m\].
+    pub frame_m: Option<[[f64; 3]; 2]>,
+    /// Ends of the colour scale.
+    pub range: [f64; 2],
+}
+
+/// Pixels rendered for one of the picture, along each axis.
+const SAMPLES: usize = 2;
+const NO_CONTACT: [f64; 3] = [0.62, 0.62, 0.62];
+const FRAME: [f64; 3] = [0.45, 0.45, 0.45];
+/// Half the width of the line around a neck, as an angle seen from the centre.
+const NECK_LINE: f64 = 0.045;
+
+impl BedFigure {
+    /// Draws the bed with its colour scale as a PNG file.
+    ///
+    /// # Errors
+    ///
+    /// [`PlotError::Length`] if columns do not match.
+    pub fn png(&self, width: Width) -> Result<Vec<u8>, PlotError> {
+        let columns = Columns("bed");
+        columns.need("radius_m", &self.radius_m, self.position_m.len(), "particle")?;
+        columns.need("contact_ratio", &self.contact_ratio, self.position_m.len(), "particle")?;
+        let page = Page::new(width);
+        let top = header(&page, &self.title, &[])?;
+        const EDGE: f32 = 4.0;
+        let view = View::of(self);
+        let room = page.width - 2.0 * EDGE;
+        let tallest = 1.15 * room;
+        // At least wide enough to look at, at most as tall as it is wide.
+        let height = (room * (view.size()[1] / view.size()[0]) as f32).clamp(0.3 * room, tallest);
+        page.set_backdrop((EDGE, top), (room, height), |across, down| {
+            let raster = self.raster(&view, across * SAMPLES, down * SAMPLES);
+            Backdrop::averaged(&raster, across, down, SAMPLES)
+        });
+        let [low, high] = self.range;
+        let x = Axis {
+            name: "contact ratio a/R, mean of the particle’s contacts".to_owned(),
+            unit: String::new(),
+            scale: Scale::Linear,
+            low,
+            high: if high > low { high } else { low + 1.0 },
+        };
+        let y = Axis::holding("", "", Scale::Linear, [0.0, 1.0], 0.0);
+        let spec = Spec::new(x, y).bare();
+        let panels = layout(&page, top + height + 6.0, 8.0, &[(7.0, vec![Some(spec)])])?;
+        if let Some(panel) = panels.into_iter().flatten().flatten().next() {
+            const STRIPES: usize = 128;
+            let (from, span) = (panel.x.low, panel.x.high - panel.x.low);
+            let at = |k: usize| from + span * k as f64 / STRIPES as f64;
+            for k in 0..STRIPES {
+                let ink = viridis((k as f64 + 0.5) / STRIPES as f64);
+                let [r, g, b] = ink.map(|part| (255.0 * part).round() as u8);
+                // Up to the end: seams would show between stripes.
+                let corners = [(at(k), 0.0), (panel.x.high, 1.0)];
+                panel.draw(&Rectangle::new(corners, RGBAColor(r, g, b, 1.0).filled()))?;
+            }
+        }
+        Ok(page.picture()?.png)
+    }
+
+    fn colour(&self, particle: usize) -> Vec3 {
+        let ratio = self.contact_ratio[particle];
+        if ratio.is_nan() {
+            return NO_CONTACT;
+        }
+        let [low, high] = self.range;
+        viridis(if high > low { (ratio - low) / (high - low) } else { 0.0 })
+    }
+
+    /// The necks of each particle.
+    fn necks(&self) -> Vec<Vec<Neck>> {
+        let mut necks = vec![Vec::new(); self.position_m.len()];
+        for &(i, to, j) in &self.contacts {
+            let (a, b) = (self.radius_m[i], self.radius_m[j]);
+            let d = dot(to, to).sqrt();
+            let toward = scale(to, 1.0 / d);
+            // Where the two spheres meet, from each centre.
+            necks[i].push(Neck::new(toward, (d * d + a * a - b * b) / (2.0 * d * a)));
+            necks[j].push(Neck::new(scale(toward, -1.0), (d * d + b * b - a * a) / (2.0 * d * b)));
+        }
+        necks
+    }
+
+    /// Colours of so many pixels, row by row, from 0 to 1.
+    fn raster(&self, view: &View, across: usize, down: usize) -> Vec<[f32; 3]> {
+        let seen = Depths::of(self, &Screen::fitting(&view.camera, view.bounds, across, down));
+        let light = View::from_light(self);
+        let lit = Depths::of(self, &Screen::fitting(&light.camera, light.bounds, 800, 800));
+        let necks = self.necks();
+        let colours: Vec<Vec3> = (0..self.position_m.len()).map(|i| self.colour(i)).collect();
+        let mean = self.radius_m.iter().sum::<f64>() / self.radius_m.len().max(1) as f64;
+        let (near, far) = seen.range();
+        let toward_light = light.camera.toward;
+        let half = normalised(add(toward_light, view.camera.toward));
+        let mut pixels = vec![[1.0f32; 3]; across * down];
+        let paint = |row: usize, column: usize, pixel: &mut [f32; 3]| {
+            let Some((particle, depth)) = seen.at(column, row) else { return };
+            let point = seen.screen.point(column, row, depth);
+            let normal =
+                scale(sub(point, self.position_m[particle]), 1.0 / self.radius_m[particle]);
+            let facing = dot(normal, toward_light).max(0.0);
+            let shade = if facing > 0.0 { lit.lit(point, 0.04 * mean) } else { 0.0 };
+            let sky = 0.5 + 0.5 * normal[2];
+            let gloss = dot(normal, half).max(0.0).powi(40) * shade;
+            let away = (near - depth) / (near - far).max(1e-300);
+            let mut light = 0.30 + 0.18 * sky + 0.62 * facing * shade;
+            for neck in &necks[particle] {
+                let along = dot(normal, neck.toward);
+                if along > neck.outer_cosine {
+                    let beyond = along.min(1.0).acos() - neck.angle;
+                    light *= 0.45 + 0.55 * (beyond / NECK_LINE).clamp(0.0, 1.0);
+                }
+            }
+            let colour = colours[particle];
+            for (pixel, part) in pixel.iter_mut().zip(colour) {
+                let bright = (part * light + 0.22 * gloss).min(1.0);
+                // Far away things are paler.
+                *pixel = (bright + 0.18 * away * (1.0 - bright)) as f32;
+            }
+        };
+        pixels.par_chunks_mut(across.max(1)).enumerate().for_each(|(row, line)| {
+            line.iter_mut().enumerate().for_each(|(column, pixel)| paint(row, column, pixel));
+        });
+        if let Some(frame) = self.frame_m {
+            draw_frame(&mut pixels, &seen, frame, 0.02 * mean);
+        }
+        pixels
+    }
+}
+
+/// The line in which a sphere meets another, as seen from its centre.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Neck {
+    toward: Vec3,
+    /// Angle between the line and the direction of the other sphere.
+    angle: f64,
+    /// Cosine of the angle up to which the line is drawn.
+    outer_cosine: f64,
+}
+
+impl Neck {
+    fn new(toward: Vec3, cosine: f64) -> Neck {
+        let angle = cosine.clamp(-1.0, 1.0).acos();
+        Neck { toward, angle, outer_cosine: (angle + NECK_LINE).min(std::f64::consts::PI).cos() }
+    }
+}
+
+/// Where the eye is: an orthonormal basis.
+#[derive(Debug, Clone, Copy)]
+struct Camera {
+    right: Vec3,
+    up: Vec3,
+    toward: Vec3,
+}
+
+impl Camera {
+    fn new(azimuth_deg: f64, elevation_deg: f64) -> Camera {
+        let (s, c) = azimuth_deg.to_radians().sin_cos();
+        let (se, ce) = elevation_deg.to_radians().sin_cos();
+        // The eye in front (at negative y), turned about the third axis.
+        Camera { right: [c, s, 0.0], up: [-s * se, c * se, ce], toward: [s * ce, -c * ce, se] }
+    }
+
+    fn seen(&self, point: Vec3) -> Vec3 {
+        [dot(point, self.right), dot(point, self.up), dot(point, self.toward)]
+    }
+}
+
+struct View {
+    camera: Camera,
+    /// Left, right, lower and upper end of all that is to be seen.
+    bounds: [f64; 4],
+}
+
+impl View {
+    fn of(figure: &BedFigure) -> View {
+        View::with(figure, Camera::new(28.0, 18.0))
+    }
+
+    fn from_light(figure: &BedFigure) -> View {
+        View::with(figure, Camera::new(-20.0, 52.0))
+    }
+
+    fn with(figure: &BedFigure, camera: Camera) -> View {
+        let mut bounds = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
+        let mut hold = |[x, y, _]: Vec3, by: f64| {
+            bounds = [
+                bounds[0].min(x - by),
+                bounds[1].max(x + by),
+                bounds[2].min(y - by),
+                bounds[3].max(y + by),
+            ];
+        };
+        for (&position, &radius) in figure.position_m.iter().zip(&figure.radius_m) {
+            hold(camera.seen(position), radius);
+        }
+        for corner in figure.frame_m.iter().flat_map(corners) {
+            hold(camera.seen(corner), 0.0);
+        }
+        View { camera, bounds }
+    }
+
+    fn size(&self) -> [f64; 2] {
+        let [left, right, low, high] = self.bounds;
+        [right - left, high - low]
+    }
+}
+
+/// Pixels before the eye.
+#[derive(Debug, Clone, Copy)]
+struct Screen {
+    camera: Camera,
+    /// The middle, as the camera sees it.
+    middle: [f64; 2],
+    /// Length of a pixel \[m\].
+    pixel: f64,
+    across: usize,
+    down: usize,
+}
+
+impl Screen {
+    fn fitting(camera: &Camera, bounds: [f64; 4], across: usize, down: usize) -> Screen {
+        let [left, right, low, high] = bounds;
+        let pixel =
+            ((right - left) / (across as f64 - 4.0)).max((high - low) / (down as f64 - 4.0));
+        Screen {
+            camera: *camera,
+            middle: [0.5 * (left + right), 0.5 * (low + high)],
+            pixel,
+            across,
+            down,
+        }
+    }
+
+    /// Column and row of a place as the camera sees it.
+    fn place(&self, [x, y, _]: Vec3) -> [f64; 2] {
+        [
+            (x - self.middle[0]) / self.pixel + 0.5 * self.across as f64,
+            (self.middle[1] - y) / self.pixel + 0.5 * self.down as f64,
+        ]
+    }
+
+    /// What is seen in the middle of a pixel at a depth.
+    fn point(&self, column: usize, row: usize, depth: f64) -> Vec3 {
+        let x = self.middle[0] + (column as f64 + 0.5 - 0.5 * self.across as f64) * self.pixel;
+        let y = self.middle[1] - (row as f64 + 0.5 - 0.5 * self.down as f64) * self.pixel;
+        let Camera { right, up, toward } = self.camera;
+        add(add(scale(right, x), scale(up, y)), scale(toward, depth))
+    }
+}
+
+/// The nearest sphere of each pixel.
+struct Depths {
+    screen: Screen,
+    depth: Vec<f32>,
+    particle: Vec<u32>,
+}
+
+impl Depths {
+    fn of(figure: &BedFigure, screen: &Screen) -> Depths {
+        let pixels = screen.across * screen.down;
+        let mut depth = vec![f32::NEG_INFINITY; pixels];
+        let mut particle = vec![u32::MAX; pixels];
+        for (index, (&position, &radius)) in
+            figure.position_m.iter().zip(&figure.radius_m).enumerate()
+        {
+            let centre = screen.camera.seen(position);
+            let [column, row] = screen.place(centre);
+            let reach = radius / screen.pixel;
+            let ends = |at: f64, most: usize| {
+                let first = (at - reach - 0.5).ceil().max(0.0) as usize;
+                let last = (at + reach + 0.5).floor().min(most as f64).max(0.0) as usize;
+                first..last
+            };
+            for y in ends(row, screen.down) {
+                let dy = y as f64 + 0.5 - row;
+                for x in ends(column, screen.across) {
+                    let dx = x as f64 + 0.5 - column;
+                    let inside = reach * reach - dx * dx - dy * dy;
+                    if inside > 0.0 {
+                        let z = (centre[2] + inside.sqrt() * screen.pixel) as f32;
+                        let at = y * screen.across + x;
+                        if z > depth[at] {
+                            depth[at] = z;
+                            particle[at] = index as u32;
+                        }
+                    }
+                }
+            }
+        }
+        Depths { screen: *screen, depth, particle }
+    }
+
+    fn at(&self, column: usize, row: usize) -> Option<(usize, f64)> {
+        let at = row * self.screen.across + column;
+        (self.particle[at] != u32::MAX)
+            .then(|| (self.particle[at] as usize, f64::from(self.depth[at])))
+    }
+
+    /// Nearest and furthest depth.
+    fn range(&self) -> (f64, f64) {
+        let seen = || self.depth.iter().filter(|depth| depth.is_finite()).map(|&d| f64::from(d));
+        (seen().fold(f64::NEG_INFINITY, f64::max), seen().fold(f64::INFINITY, f64::min))
+    }
+
+    /// How much of the light reaches a point: from here, whether nothing is before it.
+    fn lit(&self, point: Vec3, bias: f64) -> f64 {
+        let seen = self.screen.camera.seen(point);
+        let [column, row] = self.screen.place(seen);
+        let mut light = 0.0;
+        for dy in [-0.75, 0.75] {
+            for dx in [-0.75, 0.75] {
+                let (x, y) = ((column + dx).floor(), (row + dy).floor());
+                let inside = (0.0..self.screen.across as f64).contains(&x)
+                    && (0.0..self.screen.down as f64).contains(&y);
+                let before = inside.then(|| self.at(x as usize, y as usize)).flatten();
+                if before.is_none_or(|(_, depth)| seen[2] > depth - bias) {
+                    light += 0.25;
+                }
+            }
+        }
+        light
+    }
+}
+
+fn corners([low, high]: &[Vec3; 2]) -> [Vec3; 8] {
+    std::array::from_fn(|code| {
+        std::array::from_fn(|axis| if code >> axis & 1 == 0 { low[axis] } else { high[axis] })
+    })
+}
+
+/// The twelve edges of a box where no sphere hides them.
+fn draw_frame(pixels: &mut [[f32; 3]], seen: &Depths, frame: [Vec3; 2], slack: f64) {
+    let screen = &seen.screen;
+    let corners = corners(&frame);
+    for code in 0..8usize {
+        for axis in 0..3 {
+            if code >> axis & 1 == 1 {
+                continue;
+            }
+            let ends = [corners[code], corners[code | 1 << axis]];
+            let [from, to] = ends.map(|end| screen.place(screen.camera.seen(end)));
+            let steps = (to[0] - from[0]).hypot(to[1] - from[1]).ceil().max(1.0) as usize;
+            for step in 0..=steps {
+                let share = step as f64 / steps as f64;
+                let point = add(ends[0], scale(sub(ends[1], ends[0]), share));
+                let place = screen.camera.seen(point);
+                let [column, row] = screen.place(place);
+                for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
+                    let (x, y) = ((column + dx - 0.5).floor(), (row + dy - 0.5).floor());
+                    let inside = (0.0..screen.across as f64).contains(&x)
+                        && (0.0..screen.down as f64).contains(&y);
+                    if !inside {
+                        continue;
+                    }
+                    let (x, y) = (x as usize, y as usize);
+                    if seen.at(x, y).is_none_or(|(_, depth)| place[2] > depth - slack) {
+                        pixels[y * screen.across + x] = FRAME.map(|part| part as f32);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Colours that grow brighter evenly and are told apart by colour-blind readers (viridis of matplotlib, at ten places).
+fn viridis(share: f64) -> Vec3 {
+    const STOPS: [u32; 10] = [
+        0x440154, 0x482878, 0x3e4989, 0x31688e, 0x26828e, 0x1f9e89, 0x35b779, 0x6ece58, 0xb5de2b,
+        0xfde725,
+    ];
+    let along = share.clamp(0.0, 1.0) * (STOPS.len() - 1) as f64;
+    let below = (along.floor() as usize).min(STOPS.len() - 2);
+    let part = along - below as f64;
+    let rgb = |stop: u32| {
+        let [_, r, g, b] = stop.to_be_bytes();
+        [r, g, b].map(|part| f64::from(part) / 255.0)
+    };
+    let (a, b) = (rgb(STOPS[below]), rgb(STOPS[below + 1]));
+    add(scale(a, 1.0 - part), scale(b, part))
+}
+
+fn dot(a: Vec3, b: Vec3) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+fn add(a: Vec3, b: Vec3) -> Vec3 {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+fn sub(a: Vec3, b: Vec3) -> Vec3 {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+fn scale(a: Vec3, by: f64) -> Vec3 {
+    a.map(|part| part * by)
+}
+fn normalised(a: Vec3) -> Vec3 {
+    scale(a, 1.0 / dot(a, a).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pair(gap: f64) -> BedFigure {
+        BedFigure {
+            position_m: vec![[0.0; 3], [gap, 0.0, 0.0]],
+            radius_m: vec![1.0; 2],
+            contact_ratio: vec![0.5, f64::NAN],
+            contacts: vec![(0, [gap, 0.0, 0.0], 1)],
+            range: [0.0, 1.0],
+            ..BedFigure::default()
+        }
+    }
+
+    #[test]
+    fn every_pixel_shows_the_nearest_sphere_and_the_area_is_that_of_a_disc() {
+        // The second sphere right behind the first, as the eye sees it.
+        let view = View::of(&pair(1.0));
+        let behind = scale(view.camera.toward, -3.0);
+        let figure =
+            BedFigure { position_m: vec![[0.0; 3], behind], contacts: vec![], ..pair(1.0) };
+        let view = View::of(&figure);
+        let screen = Screen::fitting(&view.camera, view.bounds, 400, 400);
+        let seen = Depths::of(&figure, &screen);
+        assert_eq!(seen.particle.iter().filter(|&&particle| particle == 1).count(), 0);
+        let area = seen.particle.iter().filter(|&&particle| particle == 0).count() as f64;
+        let disc = std::f64::consts::PI / (screen.pixel * screen.pixel);
+        assert!((area / disc - 1.0).abs() < 0.01, "{area} {disc}");
+        let (particle, depth) = seen.at(200, 200).expect("a sphere");
+        assert!(particle == 0 && (depth - 1.0).abs() < 1e-3, "{particle} {depth}");
+    }
+
+    #[test]
+    fn the_line_of_a_neck_is_where_the_spheres_meet() {
+        let figure = pair(1.6);
+        let necks = figure.necks();
+        assert_eq!((necks[0].len(), necks[1].len()), (1, 1));
+        for (neck, sign) in [(necks[0][0], 1.0), (necks[1][0], -1.0)] {
+            assert_eq!(neck.toward[0], sign);
+            // The line is 0.8 of a radius away, in the middle between the centres.
+            assert!((neck.angle.cos() - 0.8).abs() < 1e-15, "{neck:?}");
+        }
+    }
+
+    #[test]
+    fn the_picture_is_a_png_and_the_same_every_time() {
+        let png = pair(1.6).png(Width::Column).expect("drawn");
+        assert_eq!(&png[1..4], b"PNG");
+        assert_eq!(png, pair(1.6).png(Width::Column).expect("drawn"));
+        let short = BedFigure { radius_m: vec![1.0], ..pair(1.6) };
+        assert!(matches!(short.png(Width::Column), Err(PlotError::Length { .. })));
+    }
+}
