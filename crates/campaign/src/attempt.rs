@@ -35,7 +35,7 @@ const KEPT_END: u64 = 256 << 10;
 /// How much of the end of stderr goes into the outcome \[bytes\].
 const DETAIL_BYTES: u64 = 1000;
 
-/// Pause before a lost run is tried again: what killed it may be about to stop this program too.
+/// Pause before a run counts as lost or failed: what killed it may be about to stop this program too.
 const PAUSE: Duration = Duration::from_millis(100);
 
 /// Who makes an attempt, while it is made.
@@ -106,9 +106,6 @@ impl Runner<'_> {
             self.remove(task, &abandoned(&task_folder(self.dir, task.number)));
         }
         for attempts in 1.. {
-            if attempts > 1 {
-                pause(stop);
-            }
             if stop.asked() {
                 self.discard(command, task, &folders);
                 return Err(ExecutorError::Interrupted { detached: false });
@@ -135,6 +132,15 @@ impl Runner<'_> {
                 Err((kind, detail)) => {
                     if disk_is_full(&folder) {
                         return Err(CampaignError::DiskFull { path: folder }.into());
+                    }
+                    // A scheduler ends the command and this program at the same moment: the command
+                    // then did not fail, however it ended.
+                    if kind.is_lost() || !self.alone {
+                        pause(stop);
+                        if stop.asked() {
+                            self.discard(command, task, &folders);
+                            return Err(ExecutorError::Interrupted { detached: false });
+                        }
                     }
                     if kind.is_lost() && attempts <= command.retries {
                         lost(&kind);

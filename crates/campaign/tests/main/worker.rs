@@ -82,3 +82,32 @@ fn of_two_attempts_at_the_same_run_the_first_counts() {
     campaign.collect().unwrap();
     assert_eq!(values(&campaign, 0), [2.0]);
 }
+
+#[test]
+fn a_command_that_a_scheduler_ends_together_with_the_worker_has_not_failed() {
+    let sandbox = Sandbox::new();
+    let log = sandbox.file("log");
+    // What programs do that catch SIGTERM, and what others do; nothing may be tried again.
+    for (number, ending) in ["exit 143", "kill -TERM $$"].into_iter().enumerate() {
+        let dir = sandbox.file(&format!("run-{number}"));
+        let mut spec = spec(shell(&format!("echo ended >> {}; {ending}", log.display())));
+        spec.commands[0].retries = 0;
+        let campaign = create(&dir, &spec);
+        campaign.record_submitted(&tasks(1)).unwrap();
+        let stop = Stop::new();
+        let flag = stop.clone();
+        let ended = log.clone();
+        let scheduler = std::thread::spawn(move || {
+            let lines = |path| std::fs::read_to_string(path).unwrap_or_default().lines().count();
+            while lines(&ended) <= number {
+                std::thread::sleep(std::time::Duration::from_millis(1));
+            }
+            std::thread::sleep(std::time::Duration::from_millis(20));
+            flag.cancel();
+        });
+        let result = run_task(campaign.dir(), 0, &stop);
+        scheduler.join().unwrap();
+        assert!(matches!(result, Err(ExecutorError::Interrupted { .. })), "{ending}: {result:?}");
+        assert_eq!(campaign.collect().unwrap().numbers, [] as [u64; 0], "{ending}");
+    }
+}
