@@ -13,8 +13,8 @@ use rayon::prelude::*;
 
 /// The state of a run: all samples, all proposals.
 pub(crate) struct Sampler<'a> {
-    target: &'a dyn Target,
-    settings: &'a Settings,
+    pub(crate) target: &'a dyn Target,
+    pub(crate) settings: &'a Settings,
     pub pool: Pool,
     /// Number of draws and proposal of each stage.
     pub proposals: Vec<(usize, Proposal)>,
@@ -45,6 +45,9 @@ impl<'a> Sampler<'a> {
         let (n, r) = (self.settings.samples, self.replicates);
         let adaptive = ((n as f64 * (1.0 - self.settings.final_share)) as usize).min(n);
         let stages = self.settings.iterations.max(1);
+        if self.settings.batch > 0 {
+            return self.batches(adaptive);
+        }
         let each = adaptive / stages / r * r;
         if n < 256 || each < 4 * r {
             // Too few to adapt often: prior, then one or two refinements.
@@ -115,7 +118,7 @@ impl<'a> Sampler<'a> {
         let s = self.settings;
         let d = self.pool.d;
         let base = self.pool.ln_base();
-        let wished = s.tempering_share * next_size as f64;
+        let wished = self.wished(next_size);
         self.beta = temper(&base, &self.pool.ln_l, wished);
         let ln: Vec<f64> = base
             .iter()
@@ -124,21 +127,19 @@ impl<'a> Sampler<'a> {
             .collect();
         let (weights, _) = exponentiate(&ln);
         let stage = self.proposals.len();
+        let nu = s.degrees_of_freedom;
         let fit = Cloud::new(d, &self.pool.z, &weights, s.seed, stage)
             .map(|cloud| cloud.fit(s.max_components, s.seed, stage));
         let Some(fit) = fit else { return Proposal::prior(d) };
         self.counters.em_iterations += fit.em_iterations;
         self.counters.mixtures_fitted += fit.mixtures;
+        let mut components = self.placed(&weights).unwrap_or_default();
+        let rest = 1.0 - components.iter().map(|c| c.weight).sum::<f64>();
         let widen = s.widening.sqrt();
-        let nu = s.degrees_of_freedom;
-        let components = fit
-            .components
-            .into_iter()
-            .map(|g| {
-                let factor = g.factor.iter().map(|f| f * widen).collect();
-                Component::new(g.weight, g.mean, factor, nu)
-            })
-            .collect();
+        components.extend(fit.components.into_iter().map(|g| {
+            let factor = g.factor.iter().map(|f| f * widen).collect();
+            Component::new(rest * g.weight, g.mean, factor, nu)
+        }));
         let mut proposal =
             Proposal { dimension: d, prior_share: 0.0, degrees_of_freedom: nu, components };
         // Density of the mixture at every sample that takes part, kept up to date as components join.
@@ -331,7 +332,7 @@ impl<'a> Sampler<'a> {
             return Some((n, self.refit(n), false));
         }
         let proposal = self.refit(left);
-        let each = sizes[0];
+        let each = sizes[sizes.len().min(2) - 1];
         if self.beta < 1.0 && sizes.len() > 2 && left >= 2 * each {
             let beta = self.beta;
             let further = self.refit(each);

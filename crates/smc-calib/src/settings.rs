@@ -42,6 +42,19 @@ pub struct Settings {
     /// Most simulations of the local search for the MAP; with 0 the MAP is the sample of highest density, and the
     /// simulator is called for nothing but the samples.
     pub map_simulations: usize,
+    /// Sizes of stages are multiples of this where the budget allows: the number of runs that go on at a time. With
+    /// 0 they are multiples of the number of sub-nets.
+    #[serde(skip_serializing_if = "is_default")]
+    pub batch: usize,
+    /// Place samples by a Gaussian process through the log likelihoods so far; weights stay those of the true
+    /// likelihood. For budgets of up to a thousand simulations.
+    #[serde(skip_serializing_if = "is_default")]
+    pub surrogate: bool,
+}
+
+/// Fields added later are written only where they say something, so that older readers understand the rest.
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 impl Default for Settings {
@@ -63,11 +76,40 @@ impl Default for Settings {
             mean_se_target: None,
             draws: 4096,
             map_simulations: 400,
+            batch: 0,
+            surrogate: false,
         }
     }
 }
 
 impl Settings {
+    /// For simulators of which only 30 to about a thousand runs can be paid for.
+    ///
+    /// Many small stages, each placed by a Gaussian process through the outputs (or the log likelihoods) so far
+    /// ([`Settings::surrogate`]), and nothing simulated but the samples. Set [`Settings::batch`] to the number of runs
+    /// that go on at a time. Above 1000 simulations these are the default settings without the search for the MAP.
+    ///
+    /// Measured over 50 seeds in `results/benchmarks/small-budget.md`.
+    pub fn for_budget(samples: usize) -> Self {
+        let default = Self { samples, map_simulations: 0, ..Self::default() };
+        if samples > 1000 {
+            return default;
+        }
+        Self {
+            iterations: 20,
+            final_share: 0.3,
+            // Fewer sub-nets than samples of a stage.
+            replicates: if samples < 200 { 4 } else { 8 },
+            max_components: 3,
+            patches: 1,
+            defensive_share: 0.05,
+            tempering_share: 0.3,
+            batch: 4,
+            surrogate: true,
+            ..default
+        }
+    }
+
     /// Refuses values outside their range, for a problem of `dimension` parameters.
     pub(crate) fn check(&self, dimension: usize) -> Result<(), CalibrateError> {
         let refuse =
@@ -105,6 +147,9 @@ impl Settings {
         }
         if !within(self.defensive_share, 1e-6, 1.0) {
             return refuse("defensive_share", self.defensive_share, "between 10^-6 and 1");
+        }
+        if self.batch > 1 << 27 {
+            return refuse("batch", self.batch as f64, "at most 2^27");
         }
         if !within(self.max_failed_share, 0.0, 1.0) {
             return refuse("max_failed_share", self.max_failed_share, "between 0 and 1");

@@ -24,6 +24,12 @@ pub trait Target: Sync {
     /// As [`crate::Simulator::simulate`].
     fn ln_likelihood(&self, z: &[f64], kept: &mut [f64]) -> Result<f64, SimError>;
 
+    /// Log likelihood of kept numbers, where it follows from them alone.
+    fn ln_likelihood_of(&self, kept: &[f64]) -> Option<f64> {
+        let _ = kept;
+        None
+    }
+
     /// Log likelihoods of samples `first`, `first + 1`, .. at normal scores `z`, row by row; fills `ln_l` and
     /// `kept`. Returns the failures and their places from `first`, in order; `ln_l` is minus infinity there.
     ///
@@ -299,6 +305,10 @@ impl Target for CurveTarget<'_> {
         self.simulate(z, &mut outputs)?;
         self.thin(&outputs, &mut vec![0.0; m], kept);
         Ok(self.likelihood.ln_joint(&outputs))
+    }
+
+    fn ln_likelihood_of(&self, kept: &[f64]) -> Option<f64> {
+        (!self.thinned).then(|| self.likelihood.ln_joint(kept))
     }
 
     fn ln_likelihood_batch(

@@ -177,6 +177,27 @@ impl fmt::Display for Warning {
     }
 }
 
+/// Whether a small budget was not enough, and by what that shows.
+fn small_budget(posterior: &Posterior) -> Option<Warning> {
+    let mut reasons = Vec::new();
+    if posterior.ess.importance < 10.0 {
+        reasons.push("fewer than ten effective samples");
+    }
+    if posterior.khat > 0.7 {
+        reasons.push("the importance weights have a heavy tail");
+    }
+    if !posterior.log_evidence.agree {
+        reasons.push("the evidence of the last samples is not that of all");
+    }
+    if posterior.stages.last().is_some_and(|s| s.beta < 1.0) {
+        reasons.push("the likelihood was not yet known well enough to place the last samples");
+    }
+    (!reasons.is_empty()).then(|| Warning::BudgetTooSmall {
+        simulations: posterior.counters.simulations,
+        reason: reasons.join("; "),
+    })
+}
+
 /// " of NAME" of one of several groups.
 fn of_group(group: &Option<String>) -> String {
     group.as_ref().map_or_else(String::new, |name| format!(" of {name}"))
@@ -195,7 +216,9 @@ pub(crate) fn warnings(
         list.push(Warning::NotAPosterior);
     }
     let ess = posterior.ess.importance;
-    if ess < 400.0 {
+    // Who pays for each simulation settles for less, but not for anything.
+    let small = posterior.settings.surrogate;
+    if ess < if small { 40.0 } else { 400.0 } {
         list.push(Warning::FewEffectiveSamples { ess });
     }
     if posterior.is_posterior {
@@ -216,7 +239,9 @@ pub(crate) fn warnings(
                 se: e.se.hypot(e.frozen_se),
             });
         }
-        if ess < 400.0
+        if small {
+            list.extend(small_budget(posterior));
+        } else if ess < 400.0
             && posterior.stages.len() > 1
             && posterior.stages[posterior.stages.len() - 1].beta < 1.0
         {

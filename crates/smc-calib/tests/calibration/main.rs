@@ -10,5 +10,6 @@ mod joint;
 mod noise;
 mod priors;
 mod references;
+mod small_budget;
 mod stress;
 mod support;

@@ -1,0 +1,239 @@
+//! Budgets of 30 to a thousand simulations: more and smaller stages, placed by a stand-in for the likelihood.
+
+use crate::gaussian_process::{Data, GaussianProcess};
+use crate::mixture::Component;
+use crate::pool::Pool;
+use crate::sampler::Sampler;
+use crate::target::Target;
+use crate::{Settings, SimError};
+
+/// Share of the budget that the first stage draws from the prior: the stand-in starts from enough to tell where the
+/// likelihood is not.
+const FIRST: f64 = 0.16;
+/// Share of each proposal that is fitted to the samples themselves, without the stand-in: a stand-in that is sure of
+/// the wrong place is found out by it.
+const OWN: f64 = 0.15;
+/// Effective size that tempering aims at, per parameter and one more.
+const WISHED: f64 = 3.0;
+/// Error of the stand-in's log likelihood above which it is flattened to have this one.
+const ERROR: f64 = 4.0;
+/// Evaluations of the stand-in for one proposal.
+const EVALUATIONS: usize = 2048;
+/// Log density below the best within which errors count.
+const MATTERS: f64 = 6.0;
+/// Most samples that the stand-in is made from: the best ones.
+const MAX_POINTS: usize = 150;
+/// Nugget of log likelihoods: at the best sample, and per unit of log density below it.
+const NUGGET: [f64; 2] = [0.02, 0.1];
+/// Nugget of curves, in units of their spread: at the best sample, and per unit of distance from its curve.
+const NUGGET_OF_CURVES: [f64; 2] = [0.003, 0.03];
+/// How much lower the log likelihood is taken to be where all of the nearest samples failed: not beside a border, on
+/// whose other side the posterior may end.
+const DEAD: f64 = 5.0;
+const NEAREST: usize = 4;
+
+/// A stand-in for the log likelihood.
+struct StandIn<'a> {
+    target: &'a dyn Target,
+    process: GaussianProcess,
+    /// Whether it predicts the outputs, from which the log likelihood follows, or the log likelihood itself.
+    outputs: bool,
+    /// All samples, and whether each is alive.
+    z: &'a [f64],
+    alive: Vec<bool>,
+    /// Power of the likelihood: its root mean square error, when each of the best samples is left out, is then
+    /// [`ERROR`] at most.
+    power: f64,
+}
+
+impl<'a> StandIn<'a> {
+    /// The better one of the two kinds.
+    fn new(target: &'a dyn Target, pool: &'a Pool, weights: &[f64]) -> Option<Self> {
+        let density: Vec<f64> = (0..pool.len()).map(|i| pool.ln_l[i] + pool.ln_prior(i)).collect();
+        let mut chosen: Vec<usize> = (0..pool.len()).filter(|i| density[*i].is_finite()).collect();
+        if chosen.len() < pool.d + 2 {
+            return None;
+        }
+        chosen.sort_by(|a, b| density[*b].total_cmp(&density[*a]).then(a.cmp(b)));
+        chosen.truncate(MAX_POINTS);
+        let depths: Vec<f64> = chosen.iter().map(|i| density[chosen[0]] - density[*i]).collect();
+        // Those that matter, and enough of them.
+        let best = depths.iter().filter(|depth| **depth < MATTERS).count();
+        let best = best.max(2 * (pool.d + 1)).min(chosen.len());
+        let error = |of: &dyn Fn(usize) -> f64| {
+            ((0..best).map(|k| of(k).powi(2)).sum::<f64>() / best as f64).sqrt()
+        };
+        let by_likelihood = likelihood_process(pool, weights, &chosen, &depths)
+            .map(|process| (error(&|k| process.left_out[k]), process, false));
+        let m = pool.kept_width;
+        let by_outputs = target
+            .ln_likelihood_of(&vec![0.0; m])
+            .and_then(|_| curve_process(pool, weights, &chosen))
+            .map(|process| {
+                let error = error(&|k| {
+                    let left_out = &process.left_out[k * m..(k + 1) * m];
+                    let row = &pool.kept[chosen[k] * m..(chosen[k] + 1) * m];
+                    let predicted: Vec<f64> =
+                        row.iter().zip(left_out).map(|(v, e)| v - e).collect();
+                    target.ln_likelihood_of(&predicted).unwrap_or(f64::NAN) - pool.ln_l[chosen[k]]
+                });
+                (error, process, true)
+            });
+        let (error, process, outputs) = match (by_likelihood, by_outputs) {
+            (Some(a), Some(b)) => {
+                if b.0 <= a.0 {
+                    b
+                } else {
+                    a
+                }
+            }
+            (a, b) => a.or(b)?,
+        };
+        let power = (ERROR / error.max(1e-9)).min(1.0);
+        let alive = density.iter().map(|l| l.is_finite()).collect();
+        Some(Self { target, process, outputs, z: &pool.z, alive, power })
+    }
+}
+
+/// A process through the log likelihoods of the chosen samples.
+fn likelihood_process(
+    pool: &Pool,
+    weights: &[f64],
+    chosen: &[usize],
+    depths: &[f64],
+) -> Option<GaussianProcess> {
+    let values: Vec<f64> = chosen.iter().map(|i| pool.ln_l[*i]).collect();
+    let nuggets: Vec<f64> = depths.iter().map(|depth| NUGGET[0] + NUGGET[1] * depth).collect();
+    GaussianProcess::new(Data {
+        d: pool.d,
+        z: &pool.z,
+        weights,
+        chosen,
+        values: &values,
+        nuggets: &nuggets,
+        offsets: vec![values.iter().copied().fold(f64::NEG_INFINITY, f64::max)],
+        units: vec![1.0],
+    })
+}
+
+/// A process through the curves of the chosen samples, the best one first.
+fn curve_process(pool: &Pool, weights: &[f64], chosen: &[usize]) -> Option<GaussianProcess> {
+    let m = pool.kept_width;
+    let values: Vec<f64> =
+        chosen.iter().flat_map(|i| pool.kept[i * m..(i + 1) * m].iter().copied()).collect();
+    let first = &values[..m];
+    let mut units = vec![0.0; m];
+    for row in values.chunks_exact(m) {
+        for ((u, v), f) in units.iter_mut().zip(row).zip(first) {
+            *u += (v - f) * (v - f) / chosen.len() as f64;
+        }
+    }
+    for (u, f) in units.iter_mut().zip(first) {
+        // What does not vary is known; its unit only has to be one.
+        *u = if *u > 0.0 { u.sqrt() } else { f.abs().max(1e-300) };
+    }
+    // Curves far from the best one need not be met closely.
+    let nuggets: Vec<f64> = values
+        .chunks_exact(m)
+        .map(|row| {
+            let square = |((v, f), u): ((&f64, &f64), &f64)| ((v - f) / u).powi(2);
+            let sum: f64 = row.iter().zip(first).zip(&units).map(square).sum();
+            NUGGET_OF_CURVES[0] + NUGGET_OF_CURVES[1] * (sum / m as f64).sqrt()
+        })
+        .collect();
+    GaussianProcess::new(Data {
+        d: pool.d,
+        z: &pool.z,
+        weights,
+        chosen,
+        values: &values,
+        nuggets: &nuggets,
+        offsets: first.to_vec(),
+        units,
+    })
+}
+
+impl Target for StandIn<'_> {
+    fn dimension(&self) -> usize {
+        self.target.dimension()
+    }
+
+    fn ln_likelihood(&self, z: &[f64], _: &mut [f64]) -> Result<f64, SimError> {
+        let ln_l = if self.outputs {
+            let mut outputs = vec![0.0; self.target.kept()];
+            self.process.predict(z, &mut outputs);
+            self.target.ln_likelihood_of(&outputs).unwrap_or(f64::NAN)
+        } else {
+            let mut one = [0.0];
+            self.process.predict(z, &mut one);
+            one[0]
+        };
+        let mut nearest = [(f64::INFINITY, true); NEAREST];
+        for (other, alive) in self.z.chunks_exact(z.len()).zip(&self.alive) {
+            let square: f64 = z.iter().zip(other).map(|(a, b)| (a - b) * (a - b)).sum();
+            if square < nearest[NEAREST - 1].0 {
+                let at = nearest.partition_point(|n| n.0 <= square);
+                nearest.copy_within(at..NEAREST - 1, at + 1);
+                nearest[at] = (square, *alive);
+            }
+        }
+        let failed = nearest.iter().all(|(_, alive)| !alive);
+        Ok(self.power * ln_l - if failed { DEAD } else { 0.0 })
+    }
+}
+
+impl Sampler<'_> {
+    /// Sizes of the stages where they are to be multiples of the batch.
+    pub(crate) fn batches(&self, adaptive: usize) -> Vec<usize> {
+        let (n, batch) = (self.settings.samples, self.settings.batch);
+        let stages = self.settings.iterations.max(1);
+        let each = (adaptive / stages).max(1).next_multiple_of(batch);
+        let first = each.max((n as f64 * FIRST) as usize / batch * batch).min(n);
+        let mut sizes = vec![first];
+        let mut left = n - first;
+        if left == 0 {
+            return sizes;
+        }
+        while sizes.len() < stages && left > each {
+            sizes.push(each);
+            left -= each;
+        }
+        sizes.push(left);
+        sizes
+    }
+
+    /// Effective size that tempering aims at.
+    pub(crate) fn wished(&self, next_size: usize) -> f64 {
+        let wished = self.settings.tempering_share * next_size as f64;
+        if self.settings.surrogate { wished.max(WISHED * (self.pool.d + 1) as f64) } else { wished }
+    }
+
+    /// Components of the next proposal from the stand-in; none where it is not asked for or cannot be made.
+    pub(crate) fn placed(&mut self, weights: &[f64]) -> Option<Vec<Component>> {
+        if !self.settings.surrogate {
+            return None;
+        }
+        let stand_in = StandIn::new(self.target, &self.pool, weights)?;
+        let stage = self.proposals.len();
+        let settings = Settings {
+            samples: EVALUATIONS,
+            iterations: 5,
+            replicates: 1,
+            seed: self.settings.seed ^ ((stage as u64) << 48),
+            final_share: 0.4,
+            tempering_share: 0.1,
+            patches: 1,
+            batch: 0,
+            surrogate: false,
+            ..self.settings.clone()
+        };
+        let mut inner = Sampler::new(&stand_in, &settings);
+        inner.run().ok()?;
+        let mut proposal = inner.refit(settings.samples);
+        self.beta = stand_in.power;
+        let total: f64 = proposal.components.iter().map(|c| c.weight).sum();
+        let share = 1.0 - OWN;
+        proposal.components.iter_mut().for_each(|c| c.weight *= share / total);
+        (!proposal.components.is_empty()).then_some(proposal.components)
+    }
+}

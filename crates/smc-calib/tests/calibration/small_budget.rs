@@ -1,0 +1,193 @@
+//! Budgets of 50 to 300 simulations: as right as they can be, and honest where that is not enough.
+
+use crate::support::{line, line_problem, prior};
+use smc_calib::reference::{self, Reference};
+use smc_calib::{
+    FixedSigma, FnSimulator, Noise, Observations, Parameter, Posterior, PriorSpec, Problem,
+    Settings, SimError, Simulator, Warning, calibrate, sample_density,
+};
+
+fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let all: Vec<f64> = values.collect();
+    (all.iter().map(|v| v * v).sum::<f64>() / all.len() as f64).sqrt()
+}
+
+/// Root mean square errors of the worst mean (posterior sds), the worst sd (relative) and the log evidence.
+fn errors(reference: &Reference, settings: &Settings, seeds: u64) -> [f64; 3] {
+    let runs: Vec<_> = (1..=seeds)
+        .map(|seed| sample_density(reference, &Settings { seed, ..settings.clone() }).unwrap())
+        .collect();
+    let d = reference.mean.len();
+    let mean =
+        (0..d).map(|j| rms(runs.iter().map(|r| (r.mean[j] - reference.mean[j]) / reference.sd[j])));
+    let sd = (0..d).map(|j| rms(runs.iter().map(|r| r.sd[j] / reference.sd[j] - 1.0)));
+    [
+        mean.fold(0.0, f64::max),
+        sd.fold(0.0, f64::max),
+        rms(runs.iter().map(|r| r.log_evidence.value - reference.log_evidence)),
+    ]
+}
+
+#[test]
+fn a_hundred_simulations_find_narrow_posteriors_that_the_default_sampler_misses() {
+    for d in [2, 3, 4] {
+        let reference = reference::gaussian(d, 0.8, 0.1);
+        let placed = errors(&reference, &Settings::for_budget(100), 5);
+        assert!(placed[0] < 0.25 && placed[1] < 0.2 && placed[2] < 0.2, "{d}: {placed:?}");
+        let default = Settings { samples: 100, ..Settings::default() };
+        let plain = errors(&reference, &default, 5);
+        assert!(plain[0] > 2.0 * placed[0], "{d}: {plain:?} {placed:?}");
+    }
+    for reference in [reference::banana(), reference::heavy_tail(), reference::bounded_ridge()] {
+        let [mean, sd, ln_z] = errors(&reference, &Settings::for_budget(200), 4);
+        assert!(mean < 0.3 && sd < 0.35 && ln_z < 0.3, "{}: {mean} {sd} {ln_z}", reference.name);
+    }
+}
+
+#[test]
+fn stages_are_multiples_of_the_batch_and_spend_the_budget() {
+    let simulator = line();
+    let problem = line_problem(&simulator, Noise::default());
+    for (samples, batch) in [(30, 4), (50, 10), (100, 16), (97, 8), (300, 12), (5, 4), (1, 4)] {
+        let settings = Settings { batch, ..Settings::for_budget(samples) };
+        let p = calibrate(&problem, &settings, &mut ()).unwrap();
+        assert_eq!(p.samples.len(), samples);
+        let sizes: Vec<usize> = p.stages.iter().map(|s| s.simulations).collect();
+        let (_, before) = sizes.split_last().unwrap();
+        assert!(before.iter().all(|s| s % batch == 0 && *s > 0), "{samples} {batch}: {sizes:?}");
+        assert!(p.parameters.iter().all(|x| x.in_coordinate.mean.is_finite()));
+    }
+}
+
+#[test]
+fn small_budgets_give_the_same_bits_for_any_number_of_threads() {
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let simulator = knee();
+        pool.install(|| calibrate(&knee_problem(&simulator), &Settings::for_budget(80), &mut ()))
+            .unwrap()
+    };
+    assert!(format!("{:?}", run(1)) == format!("{:?}", run(3)));
+}
+
+#[test]
+fn settings_of_before_are_read_and_default_settings_are_written_as_before() {
+    let text = serde_json::to_string(&Settings::default()).unwrap();
+    assert!(!text.contains("batch") && !text.contains("surrogate"), "{text}");
+    let small = Settings::for_budget(100);
+    let text = serde_json::to_string(&small).unwrap();
+    assert_eq!(serde_json::from_str::<Settings>(&text).unwrap(), small);
+    // A budget that the default sampler was made for.
+    assert!(!Settings::for_budget(16_384).surrogate);
+}
+
+/// Whether anything tells the user not to trust the weights.
+fn distrusted(p: &Posterior) -> bool {
+    p.warnings.iter().any(|w| {
+        matches!(
+            w,
+            Warning::FewEffectiveSamples { .. }
+                | Warning::HighKhat { .. }
+                | Warning::BudgetTooSmall { .. }
+                | Warning::EvidenceDisagrees { .. }
+        )
+    })
+}
+
+/// Growth by a power law up to a knee, then a straight line up to a plateau: a narrow, bent posterior.
+fn knee() -> impl Simulator {
+    FnSimulator::new(3, 24, |p: &[f64], out: &mut [f64]| {
+        for (i, o) in out.iter_mut().enumerate() {
+            let t = 0.1 * (i + 1) as f64;
+            let power = (p[0] * t).powf(2.0 / 7.0);
+            let x = if power < p[2] { power } else { p[2] + (t - p[2].powf(3.5) / p[0]) / p[1] };
+            *o = x.min(1.2);
+        }
+        Ok::<(), SimError>(())
+    })
+}
+
+fn knee_problem(simulator: &dyn Simulator) -> Problem<'_> {
+    let mut values = vec![0.0; 24];
+    simulator.simulate(&[0.1, 4.0, 0.55], &mut values).unwrap();
+    values.iter_mut().enumerate().for_each(|(i, v)| *v += 0.004 * (2.7 * i as f64).sin());
+    let log = |lower, upper| prior(PriorSpec::LogUniform { lower, upper });
+    Problem {
+        simulator,
+        parameters: vec![
+            Parameter::new("rate", "1/s", log(1e-4, 1e2)),
+            Parameter::new("time", "s", log(0.1, 100.0)),
+            Parameter::new("knee", "1", log(0.01, 2.0)),
+        ],
+        observations: Observations::new((1..=24).map(|i| 0.1 * f64::from(i)).collect(), values)
+            .unwrap(),
+        noise: Noise::Inferred { nu0: 4.0, s0: 0.005 },
+    }
+}
+
+#[test]
+fn fifty_simulations_of_a_hard_problem_are_said_to_be_too_few() {
+    let simulator = knee();
+    let problem = knee_problem(&simulator);
+    for seed in 1..=6 {
+        let settings = Settings { seed, ..Settings::for_budget(50) };
+        let p = calibrate(&problem, &settings, &mut ()).unwrap();
+        let said = p.warnings.iter().any(|w| matches!(w, Warning::BudgetTooSmall { .. }));
+        assert!(said && distrusted(&p), "seed {seed}: {:?} {}", p.warnings, p.ess.importance);
+    }
+}
+
+#[test]
+fn three_hundred_simulations_of_an_easy_problem_are_enough_and_right() {
+    // y = x + noise of 0.1, x ~ N(0, 1): mean y/1.01, sd 0.1/sqrt(1.01).
+    let simulator = FnSimulator::new(1, 1, |x: &[f64], out: &mut [f64]| {
+        out[0] = x[0];
+        Ok::<(), SimError>(())
+    });
+    let problem = Problem {
+        simulator: &simulator,
+        parameters: vec![Parameter::new("x", "1", prior(PriorSpec::Normal { mean: 0.0, sd: 1.0 }))],
+        observations: Observations::new(vec![0.0], vec![0.8]).unwrap(),
+        noise: Noise::Fixed { sigma: FixedSigma::Absolute(0.1) },
+    };
+    let sd = 0.1 / 1.01f64.sqrt();
+    for seed in 1..=6 {
+        let settings = Settings { seed, ..Settings::for_budget(300) };
+        let p = calibrate(&problem, &settings, &mut ()).unwrap();
+        assert!(!distrusted(&p), "seed {seed}: {:?}", p.warnings);
+        let x = p.parameters[0].in_coordinate;
+        assert!((x.mean - 0.8 / 1.01).abs() < 0.2 * sd && (x.sd / sd - 1.0).abs() < 0.1, "{x:?}");
+        // Nothing was simulated but the samples.
+        assert_eq!((p.counters.simulations, p.counters.map_simulations), (300, 0));
+    }
+}
+
+#[test]
+fn failing_simulations_do_not_stop_a_small_budget() {
+    // A third of the prior cannot be simulated; the posterior ends at its edge.
+    let simulator = FnSimulator::new(2, 12, |p: &[f64], out: &mut [f64]| {
+        if p[0] > 0.32 {
+            return Err(SimError::recoverable("does not start"));
+        }
+        for (i, o) in out.iter_mut().enumerate() {
+            *o = p[0] + 0.1 * p[1] * i as f64;
+        }
+        Ok(())
+    });
+    let problem = line_problem(&simulator, Noise::default());
+    // The default sampler with many: a grid resolves the edge no better than its cells.
+    let many = calibrate(&problem, &Settings::default(), &mut ()).unwrap();
+    assert!(many.khat < 0.5 && many.ess.importance > 4000.0);
+    let mut errors = Vec::new();
+    for seed in 1..=5 {
+        let settings = Settings { seed, ..Settings::for_budget(200) };
+        let p = calibrate(&problem, &settings, &mut ()).unwrap();
+        for j in 0..2 {
+            let x = p.parameters[j].in_coordinate;
+            let exact = many.parameters[j].in_coordinate;
+            errors.push((x.mean - exact.mean) / exact.sd);
+        }
+        assert!(p.failures[0].count < 150, "{:?}", p.failures);
+    }
+    assert!(rms(errors.iter().copied()) < 0.25, "{errors:?}");
+}
