@@ -1,6 +1,6 @@
 //! Sampling a plain log density: the sampler without a curve.
 
-use crate::estimate::Estimator;
+use crate::control::estimate;
 use crate::pool::exponentiate;
 use crate::sampler::Sampler;
 use crate::target::Target;
@@ -39,6 +39,18 @@ pub fn sample_density(
     target: &dyn Target,
     settings: &Settings,
 ) -> Result<DensitySummary, CalibrateError> {
+    sample_density_in(target, &|_, z| z, settings)
+}
+
+/// As [`sample_density`], with moments of `coordinate(j, z_j)`.
+///
+/// # Errors
+/// As [`crate::calibrate`].
+pub fn sample_density_in(
+    target: &dyn Target,
+    coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
+    settings: &Settings,
+) -> Result<DensitySummary, CalibrateError> {
     let mut sampler = Sampler::new(target, settings);
     sampler.run()?;
     let ln_w = sampler.ln_weights();
@@ -47,12 +59,12 @@ pub fn sample_density(
         return Err(CalibrateError::ZeroEvidence { simulations: sampler.pool.len() });
     }
     let ess = crate::pool::effective_sample_size(&raw);
-    let estimator = Estimator::new(&sampler.pool, raw.clone(), ln_scale, sampler.replicates);
+    let (estimator, log_evidence) = estimate(&sampler, &raw, ln_scale, coordinate);
     let d = sampler.pool.d;
     let mut khat = psis::khat(&raw);
     let (mut mean, mut mean_se, mut sd, mut sd_se) = (vec![], vec![], vec![], vec![]);
     for j in 0..d {
-        let x: Vec<f64> = sampler.pool.z.chunks_exact(d).map(|z| z[j]).collect();
+        let x: Vec<f64> = sampler.pool.z.chunks_exact(d).map(|z| coordinate(j, z[j])).collect();
         let m = estimator.mean(|i| x[i]);
         let v = estimator.mean(|i| (x[i] - m).powi(2));
         let s = v.max(0.0).sqrt();
@@ -63,20 +75,12 @@ pub fn sample_density(
         let tail: Vec<f64> = raw.iter().zip(&x).map(|(w, x)| w * (x - m).powi(2)).collect();
         khat = khat.max(psis::khat(&tail));
     }
-    let (value, se) = estimator.log_evidence();
-    let (frozen_value, frozen_se) = sampler.frozen_evidence();
     Ok(DensitySummary {
         mean,
         mean_se,
         sd,
         sd_se,
-        log_evidence: Evidence {
-            value,
-            se,
-            frozen_value,
-            frozen_se,
-            agree: (value - frozen_value).abs() <= 3.0 * se.hypot(frozen_se),
-        },
+        log_evidence,
         ess,
         khat,
         components: sampler.proposals.iter().map(|p| p.1.components.len()).collect(),

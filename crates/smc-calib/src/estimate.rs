@@ -2,9 +2,81 @@
 //!
 //! Sub-net r of every stage together is one replicate of the whole estimate. The spread of the replicates'
 //! shares of an estimate's influence function is its standard error, at no extra simulation.
+//!
+//! Where some integrals are known better than the pooled weights know them ([`crate::control`]), the weights are held
+//! to them: `w (1 + lambda w phi)`, with the lambda for which every sum of `w phi` is what is known (calibration
+//! of weights: J.-C. Deville, C.-E. Saerndal, J. Am. Stat. Assoc. 87 (1992) 376). An estimate then has the error of the
+//! known integrals in the part of it that they explain, and that of the pool in the rest.
 
-use crate::planted::{self, Bug};
+use crate::control::Integrals;
+use crate::mixture::cholesky;
 use crate::pool::Pool;
+
+/// Largest relative change of a weight.
+const MOST_CHANGE: f64 = 0.5;
+
+/// Solves `factor factor^T x = right`, the factor lower triangular, row by row.
+pub(crate) fn solve(factor: &[f64], right: &[f64]) -> Vec<f64> {
+    let p = right.len();
+    let mut x = right.to_vec();
+    for a in 0..p {
+        let dot: f64 = (0..a).map(|b| factor[a * p + b] * x[b]).sum();
+        x[a] = (x[a] - dot) / factor[a * p + a];
+    }
+    for a in (0..p).rev() {
+        let dot: f64 = (a + 1..p).map(|b| factor[b * p + a] * x[b]).sum();
+        x[a] = (x[a] - dot) / factor[a * p + a];
+    }
+    x
+}
+
+/// Integrals that the weights are held to.
+struct Known {
+    /// Number of integrals.
+    p: usize,
+    /// What they are integrals of, per sample: weight times feature.
+    terms: Vec<f64>,
+    /// Sums of the terms over the samples of every sub-net.
+    of_pool: Vec<f64>,
+    /// What is known, by every sub-net of the final stage.
+    of_sub_nets: Vec<f64>,
+    /// Cholesky factor of the sum of products of terms.
+    factor: Vec<f64>,
+}
+
+impl Known {
+    fn new(
+        weights: &[f64],
+        label: &[u32],
+        replicates: usize,
+        integrals: &Integrals,
+    ) -> Option<Self> {
+        let p = integrals.of_sub_nets.len() / replicates;
+        let mut terms = integrals.features.clone();
+        let mut gram = vec![0.0; p * p];
+        let mut of_pool = vec![0.0; replicates * p];
+        for ((w, label), terms) in weights.iter().zip(label).zip(terms.chunks_exact_mut(p)) {
+            terms.iter_mut().for_each(|t| *t *= w);
+            if *w <= 0.0 {
+                continue;
+            }
+            let sums = &mut of_pool[*label as usize * p..][..p];
+            sums.iter_mut().zip(&*terms).for_each(|(s, t)| *s += t);
+            for a in 0..p {
+                for b in 0..=a {
+                    gram[a * p + b] += terms[a] * terms[b];
+                }
+            }
+        }
+        let factor = cholesky(&gram, p)?;
+        let of_sub_nets = integrals.of_sub_nets.clone();
+        Some(Self { p, terms, of_pool, of_sub_nets, factor })
+    }
+
+    fn solve(&self, right: &[f64]) -> Vec<f64> {
+        solve(&self.factor, right)
+    }
+}
 
 /// Weights of all samples for estimation, and what is needed for error bars.
 pub(crate) struct Estimator {
@@ -17,6 +89,7 @@ pub(crate) struct Estimator {
     pub total: f64,
     /// Log of the factor taken out of the weights.
     pub ln_scale: f64,
+    known: Option<Known>,
 }
 
 impl Estimator {
@@ -27,7 +100,35 @@ impl Estimator {
 
     /// From the sub-net of each sample and its weight.
     pub(crate) fn of(label: Vec<u32>, weights: Vec<f64>, ln_scale: f64, replicates: usize) -> Self {
-        Self { n: weights.len(), replicates, label, total: weights.iter().sum(), weights, ln_scale }
+        let total = weights.iter().sum();
+        Self { n: weights.len(), replicates, label, total, weights, ln_scale, known: None }
+    }
+
+    /// Holds the weights to integrals; false, and nothing is changed, where that would change a weight by too much.
+    pub(crate) fn hold_to(&mut self, integrals: &Integrals) -> bool {
+        let known = |weights: &[f64]| Known::new(weights, &self.label, self.replicates, integrals);
+        let Some(before) = known(&self.weights) else { return false };
+        let (n, r) = (self.n as f64, self.replicates as f64);
+        let gap: Vec<f64> = (0..before.p)
+            .map(|a| {
+                let sum = |sums: &[f64]| sums.iter().skip(a).step_by(before.p).sum::<f64>();
+                n / r * sum(&before.of_sub_nets) - sum(&before.of_pool)
+            })
+            .collect();
+        let lambda = before.solve(&gap);
+        let mut weights = self.weights.clone();
+        for (w, terms) in weights.iter_mut().zip(before.terms.chunks_exact(before.p)) {
+            let change: f64 = terms.iter().zip(&lambda).map(|(t, l)| t * l).sum();
+            if change.is_nan() || change.abs() > MOST_CHANGE {
+                return false;
+            }
+            *w *= 1.0 + change;
+        }
+        let Some(after) = known(&weights) else { return false };
+        self.total = weights.iter().sum();
+        self.weights = weights;
+        self.known = Some(after);
+        true
     }
 
     /// Weighted mean of a function of the samples.
@@ -54,11 +155,32 @@ impl Estimator {
             let f = self.weights[i] * influence(i);
             parts[self.label[i] as usize] += f;
         }
+        if let Some(known) = &self.known {
+            // What the known integrals explain of the influence has their error instead of the pool's.
+            let p = known.p;
+            let mut right = vec![0.0; p];
+            for (i, terms) in known.terms.chunks_exact(p).enumerate() {
+                if self.weights[i] > 0.0 {
+                    let f = self.weights[i] * influence(i);
+                    right.iter_mut().zip(terms).for_each(|(r, t)| *r += f * t);
+                }
+            }
+            let slopes = known.solve(&right);
+            let each = self.n as f64 / r as f64;
+            let sub_nets = known.of_pool.chunks_exact(p).zip(known.of_sub_nets.chunks_exact(p));
+            for (part, (pool, sub_net)) in parts.iter_mut().zip(sub_nets) {
+                for ((slope, pool), sub_net) in slopes.iter().zip(pool).zip(sub_net) {
+                    *part += slope * (each * sub_net - pool);
+                }
+            }
+        }
         let scale = r as f64 / self.total;
         let mean = parts.iter().sum::<f64>() * scale / r as f64;
         let squares: f64 = parts.iter().map(|p| (p * scale - mean).powi(2)).sum();
         let se = (squares / (r * (r - 1)) as f64).sqrt();
-        if planted::is(Bug::ErrorsTooSmall) { se / (r as f64).sqrt() } else { se }
+        #[cfg(feature = "planted-bugs")]
+        let se = crate::planted::standard_error(se, r);
+        se
     }
 
     /// Log evidence and its standard error.

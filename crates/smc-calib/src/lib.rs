@@ -30,6 +30,7 @@
 #[doc(hidden)]
 pub mod bench_support;
 mod calibrate;
+mod control;
 mod density;
 mod design;
 mod em;
@@ -42,10 +43,12 @@ mod leave_one_out;
 mod map_search;
 mod marginal;
 mod mixture;
+mod neighbours;
 mod noise;
 pub mod normal;
 mod observations;
 mod path;
+#[cfg(feature = "planted-bugs")]
 pub mod planted;
 mod pool;
 mod posterior;
@@ -64,11 +67,12 @@ mod small_budget;
 mod sobol;
 mod stream;
 mod summary;
+mod surrogate;
 mod target;
 mod warning;
 
 pub use calibrate::{Observer, calibrate, calibrate_joint};
-pub use density::{DensitySummary, sample_density};
+pub use density::{DensitySummary, sample_density, sample_density_in};
 pub use design::calibrate_design;
 pub use error::CalibrateError;
 pub use joint::{Group, JointProblem};

@@ -1,7 +1,6 @@
 //! Proposals: a mixture of Student-t components beside a share of the prior.
 
 use crate::normal;
-use crate::planted::{self, Bug};
 use statrs::function::gamma::ln_gamma;
 use std::f64::consts::PI;
 
@@ -13,9 +12,9 @@ pub(crate) struct Component {
     /// Lower Cholesky factor of the scale matrix, row by row.
     pub factor: Vec<f64>,
     /// Inverse of the factor, lower triangle packed row by row.
-    inverse: Vec<f64>,
+    pub inverse: Vec<f64>,
     /// Density at the centre.
-    peak: f64,
+    pub peak: f64,
 }
 
 /// A proposal: `prior_share` of the standard normal and the rest Student-t components.
@@ -76,28 +75,6 @@ pub(crate) fn distance2(inverse: &[f64], mean: &[f64], z: &[f64]) -> f64 {
     sum
 }
 
-/// The density's constants with whatever mistake is planted.
-fn planted_in_density(ln_peak: f64, ln_det: f64, inverse: &mut [f64], d: usize) -> f64 {
-    if planted::is(Bug::MissingJacobian) {
-        return ln_peak + ln_det;
-    }
-    if planted::is(Bug::FlippedSign) {
-        let mut at = 0;
-        for i in 0..d {
-            for j in 0..=i {
-                inverse[at] *= if i == j { 1.0 } else { -1.0 };
-                at += 1;
-            }
-        }
-    }
-    if planted::is(Bug::StaleCovariance) {
-        let widen = 1.6f64.sqrt();
-        inverse.iter_mut().for_each(|f| *f *= widen);
-        return ln_peak + d as f64 * widen.ln();
-    }
-    ln_peak
-}
-
 impl Component {
     /// A component with the given lower Cholesky factor of its scale matrix.
     pub(crate) fn new(weight: f64, mean: Vec<f64>, factor: Vec<f64>, nu: f64) -> Self {
@@ -106,9 +83,11 @@ impl Component {
         let ln_det: f64 = (0..d).map(|i| factor[i * d + i].ln()).sum();
         let ln_peak =
             ln_gamma(0.5 * nu + half) - ln_gamma(0.5 * nu) - half * (nu * PI).ln() - ln_det;
-        let mut inverse = packed_inverse(&factor, d);
-        let ln_peak = planted_in_density(ln_peak, ln_det, &mut inverse, d);
-        Self { weight, mean, factor, inverse, peak: ln_peak.exp() }
+        let inverse = packed_inverse(&factor, d);
+        let component = Self { weight, mean, factor, inverse, peak: ln_peak.exp() };
+        #[cfg(feature = "planted-bugs")]
+        let component = crate::planted::component(component);
+        component
     }
 
     /// Squared Mahalanobis distance in the scale matrix.
@@ -131,6 +110,12 @@ impl Component {
         };
         self.peak * power
     }
+}
+
+/// ln(e^a + e^b), one of them above minus infinity.
+pub(crate) fn ln_sum(a: f64, b: f64) -> f64 {
+    let top = a.max(b);
+    top + ((a - top).exp() + (b - top).exp()).ln()
 }
 
 impl Proposal {
@@ -168,6 +153,11 @@ impl Proposal {
         sum
     }
 
+    /// Log of the density at z over that of the prior there.
+    pub(crate) fn ln_over_prior(&self, z: &[f64], ln_prior: f64) -> f64 {
+        ln_sum(self.prior_share.ln(), self.student_density(z).ln() - ln_prior)
+    }
+
     /// Number of uniform numbers a draw takes: component, normals, chi-square.
     pub(crate) fn uniforms(&self) -> usize {
         self.dimension + 2
@@ -192,11 +182,7 @@ impl Proposal {
             target -= c.weight;
         }
         let nu = self.degrees_of_freedom;
-        let stretch = if planted::is(Bug::NormalDraws) {
-            1.0
-        } else {
-            (nu / chi_square_quantile(u[d + 1], nu)).sqrt()
-        };
+        let stretch = (nu / chi_square_quantile(u[d + 1], nu)).sqrt();
         for i in 0..d {
             z[i] = normal::quantile(u[1 + i]) * stretch;
         }

@@ -1,8 +1,10 @@
 //! Recursive Bayes over the observations: what was known after each of them.
 //!
 //! `ln w_k = ln w_(k-1) + ln p(y_k | y_1 .. y_(k-1), theta)`, from the samples of the whole run; early on, when
-//! the posterior is still wide, few of them lie where the weight is, and the effective sample size says so.
+//! the posterior is still wide, few of them lie where the weight is, and the effective sample size says so. The last
+//! point has the weights of the result.
 
+use crate::estimate::Estimator;
 use crate::joint::{JointLikelihood, JointProblem};
 use crate::marginal::Marginal;
 use crate::pool::{effective_sample_size, exponentiate};
@@ -18,6 +20,7 @@ pub(crate) fn path(
     likelihood: &JointLikelihood,
     coordinate: &[Vec<f64>],
     marginals: &[Marginal<'_>],
+    estimator: &Estimator,
 ) -> Vec<PathPoint> {
     let pool = &sampler.pool;
     let n = pool.len();
@@ -61,7 +64,11 @@ pub(crate) fn path(
                     }
                 })
                 .collect();
-            let (w, top) = exponentiate(&ln);
+            let (w, top) = if k + 1 == points {
+                (estimator.weights.clone(), estimator.ln_scale)
+            } else {
+                exponentiate(&ln)
+            };
             let total: f64 = w.iter().sum();
             let parameters = coordinate
                 .iter()

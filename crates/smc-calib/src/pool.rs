@@ -3,9 +3,8 @@
 //! Balance heuristic: `w_i = prior(z_i) L(z_i) / sum_t (n_t/N) q_t(z_i)`, recomputed for every sample whenever a
 //! proposal joins, so that no simulation is thrown away and no weight stays frozen at its stage.
 
-use crate::mixture::Proposal;
+use crate::mixture::{Proposal, ln_sum};
 use crate::normal::LN_SQRT_2PI;
-use crate::planted::{self, Bug};
 use crate::target::Target;
 use crate::{Failure, SimError};
 use rayon::prelude::*;
@@ -32,9 +31,8 @@ pub(crate) struct Pool {
     student: Vec<f64>,
     /// sum_t n_t times the prior's share of q_t.
     prior_count: f64,
-    /// What planted mistakes weight by; empty otherwise.
-    planted_own: Vec<f64>,
-    planted_total: f64,
+    /// Log of the mixture of all proposals over the prior.
+    pub ln_mixture_over_prior: Vec<f64>,
     /// Causes of failures.
     failures: BTreeMap<String, usize>,
     pub failed: usize,
@@ -54,8 +52,7 @@ impl Pool {
             ln_prior: Vec::new(),
             student: Vec::new(),
             prior_count: 0.0,
-            planted_own: Vec::new(),
-            planted_total: 0.0,
+            ln_mixture_over_prior: Vec::new(),
             failures: BTreeMap::new(),
             failed: 0,
             component_densities: 0,
@@ -112,23 +109,7 @@ impl Pool {
             Some(split) => split,
             None => return Ok(()),
         };
-        let share = |n: usize| if planted::is(Bug::EqualStages) { 1.0 } else { n as f64 };
-        if planted::is(Bug::EqualStages) {
-            self.planted_total = proposals.len() as f64;
-        }
-        if !(planted::is(Bug::DefensiveShareLeftOut) && stage > 0) {
-            self.prior_count += share(newest.0) * newest.1.prior_share;
-        }
-        if planted::is(Bug::FrozenWeights) {
-            // Densities of the newest stage alone, at its own samples alone, scaled to the whole.
-            let own: Vec<f64> = (old..old + n)
-                .map(|i| {
-                    newest.1.prior_share
-                        + newest.1.student_density(self.point(i)) / self.ln_prior[i].exp()
-                })
-                .collect();
-            self.planted_own.extend(own);
-        }
+        self.prior_count += newest.0 as f64 * newest.1.prior_share;
         let all_components: usize = proposals.iter().map(|p| p.1.components.len()).sum();
         self.component_densities += old * newest.1.components.len() + n * all_components;
         let z = &self.z;
@@ -136,30 +117,25 @@ impl Pool {
             for (i, sum) in sums.iter_mut().enumerate() {
                 let at = b * CHUNK + i;
                 let z = &z[at * d..(at + 1) * d];
-                *sum += share(newest.0) * newest.1.student_density(z);
+                *sum += newest.0 as f64 * newest.1.student_density(z);
                 if at >= old {
                     *sum +=
-                        before.iter().map(|(n, q)| share(*n) * q.student_density(z)).sum::<f64>();
+                        before.iter().map(|(n, q)| *n as f64 * q.student_density(z)).sum::<f64>();
                 }
             }
         });
+        let total = self.len() as f64;
+        let ln_prior_share = (self.prior_count / total).ln();
+        self.ln_mixture_over_prior = self
+            .student
+            .par_iter()
+            .zip(&self.ln_prior)
+            .with_min_len(CHUNK)
+            .map(|(student, ln_prior)| ln_sum(ln_prior_share, (student / total).ln() - ln_prior))
+            .collect();
+        #[cfg(feature = "planted-bugs")]
+        crate::planted::mixture(self, proposals);
         Ok(())
-    }
-
-    /// Log of the mixture of all proposals over the prior, at sample i.
-    pub(crate) fn ln_mixture_over_prior(&self, i: usize) -> f64 {
-        if planted::is(Bug::FrozenWeights) {
-            return self.planted_own[i].ln();
-        }
-        let n = if planted::is(Bug::EqualStages) { self.planted_total } else { self.len() as f64 };
-        let a = (self.prior_count / n).ln();
-        let b = if self.student[i] > 0.0 {
-            (self.student[i] / n).ln() - self.ln_prior[i]
-        } else {
-            f64::NEG_INFINITY
-        };
-        let top = a.max(b);
-        top + ((a - top).exp() + (b - top).exp()).ln()
     }
 
     /// Log density of the prior at sample i.
@@ -169,11 +145,7 @@ impl Pool {
 
     /// Log of prior over mixture of all samples: the weight apart from the likelihood.
     pub(crate) fn ln_base(&self) -> Vec<f64> {
-        (0..self.len())
-            .into_par_iter()
-            .with_min_len(CHUNK)
-            .map(|i| -self.ln_mixture_over_prior(i))
-            .collect()
+        self.ln_mixture_over_prior.iter().map(|m| -m).collect()
     }
 
     /// Failures by cause, commonest first, ties by name.
@@ -268,7 +240,7 @@ mod tests {
                 })
                 .sum();
             let expected = (mixture / prior).ln();
-            assert!((pool.ln_mixture_over_prior(i) - expected).abs() < 1e-10, "{i}");
+            assert!((pool.ln_mixture_over_prior[i] - expected).abs() < 1e-10, "{i}");
         }
     }
 

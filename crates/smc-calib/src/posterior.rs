@@ -99,7 +99,8 @@ pub struct Sample {
     pub log_likelihood: Option<f64>,
     /// Log of the importance weight, prior times likelihood over the mixture of all proposals; none where it is zero.
     pub log_weight: Option<f64>,
-    /// Normalised weight.
+    /// Normalised weight; in sum over the samples it gives the means and covariances of the result, which the final
+    /// stage knows better than the importance weights do.
     pub weight: f64,
     /// Stage that drew it.
     pub stage: usize,
@@ -192,15 +193,21 @@ pub struct ParameterSummary {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
-    /// From all samples.
+    /// From the final stage, drawn from one frozen proposal, with a surrogate fitted to the stages before as control
+    /// variate; without it where it is of no use, and from all samples where the run ended before its final stage.
     pub value: f64,
     /// Its standard error.
     pub se: f64,
-    /// From the final, frozen proposal alone, whose mean (of the evidence, not its log) is exact.
+    /// From the last stage's plain weights, whose mean (of the evidence, not its log) is exact.
     pub frozen_value: f64,
     /// Its standard error.
     pub frozen_se: f64,
-    /// Whether the two agree within three standard errors.
+    /// From all samples, weighted by the mixture of all proposals: low by up to a standard error or two, because each
+    /// proposal was fitted to samples that the next ones are averaged with.
+    pub pooled_value: f64,
+    /// Its standard error.
+    pub pooled_se: f64,
+    /// Whether those two agree within three standard errors.
     pub agree: bool,
 }
 

@@ -2,8 +2,7 @@
 
 use crate::em::Cloud;
 use crate::estimate::Estimator;
-use crate::mixture::{Component, Proposal, cholesky};
-use crate::planted::{self, Bug};
+use crate::mixture::{Component, Proposal, cholesky, ln_sum};
 use crate::pool::{Pool, exponentiate, temper, tune};
 use crate::sobol::scrambled_net;
 use crate::stream::{Purpose, stream};
@@ -65,24 +64,27 @@ impl<'a> Sampler<'a> {
         let (d, r) = (self.pool.d, self.replicates);
         let seed = self.settings.seed;
         let width = proposal.uniforms();
-        let blocks: Vec<(Vec<f64>, Vec<u32>)> = (0..r)
+        let blocks: Vec<Vec<f64>> = (0..r)
             .into_par_iter()
             .map(|k| {
                 let points = n / r + usize::from(k < n % r);
-                let key = if planted::is(Bug::SameScrambling) { 0 } else { k };
+                #[cfg(feature = "planted-bugs")]
+                let k = crate::planted::scrambling(k);
                 let net =
-                    scrambled_net(width, points, &mut stream(seed, Purpose::Scramble, stage, key));
+                    scrambled_net(width, points, &mut stream(seed, Purpose::Scramble, stage, k));
+                #[cfg(feature = "planted-bugs")]
+                let net = crate::planted::net(net, width, proposal.degrees_of_freedom);
                 let mut z = vec![0.0; points * d];
                 for (u, z) in net.chunks_exact(width).zip(z.chunks_exact_mut(d)) {
                     proposal.draw(u, z);
                 }
-                (z, vec![k as u32; points])
+                z
             })
             .collect();
         let (mut z, mut replicates) = (Vec::with_capacity(n * d), Vec::with_capacity(n));
-        for (block, labels) in blocks {
+        for (k, block) in blocks.into_iter().enumerate() {
+            replicates.resize(replicates.len() + block.len() / d, k as u32);
             z.extend(block);
-            replicates.extend(labels);
         }
         self.simulate(proposal, &z, &replicates)
     }
@@ -95,6 +97,8 @@ impl<'a> Sampler<'a> {
         replicates: &[u32],
     ) -> Result<(), CalibrateError> {
         let stage = self.proposals.len();
+        #[cfg(feature = "planted-bugs")]
+        let proposal = crate::planted::remembered(proposal, stage);
         self.proposals.push((replicates.len(), proposal));
         let simulated = self.pool.extend(self.target, z, replicates, stage, &self.proposals);
         self.counters.simulations = self.pool.len();
@@ -109,8 +113,33 @@ impl<'a> Sampler<'a> {
 
     /// Log weights of all samples at full likelihood.
     pub(crate) fn ln_weights(&self) -> Vec<f64> {
-        let power = if planted::is(Bug::Tempered) { 0.9 } else { 1.0 };
-        self.pool.ln_base().iter().zip(&self.pool.ln_l).map(|(b, l)| b + power * l).collect()
+        let ln_l = self.ln_likelihoods();
+        self.pool.ln_base().iter().zip(ln_l.iter()).map(|(b, l)| b + l).collect()
+    }
+
+    /// Log likelihoods that final weights are made of.
+    fn ln_likelihoods(&self) -> std::borrow::Cow<'_, [f64]> {
+        #[cfg(feature = "planted-bugs")]
+        return crate::planted::likelihoods(&self.pool.ln_l).into();
+        #[cfg(not(feature = "planted-bugs"))]
+        self.pool.ln_l.as_slice().into()
+    }
+
+    /// Number of samples and proposal of the last stage, where it is no small part of the whole.
+    pub(crate) fn final_stage(&self) -> Option<(usize, &Proposal)> {
+        let (n, proposal) = self.proposals.last()?;
+        (4 * n >= self.pool.len()).then_some((*n, proposal))
+    }
+
+    /// Log weights of the last stage's samples, by the one density that they were drawn from.
+    pub(crate) fn frozen_ln_weights(&self) -> Vec<f64> {
+        let Some((n, proposal)) = self.proposals.last() else { return Vec::new() };
+        let ln_l = self.ln_likelihoods();
+        (self.pool.len() - n..self.pool.len())
+            .into_par_iter()
+            .with_min_len(256)
+            .map(|i| ln_l[i] - proposal.ln_over_prior(self.pool.point(i), self.pool.ln_prior(i)))
+            .collect()
     }
 
     /// A proposal fitted to the tempered weights of all samples.
@@ -197,11 +226,8 @@ impl<'a> Sampler<'a> {
                 return f64::NEG_INFINITY;
             }
             let ln_prior = pool.ln_prior(i);
-            let ln_mixture = pool.ln_mixture_over_prior(i);
-            let b = density[i].ln() - ln_prior;
-            let a = defensive.ln();
-            let top = a.max(b);
-            ln_weights[i] + ln_mixture - top - ((a - top).exp() + (b - top).exp()).ln()
+            let ln_mixture = pool.ln_mixture_over_prior[i];
+            ln_weights[i] + ln_mixture - ln_sum(defensive.ln(), density[i].ln() - ln_prior)
         };
         let ratios: Vec<f64> =
             (0..pool.len()).into_par_iter().with_min_len(256).map(ratio).collect();
@@ -261,17 +287,8 @@ impl<'a> Sampler<'a> {
     /// Log evidence from the last stage alone, weighted by the one density it was drawn from, which was fixed
     /// before: its mean (not that of its logarithm) is exact. With its standard error.
     pub(crate) fn frozen_evidence(&self) -> (f64, f64) {
-        let Some((n, proposal)) = self.proposals.last() else { return (f64::MIN, f64::MAX) };
-        let first = self.pool.len() - n;
-        let ln_w: Vec<f64> = (first..self.pool.len())
-            .map(|i| {
-                let ln_prior = self.pool.ln_prior(i);
-                let a = proposal.prior_share.ln();
-                let b = proposal.student_density(self.pool.point(i)).ln() - ln_prior;
-                let top = a.max(b);
-                self.pool.ln_l[i] - top - ((a - top).exp() + (b - top).exp()).ln()
-            })
-            .collect();
+        let ln_w = self.frozen_ln_weights();
+        let first = self.pool.len() - ln_w.len();
         let (weights, ln_scale) = exponentiate(&ln_w);
         if ln_scale == f64::NEG_INFINITY {
             return (f64::MIN, f64::MAX);

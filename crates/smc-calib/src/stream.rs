@@ -25,6 +25,8 @@ pub(crate) enum Purpose {
     Sigma = 5,
     /// Noise standard deviation of each sample, for leaving observations out.
     LeaveOneOut = 7,
+    /// Scrambling of the nets that a surrogate is integrated with.
+    Surrogate = 8,
 }
 
 /// The stream of `seed` for one purpose, stage and index (sample or sub-net, below 2^40).

@@ -1,12 +1,12 @@
 //! From weighted samples to a [`Posterior`].
 
+use crate::control::estimate;
 use crate::estimate::Estimator;
 use crate::joint::{JointLikelihood, JointProblem};
 use crate::map_search::{self, MOST_STARTS, Start};
 use crate::marginal::{Marginal, in_si, mean_and_sd};
 use crate::noise::Likelihood;
 use crate::path::path;
-use crate::planted::{self, Bug};
 use crate::pool::effective_sample_size;
 use crate::predictive::{at_observations, sigma_summary};
 use crate::residuals::residuals;
@@ -45,7 +45,16 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
     let (n, d) = (pool.len(), pool.d);
     let importance = effective_sample_size(&raw);
     let weight_khat = psis::khat(&raw);
-    let estimator = Estimator::new(pool, raw, ln_scale, sampler.replicates);
+    let (estimator, log_evidence) = if tuned {
+        // Tuned weights have no evidence.
+        let estimator = Estimator::new(pool, raw.clone(), ln_scale, sampler.replicates);
+        (estimator, Evidence { agree: true, ..Evidence::default() })
+    } else {
+        estimate(sampler, &raw, ln_scale, &|j, z| {
+            let prior = &problem.parameters[j].prior;
+            prior.to_coordinate(prior.from_z(z))
+        })
+    };
 
     // Columns of the samples: normal scores, SI, coordinate.
     let theta: Vec<Vec<f64>> =
@@ -103,20 +112,6 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
         })
         .collect();
     let groups = groups(problem, target, sampler, &estimator, &chosen, &map, settings);
-    let (value, se) = estimator.log_evidence();
-    let (frozen_value, frozen_se) = sampler.frozen_evidence();
-    let log_evidence = if tuned {
-        // Tuned weights have no evidence.
-        Evidence { agree: true, ..Evidence::default() }
-    } else {
-        Evidence {
-            value,
-            se,
-            frozen_value,
-            frozen_se,
-            agree: (value - frozen_value).abs() <= 3.0 * se.hypot(frozen_se),
-        }
-    };
     let residuals = match groups.as_slice() {
         [] => residuals(problem.groups[0].observations.values(), &map.outputs),
         several => residuals_of_all(several),
@@ -131,7 +126,7 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
                 z: pool.point(i).to_vec(),
                 theta: theta.iter().map(|t| t[i]).collect(),
                 log_likelihood: Some(pool.ln_l[i]).filter(|l| l.is_finite()),
-                log_weight: Some(ln_scale + estimator.weights[i].ln()).filter(|l| l.is_finite()),
+                log_weight: Some(ln_scale + raw[i].ln()).filter(|l| l.is_finite()),
                 weight,
                 stage: pool.stage[i] as usize,
                 replicate: pool.replicate[i] as usize,
@@ -156,7 +151,7 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
         path: if tuned {
             Vec::new()
         } else {
-            path(problem, target, sampler, likelihood, &coordinate, &marginals)
+            path(problem, target, sampler, likelihood, &coordinate, &marginals, &estimator)
         },
         draws,
         parameters,
@@ -441,8 +436,10 @@ fn draw_sigmas(
         .map(|(k, sample)| {
             let s = part.sum_of_squares_at(ln_l[*sample]).unwrap_or(0.0);
             let g: f64 = gamma.sample(&mut stream(settings.seed, Purpose::Sigma, group, k));
-            let wrong = if planted::is(Bug::SigmaTenPercent) { 1.1 } else { 1.0 };
-            wrong * (0.5 * (sum0 + s) / g).sqrt()
+            let sigma = (0.5 * (sum0 + s) / g).sqrt();
+            #[cfg(feature = "planted-bugs")]
+            let sigma = crate::planted::sigma(sigma);
+            sigma
         })
         .collect()
 }

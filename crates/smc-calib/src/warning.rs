@@ -234,9 +234,9 @@ pub(crate) fn warnings(
         let e = &posterior.log_evidence;
         if !e.agree {
             list.push(Warning::EvidenceDisagrees {
-                pooled: e.value,
+                pooled: e.pooled_value,
                 frozen: e.frozen_value,
-                se: e.se.hypot(e.frozen_se),
+                se: e.pooled_se.hypot(e.frozen_se),
             });
         }
         if small {

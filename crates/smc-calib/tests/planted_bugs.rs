@@ -60,6 +60,7 @@ fn references() -> (f64, f64) {
             (runs.iter().map(|r| f(r).powi(2)).sum::<f64>() / n).sqrt()
         };
         worst = worst.max(rms(&|r| r.log_evidence.value - target.log_evidence) / 0.03);
+        worst = worst.max(rms(&|r| r.log_evidence.pooled_value - target.log_evidence) / 0.03);
         for j in 0..target.mean.len() {
             worst = worst.max(rms(&|r| (r.mean[j] - target.mean[j]) / target.sd[j]) / 0.05);
             worst = worst.max(rms(&|r| r.sd[j] / target.sd[j] - 1.0) / 0.05);

@@ -65,6 +65,25 @@ fn the_frozen_evidence_is_unbiased() {
 }
 
 #[test]
+fn the_evidence_is_unbiased_and_much_closer_than_that_of_plain_weights() {
+    let reference = &all()[1];
+    let runs = runs(reference, 4096, 40);
+    let ratio = |r: &DensitySummary| (r.log_evidence.value - reference.log_evidence).exp();
+    let n = runs.len() as f64;
+    let mean = runs.iter().map(ratio).sum::<f64>() / n;
+    let se = rms(runs.iter().map(|r| ratio(r) - mean)) / (n - 1.0).sqrt();
+    assert!((mean - 1.0).abs() < 3.5 * se, "mean of Z-hat/Z is {mean} +- {se}");
+    let error =
+        |of: fn(&DensitySummary) -> f64| rms(runs.iter().map(|r| of(r) - reference.log_evidence));
+    let (best, frozen, pooled) = (
+        error(|r| r.log_evidence.value),
+        error(|r| r.log_evidence.frozen_value),
+        error(|r| r.log_evidence.pooled_value),
+    );
+    assert!(best < 0.6 * frozen && best < 0.6 * pooled, "{best} {frozen} {pooled}");
+}
+
+#[test]
 fn any_dimension_from_one_to_ten_works() {
     for d in [1, 2, 5, 10] {
         let reference = gaussian(d, 0.5, 0.3);

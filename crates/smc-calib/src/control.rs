@@ -1,0 +1,236 @@
+//! Integrals of the posterior over the frozen final stage, with a surrogate of the likelihood as control variate.
+//!
+//! The final stage is drawn from a proposal q that was fixed before. With f = likelihood x prior and any function g
+//! that the stage's samples had no part in,
+//!
+//! `integral of f phi = E_q[(f - g) phi / q] + integral of g phi`,
+//!
+//! whatever g is (P. Glasserman, Monte Carlo Methods in Financial Engineering, 2004, section 4.1). Here g is the
+//! surrogate fitted to the samples of the stages before. The first term has as much less noise as g is like f; the
+//! second takes no simulation, only more points of q. Both are without bias. `phi` are 1, the coordinates, and
+//! their products: evidence, means and covariances.
+//!
+//! Every sub-net of the stage has its own net for the second term, so that it is a replicate of the whole, and the
+//! spread of the sub-nets is an error bar of both terms together.
+
+use crate::Evidence;
+use crate::estimate::Estimator;
+use crate::mixture::{Proposal, cholesky, packed_inverse};
+use crate::normal::LN_SQRT_2PI;
+use crate::sampler::Sampler;
+use crate::sobol::scrambled_net;
+use crate::stream::{Purpose, stream};
+use crate::surrogate::{MOST_DIMENSIONS, Surrogate, coefficients, monomials};
+use rayon::prelude::*;
+
+/// Points that the surrogate is integrated with, per sample of the final stage, and at least.
+const POINTS: [usize; 2] = [8, 32_768];
+/// Samples with a log posterior density this far below the best have no part in the surrogate.
+const DEPTH: f64 = 16.0;
+/// Largest g/q, in units of the mean of f/q. Where g is that large it is wrong more often than right.
+const CAP: f64 = 3.0;
+/// Least share of the variance of f/q that the surrogate must explain.
+const LEAST_EXPLAINED: f64 = 0.5;
+
+/// Integrals of f times 1, x_j and x_i x_j by every sub-net of the final stage.
+pub(crate) struct Integrals {
+    /// Sub-net by sub-net; in units of the exponential of the scale that the weights were given with.
+    pub of_sub_nets: Vec<f64>,
+    /// Per sample of the pool: 1, x_j, x_i x_j of the standardised coordinates.
+    pub features: Vec<f64>,
+}
+
+/// Centre and scale of every coordinate.
+struct Standard {
+    mean: Vec<f64>,
+    sd: Vec<f64>,
+}
+
+impl Standard {
+    fn of(d: usize, x: &[f64], weights: &[f64]) -> Self {
+        let total: f64 = weights.iter().sum();
+        let mut standard = Self { mean: vec![0.0; d], sd: vec![0.0; d] };
+        for (w, x) in weights.iter().zip(x.chunks_exact(d)).filter(|(w, _)| **w > 0.0) {
+            for (m, x) in standard.mean.iter_mut().zip(x) {
+                *m += w / total * x;
+            }
+        }
+        for (w, x) in weights.iter().zip(x.chunks_exact(d)).filter(|(w, _)| **w > 0.0) {
+            for ((s, m), x) in standard.sd.iter_mut().zip(&standard.mean).zip(x) {
+                *s += w / total * (x - m).powi(2);
+            }
+        }
+        standard.sd.iter_mut().for_each(|s| *s = s.sqrt().max(f64::MIN_POSITIVE));
+        standard
+    }
+
+    fn features(&self, x: impl Iterator<Item = f64>, out: &mut [f64]) {
+        let mut standard = [0.0; MOST_DIMENSIONS];
+        let d = self.mean.len();
+        for (j, x) in x.enumerate().take(d) {
+            standard[j] = (x - self.mean[j]) / self.sd[j];
+        }
+        monomials(&standard[..d], out);
+    }
+}
+
+/// The integrals, where the final stage is large enough and the surrogate good enough to be of use.
+///
+/// `weights` are those of all samples over `exp(ln_scale)`; `coordinate(j, z_j)` is what moments are taken of.
+pub(crate) fn integrals(
+    sampler: &Sampler<'_>,
+    weights: &[f64],
+    ln_scale: f64,
+    coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
+) -> Option<Integrals> {
+    let pool = &sampler.pool;
+    let (d, r) = (pool.d, sampler.replicates);
+    let (n, proposal) = sampler.final_stage()?;
+    let first = pool.len() - n;
+    let p = coefficients(d);
+    if d > MOST_DIMENSIONS || r < 2 || n < 8 * p || first < 8 * p {
+        return None;
+    }
+    let surrogate = surrogate(sampler, first, proposal)?;
+
+    let x: Vec<f64> = (0..pool.len() * d)
+        .into_par_iter()
+        .with_min_len(256)
+        .map(|i| if weights[i / d] > 0.0 { coordinate(i % d, pool.z[i]) } else { 0.0 })
+        .collect();
+    let standard = Standard::of(d, &x, weights);
+    let mut features = vec![0.0; pool.len() * p];
+    features.par_chunks_mut(p).zip(x.par_chunks(d)).with_min_len(256).for_each(|(out, x)| {
+        standard.features(x.iter().copied(), out);
+    });
+
+    // f/q and g/q over the scale, at the samples of the final stage.
+    let target: Vec<f64> =
+        sampler.frozen_ln_weights().iter().map(|l| (l - ln_scale).exp()).collect();
+    let cap = CAP * target.iter().sum::<f64>() / n as f64;
+    let weigh = |z: &[f64], ln_prior: f64, found: &mut Vec<(f64, u32)>| {
+        surrogate.ln_likelihood(z, found).map_or(0.0, |ln_l| {
+            (ln_l - proposal.ln_over_prior(z, ln_prior) - ln_scale).exp().min(cap)
+        })
+    };
+    let control: Vec<f64> = (first..pool.len())
+        .into_par_iter()
+        .with_min_len(64)
+        .map_init(Vec::new, |found, i| weigh(pool.point(i), pool.ln_prior(i), found))
+        .collect();
+    if !explains(&target, &control) {
+        return None;
+    }
+
+    // Integrals of g by every sub-net's own net.
+    let points = (POINTS[0] * n).max(POINTS[1]) / r;
+    let width = proposal.uniforms();
+    let seed = sampler.settings.seed;
+    let of_surrogate: Vec<f64> = (0..r)
+        .into_par_iter()
+        .flat_map_iter(|k| {
+            let net = scrambled_net(width, points, &mut stream(seed, Purpose::Surrogate, 0, k));
+            let (mut z, mut sum, mut row) = (vec![0.0; d], vec![0.0; p], vec![0.0; p]);
+            let mut found = Vec::new();
+            for u in net.chunks_exact(width) {
+                proposal.draw(u, &mut z);
+                let ln_prior = -z.iter().map(|z| 0.5 * z * z + LN_SQRT_2PI).sum::<f64>();
+                let g = weigh(&z, ln_prior, &mut found);
+                if g > 0.0 {
+                    standard
+                        .features(z.iter().enumerate().map(|(j, z)| coordinate(j, *z)), &mut row);
+                    sum.iter_mut().zip(&row).for_each(|(s, f)| *s += g * f / points as f64);
+                }
+            }
+            sum
+        })
+        .collect();
+
+    // Per sub-net: mean of (f - g) phi / q, plus the integral of g phi.
+    let mut counts = vec![0.0; r];
+    pool.replicate[first..].iter().for_each(|k| counts[*k as usize] += 1.0);
+    let mut of_sub_nets = of_surrogate;
+    for (i, (target, control)) in target.iter().zip(&control).enumerate() {
+        let k = pool.replicate[first + i] as usize;
+        let off = (target - control) / counts[k];
+        let phi = &features[(first + i) * p..(first + i + 1) * p];
+        of_sub_nets[k * p..(k + 1) * p].iter_mut().zip(phi).for_each(|(s, phi)| *s += off * phi);
+    }
+    Some(Integrals { of_sub_nets, features })
+}
+
+/// Fitted to the first samples of the pool.
+///
+/// Distances are in the mean precision of the proposal's components: how fast the posterior varies, not how wide it
+/// is (a bent or a split posterior is much wider).
+fn surrogate(sampler: &Sampler<'_>, first: usize, proposal: &Proposal) -> Option<Surrogate> {
+    let pool = &sampler.pool;
+    let d = pool.d;
+    let mut precision = vec![0.0; d * d];
+    for c in &proposal.components {
+        let own = gram(&packed_inverse(&c.factor, d), d);
+        precision.iter_mut().zip(own).for_each(|(p, own)| *p += c.weight * own);
+    }
+    let factor = cholesky(&gram(&packed_inverse(&cholesky(&precision, d)?, d), d), d)?;
+
+    let density = |i: usize| pool.ln_l[i] + pool.ln_prior(i);
+    let top = (0..first).map(density).fold(f64::NEG_INFINITY, f64::max);
+    let kept: Vec<usize> = (0..first).filter(|i| density(*i) > top - 2.0 * DEPTH).collect();
+    let z: Vec<f64> = kept.iter().flat_map(|i| pool.point(*i)).copied().collect();
+    let ln_l: Vec<f64> = kept.iter().map(|i| pool.ln_l[*i]).collect();
+    let fitted: Vec<bool> = kept.iter().map(|i| density(*i) > top - DEPTH).collect();
+    Surrogate::new(&z, &ln_l, &fitted, &factor)
+}
+
+/// Whether the control variate takes away enough of the variance of the target.
+fn explains(target: &[f64], control: &[f64]) -> bool {
+    let variance = |values: &mut dyn Iterator<Item = f64>| {
+        let (mut sum, mut squares, mut n) = (0.0, 0.0, 0.0);
+        for v in values {
+            (sum, squares, n) = (sum + v, squares + v * v, n + 1.0);
+        }
+        squares - sum * sum / n
+    };
+    let left = variance(&mut target.iter().zip(control).map(|(t, c)| t - c));
+    left < (1.0 - LEAST_EXPLAINED) * variance(&mut target.iter().copied())
+}
+
+/// W^T W of a lower triangle W, packed row by row.
+fn gram(lower: &[f64], d: usize) -> Vec<f64> {
+    let mut sum = vec![0.0; d * d];
+    let mut row = 0;
+    for i in 0..d {
+        for a in 0..=i {
+            for b in 0..=i {
+                sum[a * d + b] += lower[row + a] * lower[row + b];
+            }
+        }
+        row += i + 1;
+    }
+    sum
+}
+
+/// All samples with the weights of the result, and the evidence. `raw` are the importance weights over
+/// `exp(ln_scale)`, `coordinate(j, z_j)` is what moments are taken of.
+pub(crate) fn estimate(
+    sampler: &Sampler<'_>,
+    raw: &[f64],
+    ln_scale: f64,
+    coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
+) -> (Estimator, Evidence) {
+    let mut estimator = Estimator::new(&sampler.pool, raw.to_vec(), ln_scale, sampler.replicates);
+    let (pooled_value, pooled_se) = estimator.log_evidence();
+    let (frozen_value, frozen_se) = sampler.frozen_evidence();
+    let held = integrals(sampler, raw, ln_scale, coordinate)
+        .is_some_and(|integrals| estimator.hold_to(&integrals));
+    let (value, se) = if held {
+        estimator.log_evidence()
+    } else if sampler.final_stage().is_some() && frozen_value > f64::MIN {
+        (frozen_value, frozen_se)
+    } else {
+        (pooled_value, pooled_se)
+    };
+    let agree = (pooled_value - frozen_value).abs() <= 3.0 * pooled_se.hypot(frozen_se);
+    let evidence = Evidence { value, se, frozen_value, frozen_se, pooled_value, pooled_se, agree };
+    (estimator, evidence)
+}

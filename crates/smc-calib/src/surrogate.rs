@@ -1,0 +1,252 @@
+//! A cheap stand-in for the log likelihood: around each of some simulated samples a quadratic, fitted to its
+//! nearest neighbours.
+//!
+//! Nothing depends on its being right: it serves as a control variate ([`crate::control`]), whose error only
+//! sets how much of the Monte Carlo error is taken away.
+
+use crate::estimate::solve;
+use crate::mixture::{cholesky, packed_inverse};
+use crate::neighbours::Neighbours;
+use rayon::prelude::*;
+
+/// Neighbours of each fit, per coefficient of the quadratic.
+const NEIGHBOURS: usize = 3;
+/// Largest root mean square residual of a fit.
+const ROUGHEST: f64 = 0.5;
+/// How far a fit may exceed the largest of the values that it was made from.
+const EXCESS: f64 = 0.1;
+/// Most coordinates that a surrogate is built for: with more of them samples have no near neighbours.
+pub(crate) const MOST_DIMENSIONS: usize = 6;
+
+/// Local quadratics.
+pub(crate) struct Surrogate {
+    d: usize,
+    /// Lower triangle, packed row by row, that takes z to where distances are measured.
+    inverse: Vec<f64>,
+    tree: Neighbours,
+    places: Vec<f64>,
+    fits: Vec<Option<Quadratic>>,
+    /// Coefficients of all fits, [`coefficients`] each.
+    slopes: Vec<f64>,
+}
+
+/// What goes with the coefficients of one fit.
+#[derive(Clone, Copy)]
+struct Quadratic {
+    /// Squared distance of the farthest neighbour; offsets are in units of its root.
+    reach2: f64,
+    /// Largest value to believe.
+    highest: f64,
+}
+
+/// Number of coefficients of a quadratic.
+pub(crate) fn coefficients(d: usize) -> usize {
+    (d + 1) * (d + 2) / 2
+}
+
+/// 1, x_j, and x_i x_j for j not above i.
+pub(crate) fn monomials(x: &[f64], out: &mut [f64]) {
+    let d = x.len();
+    out[0] = 1.0;
+    out[1..=d].copy_from_slice(x);
+    let mut at = 1 + d;
+    for i in 0..d {
+        for j in 0..=i {
+            out[at] = x[i] * x[j];
+            at += 1;
+        }
+    }
+}
+
+impl Surrogate {
+    /// From samples (row by row), their finite log likelihoods, and which of them get a fit of their own; distances
+    /// are measured with the Cholesky factor of a covariance. None with fewer samples than a fit takes.
+    pub(crate) fn new(z: &[f64], ln_l: &[f64], fitted: &[bool], factor: &[f64]) -> Option<Self> {
+        let d = z.len().checked_div(ln_l.len())?;
+        let p = coefficients(d);
+        let count = NEIGHBOURS * p;
+        if d > MOST_DIMENSIONS || ln_l.len() < count {
+            return None;
+        }
+        let inverse = packed_inverse(factor, d);
+        let mut places = vec![0.0; z.len()];
+        for (z, x) in z.chunks_exact(d).zip(places.chunks_exact_mut(d)) {
+            whiten(z, &inverse, x);
+        }
+        let tree = Neighbours::new(&places, d);
+        let mut slopes = vec![0.0; ln_l.len() * p];
+        let fits = slopes
+            .par_chunks_mut(p)
+            .zip(fitted)
+            .enumerate()
+            .with_min_len(64)
+            .map_init(
+                || (Vec::new(), Workspace::new(p)),
+                |(found, space), (i, (slopes, fitted))| {
+                    if !fitted {
+                        return None;
+                    }
+                    tree.nearest(&places[i * d..(i + 1) * d], count, found);
+                    quadratic(&places, ln_l, d, i, found, space, slopes)
+                },
+            )
+            .collect();
+        Some(Self { d, inverse, tree, places, fits, slopes })
+    }
+
+    /// Log likelihood at z by the fit of the nearest sample; none where it has none or is too far.
+    pub(crate) fn ln_likelihood(&self, z: &[f64], found: &mut Vec<(f64, u32)>) -> Option<f64> {
+        let d = self.d;
+        let mut x = [0.0; MOST_DIMENSIONS];
+        let x = &mut x[..d];
+        whiten(z, &self.inverse, x);
+        self.tree.nearest(x, 1, found);
+        let (square, i) = *found.first()?;
+        let i = i as usize;
+        let fit = self.fits[i].filter(|fit| square < fit.reach2)?;
+        let scale = 1.0 / fit.reach2.sqrt();
+        for (x, place) in x.iter_mut().zip(&self.places[i * d..]) {
+            *x = (*x - place) * scale;
+        }
+        let p = coefficients(d);
+        let slopes = &self.slopes[i * p..(i + 1) * p];
+        let mut sum = slopes[0];
+        let mut at = 1 + d;
+        for i in 0..d {
+            let mut slope = slopes[1 + i];
+            for x in &x[..=i] {
+                slope += slopes[at] * x;
+                at += 1;
+            }
+            sum += slope * x[i];
+        }
+        Some(sum.min(fit.highest))
+    }
+}
+
+fn whiten(z: &[f64], inverse: &[f64], x: &mut [f64]) {
+    let mut row = 0;
+    for i in 0..z.len() {
+        x[i] = inverse[row..].iter().zip(&z[..=i]).map(|(f, z)| f * z).sum();
+        row += i + 1;
+    }
+}
+
+/// Normal equations of one fit.
+struct Workspace {
+    left: Vec<f64>,
+    right: Vec<f64>,
+    row: Vec<f64>,
+}
+
+impl Workspace {
+    fn new(p: usize) -> Self {
+        Self { left: vec![0.0; p * p], right: vec![0.0; p], row: vec![0.0; p] }
+    }
+}
+
+/// Weighted least squares about sample i.
+fn quadratic(
+    places: &[f64],
+    ln_l: &[f64],
+    d: usize,
+    i: usize,
+    found: &[(f64, u32)],
+    space: &mut Workspace,
+    slopes: &mut [f64],
+) -> Option<Quadratic> {
+    let p = slopes.len();
+    let (reach2, _) = *found.last()?;
+    if reach2 <= 0.0 {
+        return None;
+    }
+    let scale = 1.0 / reach2.sqrt();
+    let Workspace { left, right, row } = space;
+    left.fill(0.0);
+    right.fill(0.0);
+    let mut x = [0.0; MOST_DIMENSIONS];
+    // Values relative to the one in the middle, so that nothing cancels.
+    let (mut highest, mut total, mut squares) = (0.0f64, 0.0, 0.0);
+    for (square, k) in found {
+        let k = *k as usize;
+        for ((x, there), here) in
+            x.iter_mut().zip(&places[k * d..(k + 1) * d]).zip(&places[i * d..])
+        {
+            *x = (there - here) * scale;
+        }
+        monomials(&x[..d], row);
+        // Nearer ones count more; the farthest still counts.
+        let weight = (1.02 - square / reach2).powi(2);
+        let y = ln_l[k] - ln_l[i];
+        for a in 0..p {
+            let w = weight * row[a];
+            for b in 0..=a {
+                left[a * p + b] += w * row[b];
+            }
+            right[a] += w * y;
+        }
+        total += weight;
+        squares += weight * y * y;
+        highest = highest.max(y);
+    }
+    for a in 0..p {
+        left[a * p + a] += 1e-9 * total;
+    }
+    let factor = cholesky(left, p)?;
+    slopes.copy_from_slice(&solve(&factor, right));
+    // Least squares: what is explained is the inner product of solution and right side.
+    let explained: f64 = slopes.iter().zip(right.iter()).map(|(s, r)| s * r).sum();
+    if squares - explained > ROUGHEST * ROUGHEST * total {
+        return None;
+    }
+    slopes[0] += ln_l[i];
+    Some(Quadratic { reach2, highest: ln_l[i] + highest + EXCESS })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points of a scrambled net over the square of side 2 about the origin.
+    fn points(n: usize) -> Vec<f64> {
+        let mut rng = crate::stream::stream(5, crate::stream::Purpose::Draws, 0, 0);
+        crate::sobol::scrambled_net(2, n, &mut rng).iter().map(|u| 2.0 * u - 1.0).collect()
+    }
+
+    fn built(n: usize, f: impl Fn(f64, f64) -> f64) -> Surrogate {
+        let z = points(n);
+        let ln_l: Vec<f64> = z.chunks_exact(2).map(|z| f(z[0], z[1])).collect();
+        Surrogate::new(&z, &ln_l, &vec![true; n], &[0.5, 0.0, 0.1, 0.3]).expect("enough samples")
+    }
+
+    #[test]
+    fn a_quadratic_is_reproduced() {
+        let f = |x: f64, y: f64| 3.0 - 2.0 * x + 0.5 * y - 4.0 * x * x + x * y - 7.0 * y * y;
+        let surrogate = built(256, f);
+        for z in [[0.1, 0.2], [-0.5, 0.4], [0.33, -0.61]] {
+            let found = surrogate.ln_likelihood(&z, &mut Vec::new()).expect("near samples");
+            assert!((found - f(z[0], z[1])).abs() < 1e-5, "{z:?}: {found}");
+        }
+        assert!(surrogate.ln_likelihood(&[4.0, 4.0], &mut Vec::new()).is_none());
+    }
+
+    #[test]
+    fn the_error_falls_with_the_third_power_of_the_distance() {
+        let f = |x: f64, y: f64| (2.0 * x + y).sin() + x * (3.0 * y).cos();
+        let error = |n: usize| {
+            let surrogate = built(n, f);
+            let squares: f64 = (0..400)
+                .map(|i| [0.8 * f64::from(i).sin(), 0.8 * (1.7 * f64::from(i)).cos()])
+                .map(|z| {
+                    let found = surrogate.ln_likelihood(&z, &mut Vec::new()).expect("near samples");
+                    (found - f(z[0], z[1])).powi(2)
+                })
+                .sum();
+            (squares / 400.0).sqrt()
+        };
+        // 16 times the samples: distances a quarter, errors 4^-3.
+        let (coarse, fine) = (error(512), error(8192));
+        let order = (coarse / fine).ln() / 4f64.ln();
+        assert!((2.6..3.6).contains(&order), "order {order}: {coarse:e} {fine:e}");
+    }
+}
