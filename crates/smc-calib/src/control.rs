@@ -93,10 +93,11 @@ pub(crate) fn integrals(
     }
     let surrogate = surrogate(sampler, first, proposal)?;
 
+    // Of failed samples too: where they are f is zero, but g need not be.
     let x: Vec<f64> = (0..pool.len() * d)
         .into_par_iter()
         .with_min_len(256)
-        .map(|i| if weights[i / d] > 0.0 { coordinate(i % d, pool.z[i]) } else { 0.0 })
+        .map(|i| coordinate(i % d, pool.z[i]))
         .collect();
     let standard = Standard::of(d, &x, weights);
     let mut features = vec![0.0; pool.len() * p];

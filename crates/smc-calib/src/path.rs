@@ -64,11 +64,12 @@ pub(crate) fn path(
                     }
                 })
                 .collect();
-            let (w, top) = if k + 1 == points {
-                (estimator.weights.clone(), estimator.ln_scale)
-            } else {
-                exponentiate(&ln)
-            };
+            let (mut w, mut top) = exponentiate(&ln);
+            let ess = effective_sample_size(&w);
+            if k + 1 == points {
+                w.clone_from(&estimator.weights);
+                top = estimator.ln_scale;
+            }
             let total: f64 = w.iter().sum();
             let parameters = coordinate
                 .iter()
@@ -110,7 +111,7 @@ pub(crate) fn path(
             PathPoint {
                 index: target.indices[k],
                 control: control[target.indices[k]],
-                ess: effective_sample_size(&w),
+                ess,
                 log_evidence: top + (total / n as f64).ln(),
                 parameters,
             }
