@@ -62,9 +62,11 @@ pub(super) fn divide(names: &[String], columns: &[Vec<f64>], time_s: &[f64]) -> 
     let all: Vec<usize> = (0..n).collect();
     let whole = explained(&scores, &response, &all)?;
     let mut errors = vec![0.0; columns.len()];
-    let without: Vec<Vec<f64>> = (0..n)
+    // One draw at a time, or with many of them every hundredth.
+    let groups = n.min(100);
+    let without: Vec<Vec<f64>> = (0..groups)
         .filter_map(|out| {
-            let rows: Vec<usize> = all.iter().copied().filter(|&row| row != out).collect();
+            let rows: Vec<usize> = all.iter().copied().filter(|row| row % groups != out).collect();
             explained(&scores, &response, &rows).map(|explained| explained.shapley())
         })
         .collect();
@@ -228,16 +230,20 @@ fn orthonormal(columns: &[&[f64]]) -> Vec<Vec<f64>> {
 mod tests {
     use super::*;
 
-    /// Independent standard normal columns: quantiles of points that fill the cube evenly.
+    /// Independent standard normal columns: quantiles of Halton's points, which fill the cube evenly.
     fn columns(n: usize) -> Vec<Vec<f64>> {
-        // The additive recurrence of the generalised golden ratio (Roberts 2018), three dimensions.
-        let g = 1.220_744_084_605_759_5_f64;
-        (1..=3)
-            .map(|d| {
-                let step = g.powi(-d);
-                (0..n).map(|k| normal::quantile((0.5 + step * (k + 1) as f64).fract())).collect()
-            })
-            .collect()
+        let mirrored = |mut k: usize, base: usize| {
+            let (mut value, mut place) = (0.0, 1.0);
+            while k > 0 {
+                place /= base as f64;
+                value += place * (k % base) as f64;
+                k /= base;
+            }
+            value
+        };
+        [2, 3, 5]
+            .map(|base| (1..=n).map(|k| normal::quantile(mirrored(k, base))).collect())
+            .to_vec()
     }
 
     fn names() -> Vec<String> {

@@ -133,7 +133,9 @@ impl BedFigure {
             let normal =
                 scale(sub(point, self.position_m[particle]), 1.0 / self.radius_m[particle]);
             let facing = dot(normal, toward_light).max(0.0);
-            let shade = if facing > 0.0 { lit.lit(point, 0.04 * mean) } else { 0.0 };
+            // Where light grazes, a pixel of the light's own view spans much depth.
+            let slack = (0.03 * mean + 1.5 * lit.screen.pixel) / facing.max(0.1);
+            let shade = if facing > 0.0 { lit.lit(point, slack) } else { 0.0 };
             let sky = 0.5 + 0.5 * normal[2];
             let gloss = dot(normal, half).max(0.0).powi(40) * shade;
             let away = (near - depth) / (near - far).max(1e-300);
