@@ -286,7 +286,10 @@ case $(awk -v a="$1" 'BEGIN { print int(a * 2) }') in
 esac
 "#,
     );
-    let plan = line_plan(48, "0").replace("timeout_s = 60", "timeout_s = 0.3");
+    // A first stage from the prior that is large enough to meet every cause.
+    let plan = line_plan(48, "0")
+        .replace("timeout_s = 60", "timeout_s = 0.3")
+        .replace("samples = 48", "samples = 48\nbatch = 32");
     sandbox.write("line.toml", plan.replace("\"none\"", "\"failed\""));
     let ran = sandbox.run("--plan line.toml");
     ran.succeeded();

@@ -1,7 +1,7 @@
 //! Run time against error of the two ways to sinter a bed within reason: mass scaling and the quasi-static mode, both
 //! against the run with the true masses.
 //!
-//! `bed_accuracy [FOLDER] [END_S]` (results/bed, 0.5 s) settles a bed of 100 PA12 particles under gravity and heats it in all
+//! `bed_accuracy [FOLDER] [END_S] [SEED]` (results/bed, 0.5 s, packing 1) settles a bed of 100 PA12 particles under gravity and heats it in all
 //! ways from the same state; it writes `accuracy.csv` and `accuracy.md`.
 #![allow(clippy::print_stdout, reason = "this is what it is for")]
 
@@ -36,7 +36,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().collect();
     let folder = arguments.get(1).map_or("results/bed", String::as_str);
     let end_s: f64 = arguments.get(2).map_or(Ok(0.5), |text| text.parse())?;
-    let settled = settled()?;
+    let seed: u64 = arguments.get(3).map_or(Ok(1), |text| text.parse())?;
+    let settled = settled(seed)?;
     let mut runs = Vec::new();
     for mass_scaling in [1.0, 10.0, 1e2, 1e3, 1e4, 1e5] {
         runs.push(scaled(&settled, mass_scaling, end_s)?);
@@ -50,13 +51,13 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// A bed that has settled and rests, in contacts that have not grown.
-fn settled() -> Result<Bed, Box<dyn Error>> {
+fn settled(seed: u64) -> Result<Bed, Box<dyn Error>> {
     let radius_m = paper::PA12.radius_m;
     let side = 10.0 * radius_m;
     let sides = [Side::Periodic, Side::Periodic, Side::LowerWall];
     let solid = COUNT as f64 * 4.0 / 3.0 * std::f64::consts::PI * radius_m.powi(3);
     let region = Region { size_m: [side, side, solid / (0.55 * side * side)], sides };
-    let position_m = random_packing(&region, &[radius_m; COUNT], 1)?;
+    let position_m = random_packing(&region, &[radius_m; COUNT], seed)?;
     let start = Start { position_m, radius_m: vec![radius_m; COUNT], ..Start::default() };
     let around = Surroundings {
         region,

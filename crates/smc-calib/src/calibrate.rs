@@ -25,6 +25,9 @@ impl Observer for () {
     }
 }
 
+/// Simulations from which on too many failures end a run.
+const FEWEST_TO_JUDGE: usize = 16;
+
 /// Infers the parameters of a problem.
 ///
 /// # Errors
@@ -75,7 +78,9 @@ pub fn calibrate_joint(
         let Some((n, proposal, last)) = next else { break };
         sampler.stage(n, proposal)?;
         let pool = &sampler.pool;
-        if pool.failed as f64 > settings.max_failed_share * pool.len() as f64 {
+        // A share of a handful says nothing yet.
+        let enough = pool.len() >= FEWEST_TO_JUDGE.min(settings.samples);
+        if enough && pool.failed as f64 > settings.max_failed_share * pool.len() as f64 {
             return Err(CalibrateError::TooManyFailures {
                 failed: pool.failed,
                 simulations: pool.len(),

@@ -630,18 +630,14 @@ impl Reader<'_> {
         names: &[String],
         parameters: &[Parameter],
     ) -> Result<(Settings, Option<Design>), InputError> {
-        let of = |samples: usize| {
-            if commands {
-                Settings::for_budget(samples)
-            } else {
-                // A run is never made that the plan has not asked for.
-                Settings { samples, map_simulations: 0, ..Settings::default() }
-            }
-        };
+        // A run is never made that the plan has not asked for: these settings search for no MAP.
         let default_samples = if commands { COMMAND_SAMPLES } else { BUILTIN_SAMPLES };
-        let Some(fields) = fields else { return Ok((of(default_samples), None)) };
+        let Some(fields) = fields else {
+            return Ok((Settings::for_budget(default_samples), None));
+        };
         let samples = fields.whole("samples", 16, 1 << 27)?;
-        let mut settings = of(samples.as_ref().map_or(default_samples, |at| at.value as usize));
+        let mut settings =
+            Settings::for_budget(samples.as_ref().map_or(default_samples, |at| at.value as usize));
         if let Some(at) = fields.whole("batch", 1, 10_000)? {
             settings.batch = at.value as usize;
         }

@@ -266,7 +266,7 @@ impl Bed {
     ///
     /// The standard error of the mean, as if contacts were drawn by chance, together with the chance
     /// that small contacts are there at all: the number m of those below half the mean, and one more, is uncertain by its root,
-    /// and each takes its share of the mean away.
+    /// and each takes its share of the mean away. Both beds have it, so that their difference has the root of twice its square.
     #[must_use]
     pub fn chance_of_mean_contact_ratio(&self) -> f64 {
         let ratios: Vec<f64> = self.contacts().map(|contact| contact.contact_ratio()).collect();
@@ -277,7 +277,7 @@ impl Bed {
         let mean = ratios.iter().sum::<f64>() / count;
         let variance = ratios.iter().map(|ratio| (ratio - mean).powi(2)).sum::<f64>() / count;
         let small = 1.0 + ratios.iter().filter(|&&ratio| ratio < 0.5 * mean).count() as f64;
-        (variance / count + small * (mean / count).powi(2)).sqrt()
+        (2.0 * (variance / count + small * (mean / count).powi(2))).sqrt()
     }
 
     /// Net force on each particle by its contacts, walls and weight, in the order of the particles \[N\].
