@@ -218,7 +218,8 @@ def measured(command):
         process.returncode = os.waitstatus_to_exitcode(status)
         wall = time.perf_counter() - start
         if process.returncode != 0:
-            raise SystemExit(f"failed: {' '.join(map(str, command))}")
+            print(f"failed: {' '.join(map(str, command))}", file=sys.stderr)
+            return None
         out.seek(0)
         return json.loads(out.read()), wall, usage.ru_maxrss / 1024
 
@@ -264,7 +265,10 @@ def main():
         raise SystemExit(f"the model differs from `calibrate simulate` by {difference:.2e}; 1e-12 is allowed")
     rows, found = [], {}
     for material in args.materials:
-        exact, _, _ = measured([args.program, "bench", "exact", "--material", material])
+        found_exactly = measured([args.program, "bench", "exact", "--material", material])
+        if found_exactly is None:
+            raise SystemExit("no exact posterior to compare with")
+        exact, _, _ = found_exactly
         runs = {method: [] for method in args.methods}
         for seed in range(1, args.seeds + 1):
             for method in args.methods:
@@ -276,7 +280,12 @@ def main():
                 print(f"{material} {method} seed {seed}", file=sys.stderr)
                 runs[method].append(measured(command))
         for method in args.methods:
-            of = runs[method]
+            # A method that breaks down on a seed is counted, and judged on the others.
+            of = [run for run in runs[method] if run is not None]
+            broken = f"{len(runs[method]) - len(of)} of {len(runs[method])}"
+            if not of:
+                rows.append([material, method, *[""] * 9, "", broken])
+                continue
             rms = lambda errors: max(statistics.fmean(e * e for e in column) ** 0.5 for column in zip(*errors))
             mean = rms([[(a - b) / s for a, b, s in zip(r["mean"], exact["mean"], exact["sd"])] for r, _, _ in of])
             sd = rms([[a / s - 1 for a, s in zip(r["sd"], exact["sd"])] for r, _, _ in of])
@@ -292,11 +301,11 @@ def main():
                 material, method, three(mean), three(sd), three(evidence), f"{found[material, method][3]:.0f}",
                 three(median(seconds)), three(min(seconds)), three(max(seconds)),
                 three(median([wall for _, wall, _ in of])), three(median([memory for _, _, memory in of])),
-                f"{min(width):.3f} to {max(width):.3f}",
+                f"{min(width):.3f} to {max(width):.3f}", broken,
             ])
     columns = [
         "material", "method", "rms error of mean [sd]", "of sd", "of log evidence", "simulations", "seconds", "least", "most",
-        "whole process [s]", "peak memory [MB]", "sd found/exact",
+        "whole process [s]", "peak memory [MB]", "sd found/exact", "broke down",
     ]
     lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
     lines += ["| " + " | ".join(row) + " |" for row in rows]
