@@ -119,14 +119,9 @@ fn report(
         frenkel: at_data.frenkel.map(|curve| FitError::of(observed, &curve)),
         frenkel_tau_s,
     };
-    let mut advice = planned.warnings.clone();
-    advice.extend(posterior.warnings.iter().map(ToString::to_string));
-    advice.extend(posterior.parameters.iter().filter_map(|p| hardly_informed(posterior, p)));
+    let mut advice = general_advice(&planned.warnings, posterior);
     advice.extend(posterior.parameters.iter().filter_map(magnitude_advice));
     advice.extend(kinetics_advice(kinetics));
-    // The input's warnings and the sampler's may say the same (fewer observations than parameters).
-    let mut seen = std::collections::BTreeSet::new();
-    advice.retain(|line| seen.insert(line.clone()));
     Ok(PosteriorFile {
         schema_version: SCHEMA_VERSION,
         plan: plan.clone(),
@@ -159,6 +154,17 @@ fn report(
         advice,
         counters: posterior.counters,
     })
+}
+
+/// What any posterior is published with: warnings of the input and of the sampler, and parameters that the data say
+/// little about. Input and sampler may say the same (fewer observations than parameters): it is said once.
+pub(crate) fn general_advice(of_input: &[String], posterior: &Posterior) -> Vec<String> {
+    let mut advice = of_input.to_vec();
+    advice.extend(posterior.warnings.iter().map(ToString::to_string));
+    advice.extend(posterior.parameters.iter().filter_map(|p| hardly_informed(posterior, p)));
+    let mut seen = std::collections::BTreeSet::new();
+    advice.retain(|line| seen.insert(line.clone()));
+    advice
 }
 
 /// For a parameter that is flagged as not informed, and that the sampler itself has not warned of.

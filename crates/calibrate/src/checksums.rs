@@ -7,7 +7,8 @@ use std::path::Path;
 
 use sha2::{Digest as _, Sha256};
 
-use crate::error::{InputError, Mistake};
+use crate::error::{InputError, Mistake, RunError};
+use crate::run::WriteFile;
 use crate::text_file;
 
 /// Name of the file.
@@ -16,14 +17,18 @@ pub const FILE_NAME: &str = "SHA256SUMS";
 /// Largest file of a run that is read again \[bytes\]: some millions of samples.
 const LARGEST_BYTES: u64 = 2 << 30;
 
-/// The lines of a `SHA256SUMS` for files by name.
-#[must_use]
-pub fn lines(files: &[(&str, &str)]) -> String {
-    let mut text = String::new();
-    for (name, contents) in files {
-        let _ = writeln!(text, "{}  {name}", sum(contents));
+/// Writes files that are read again, and their sums.
+///
+/// # Errors
+///
+/// What `write` says.
+pub fn write_all(files: &[(&str, String)], write: &WriteFile<'_>) -> Result<(), RunError> {
+    let mut sums = String::new();
+    for (name, text) in files {
+        write(name, text.as_bytes())?;
+        let _ = writeln!(sums, "{}  {name}", sum(text));
     }
-    text
+    write(FILE_NAME, sums.as_bytes())
 }
 
 /// Reads a file of a run, understands it by `parse` (given its name and text), and holds it against the

@@ -1,4 +1,10 @@
-//! Numbers as a person reads them.
+//! Numbers and their units as a person reads them.
+
+/// A unit as it stands behind a number: nothing for pure numbers.
+#[must_use]
+pub fn shown_unit(unit: &str) -> &str {
+    if unit == "1" { "" } else { unit }
+}
 
 /// `digits` significant digits: plain from 0.001 up to 10 000, else with a power of ten (`2.14e-4`).
 #[must_use]

@@ -211,6 +211,25 @@ impl Staging {
         &self.path
     }
 
+    /// Writes a file of the results, in a folder of its own where its name has one. `shown` is how messages call the
+    /// results' folder.
+    ///
+    /// # Errors
+    ///
+    /// [`RunError`] with the name of the file.
+    pub fn write(&self, shown: &Path, name: &str, bytes: &[u8]) -> Result<(), RunError> {
+        let path = self.path.join(name);
+        path.parent()
+            .map_or(Ok(()), fs::create_dir_all)
+            .and_then(|()| fs::write(&path, bytes))
+            .map_err(|error| {
+                RunError::new(format_args!(
+                    "{}: {name} cannot be written: {error}",
+                    shown.display()
+                ))
+            })
+    }
+
     /// Flushes the files to disk and renames the folder into place. The record must be among them.
     ///
     /// # Errors

@@ -1,6 +1,5 @@
 //! The main job: calibrate, write the run's folder, say what was found.
 
-use std::fs;
 use std::io::{IsTerminal as _, Write as _};
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -16,7 +15,7 @@ use crate::calibration::Calibration;
 use crate::check::describe;
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::figures::{self, SampleColumns};
-use crate::number::significant;
+use crate::number::{shown_unit, significant};
 use crate::output::{POSTERIOR_RECORD, Published, RunFolder};
 use crate::plan::{Plan, Planned, noise_in_words};
 use crate::plot::{Figure, Width};
@@ -32,6 +31,20 @@ struct Timings {
     report_seconds: f64,
 }
 
+/// A bar with the time left on a terminal, nothing elsewhere. `of_what` follows the numbers.
+pub(crate) fn progress_bar(length: u64, of_what: &str, quiet: bool) -> ProgressBar {
+    if quiet || !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(length);
+    let template = format!("{{bar:30}} {{pos}}/{{len}} {of_what}, {{eta}} left {{msg}}");
+    if let Ok(style) = ProgressStyle::with_template(&template) {
+        bar.set_style(style);
+    }
+    bar.enable_steady_tick(Duration::from_millis(200));
+    bar
+}
+
 /// Progress on a terminal, and the clock: the sampler has neither.
 struct Watch {
     bar: ProgressBar,
@@ -41,17 +54,7 @@ struct Watch {
 
 impl Watch {
     fn new(samples: usize, quiet: bool) -> Self {
-        let bar = if quiet || !std::io::stderr().is_terminal() {
-            ProgressBar::hidden()
-        } else {
-            let bar = ProgressBar::new(samples as u64);
-            let template = "{bar:30} {pos}/{len} simulations, {eta} left {msg}";
-            if let Ok(style) = ProgressStyle::with_template(template) {
-                bar.set_style(style);
-            }
-            bar.enable_steady_tick(Duration::from_millis(200));
-            bar
-        };
+        let bar = progress_bar(samples as u64, "simulations", quiet);
         Self { bar, last: Instant::now(), stage_seconds: Vec::new() }
     }
 }
@@ -100,15 +103,8 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
     interrupt::check()?;
 
     let staging = folder.stage()?;
-    let write = |name: &str, bytes: &[u8]| {
-        fs::write(staging.path().join(name), bytes).map_err(|error| {
-            RunError::new(format_args!(
-                "{}: {name} cannot be written: {error}",
-                planned.out.display()
-            ))
-            .help("make room on the disk, or choose another folder with --out")
-        })
-    };
+    let write =
+        |name: &str, bytes: &[u8]| staging.write(&planned.out, name, bytes).map_err(make_room);
     let samples = tables::sample_columns(&posterior);
     pool.install(|| {
         let (tables, pictures) = rayon::join(
@@ -116,15 +112,11 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
                 write("table.md", tables::markdown(&file).as_bytes())?;
                 write("table.csv", tables::csv(&file).as_bytes())?;
                 let read_again = [
-                    (POSTERIOR_RECORD, posterior_json(&file)?),
+                    (POSTERIOR_RECORD, record(&file, posterior_file::parse)?),
                     ("samples.csv", tables::samples_csv(&posterior)),
                     ("draws.csv", tables::draws_csv(&posterior)),
                 ];
-                let read_again = read_again.each_ref().map(|(name, text)| (*name, text.as_str()));
-                for (name, text) in read_again {
-                    write(name, text.as_bytes())?;
-                }
-                write(checksums::FILE_NAME, checksums::lines(&read_again).as_bytes())
+                checksums::write_all(&read_again, &write)
             },
             || draw(&file, &samples, false, Width::Column, &write),
         );
@@ -158,6 +150,11 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
     Ok(())
 }
 
+/// What to do about results that cannot be written.
+pub(crate) fn make_room(error: RunError) -> RunError {
+    error.help("make room on the disk, or choose another folder with --out")
+}
+
 /// Takes a file name and its bytes.
 pub type WriteFile<'a> = dyn Fn(&str, &[u8]) -> Result<(), RunError> + Sync + 'a;
 
@@ -177,7 +174,7 @@ pub fn draw(
 }
 
 /// Figures by the names of their files.
-pub(crate) type NamedFigures = Vec<(String, Box<dyn Figure + Send + Sync>)>;
+pub type NamedFigures = Vec<(String, Box<dyn Figure + Send + Sync>)>;
 
 /// Writes figures as PNG and SVG.
 pub(crate) fn draw_all(
@@ -198,9 +195,12 @@ pub(crate) fn draw_all(
 }
 
 /// The text of `posterior.json`, which reads back as what it was.
-fn posterior_json(file: &PosteriorFile) -> Result<String, RunError> {
+pub(crate) fn record<T: Serialize + PartialEq>(
+    file: &T,
+    parse: impl Fn(&str, &str) -> Result<T, InputError>,
+) -> Result<String, RunError> {
     let text = pretty(file)?;
-    match posterior_file::parse(POSTERIOR_RECORD, &text) {
+    match parse(POSTERIOR_RECORD, &text) {
         Ok(back) if back == *file => Ok(text),
         Ok(_) => Err(RunError::new("posterior.json does not read back as it was written")),
         Err(error) => Err(RunError::new(format_args!(
@@ -285,7 +285,7 @@ fn dry_run(planned: &Planned, json: bool) -> Result<(), Failure> {
     )?;
     writeln!(out, "  priors        {}", plan.prior_file)?;
     for parameter in &plan.parameters {
-        let unit = if parameter.unit == "1" { "" } else { &parameter.unit };
+        let unit = shown_unit(&parameter.unit);
         writeln!(out, "    {:<8} {} {unit}", parameter.name, describe(parameter.prior.spec()))?;
     }
     writeln!(out, "  kinetics      {}", plan.kinetics)?;

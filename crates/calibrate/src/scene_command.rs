@@ -3,8 +3,7 @@
 //! The engine works in a thread of its own and hands over what it observes; this thread writes files, shows progress and
 //! listens to Ctrl-C. Unfinished work is in a [`WorkFolder`], from which the same command goes on with the same bits.
 
-use std::fs;
-use std::io::{IsTerminal as _, Write as _};
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
@@ -13,7 +12,7 @@ use clap::Args as ArgsOf;
 use dem_core::bed::{
     Bed, BedError, Mode, Phase, Run, Sample, Scene, Series, Side, write_csv, write_vtk,
 };
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -22,7 +21,7 @@ use crate::interrupt;
 use crate::number::significant;
 use crate::output::RunFolder;
 use crate::plot::{BedFigure, Figure as _, SeriesFigure, Width};
-use crate::run::{announce, pool, pretty};
+use crate::run::{announce, make_room, pool, pretty, progress_bar};
 use crate::scene_file::{self, SceneInput};
 use crate::work_folder::WorkFolder;
 
@@ -220,7 +219,7 @@ pub fn run(args: &SceneArgs) -> Result<(), Failure> {
     let cores = threads.current_num_threads();
     // Not joined: what is on disk is whole at any moment, and Ctrl-C need not wait for it.
     let _ = std::thread::spawn(move || threads.install(|| job.work(&send)));
-    let bar = progress_bar(total as u64, args.quiet);
+    let bar = progress_bar(total as u64, "observations", args.quiet);
     let observed = observe(&receive, &input, &work, &bar, total);
     bar.finish_and_clear();
     let Observed { run, first } = observed?;
@@ -228,16 +227,7 @@ pub fn run(args: &SceneArgs) -> Result<(), Failure> {
     let record = record(&input, plan, &run);
 
     let staging = folder.stage()?;
-    let write = |name: &str, bytes: &[u8]| {
-        let path = staging.path().join(name);
-        path.parent()
-            .map_or(Ok(()), fs::create_dir_all)
-            .and_then(|()| fs::write(&path, bytes))
-            .map_err(|error| {
-                RunError::new(format_args!("{}: {name} cannot be written: {error}", out.display()))
-                    .help("make room on the disk, or choose another folder with --out")
-            })
-    };
+    let write = |name: &str, bytes: &[u8]| staging.write(&out, name, bytes).map_err(make_room);
     write(SCENE_RECORD, pretty(&record)?.as_bytes())?;
     let mut csv = Vec::new();
     write_csv(run.series(), &mut csv).map_err(RunError::new)?;
@@ -279,19 +269,6 @@ pub fn run(args: &SceneArgs) -> Result<(), Failure> {
         }
     }
     Ok(())
-}
-
-/// A bar with the time left on a terminal, nothing elsewhere.
-pub(crate) fn progress_bar(length: u64, quiet: bool) -> ProgressBar {
-    if quiet || !std::io::stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
-    let bar = ProgressBar::new(length);
-    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}, {eta} left") {
-        bar.set_style(style);
-    }
-    bar.enable_steady_tick(Duration::from_millis(200));
-    bar
 }
 
 /// What the working thread does.
@@ -357,7 +334,7 @@ fn observe(
     let mut first = BedFigure::default();
     let mut kept = String::from("nothing was computed yet");
     let mut some_kept = false;
-    bar.set_message("observations (placing the particles)");
+    bar.set_message("(placing the particles)");
     loop {
         if interrupt::asked() {
             return Err(Failure::Paused(format!("interrupted; {kept}")));
@@ -365,7 +342,7 @@ fn observe(
         match receive.recv_timeout(Duration::from_millis(50)) {
             Ok(Message::Placed { start, observed }) => {
                 first = start;
-                bar.set_message("observations");
+                bar.set_message("");
                 if observed > 0 {
                     if !bar.is_hidden() {
                         eprintln!("note: going on after {observed} of {total} observations");
@@ -387,7 +364,7 @@ fn observe(
                 }
                 bar.set_position(number as u64 + 1);
                 bar.set_message(format!(
-                    "observations, t = {} s, a/R {}",
+                    "(t = {} s, a/R {})",
                     significant(sample.time_s, 3),
                     significant(sample.mean_contact_ratio, 3)
                 ));

@@ -7,7 +7,7 @@ use serde::Serialize;
 use smc_calib::Evidence;
 
 use crate::figures::KHAT_LIMIT;
-use crate::number::{self, significant, with_error};
+use crate::number::{self, shown_unit, significant, with_error};
 use crate::posterior_file::PosteriorFile;
 
 /// Fewest effective samples that a 95 % interval is read from without a warning.
@@ -61,7 +61,7 @@ pub fn text(file: &PosteriorFile, seconds: Option<f64>, out: Option<&Path>) -> S
             "  {:<8} {:>9} {:<9} 95 % {} .. {}",
             summary.parameter.name,
             significant(si.median, 3),
-            if summary.parameter.unit == "1" { "" } else { &summary.parameter.unit },
+            shown_unit(&summary.parameter.unit),
             significant(si.eti95.lower, 3),
             significant(si.eti95.upper, 3),
         );

@@ -10,6 +10,15 @@ use crate::number::{significant, with_error};
 use crate::posterior_file::PosteriorFile;
 use crate::summary::{self, INFORMED_BITS};
 
+/// Text as a CSV field.
+pub(crate) fn quoted(text: &str) -> String {
+    if text.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
+    }
+}
+
 /// One line of the posterior table.
 struct Row {
     parameter: String,

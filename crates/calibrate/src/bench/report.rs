@@ -8,6 +8,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use crate::error::RunError;
 use crate::output;
 use crate::plot::{Figure, Width};
+use crate::tables::quoted;
 
 /// Machine, revision and date of a result.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -100,18 +101,11 @@ impl Table {
     }
 
     pub(super) fn csv(&self, header: &Header) -> String {
-        let field = |text: &str| {
-            if text.contains([',', '"', '\n']) {
-                format!("\"{}\"", text.replace('"', "\"\""))
-            } else {
-                text.to_owned()
-            }
-        };
         let line = |fields: Vec<String>| fields.join(",") + "\n";
         let mut text = header.lines("# ");
-        text += &line(self.columns.iter().map(|name| field(name)).collect());
+        text += &line(self.columns.iter().map(|name| quoted(name)).collect());
         for row in &self.rows {
-            text += &line(row.iter().map(|value| field(value)).collect());
+            text += &line(row.iter().map(|value| quoted(value)).collect());
         }
         text
     }

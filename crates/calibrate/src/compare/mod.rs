@@ -9,11 +9,9 @@ pub mod render;
 pub mod report;
 pub mod verdict;
 
-use std::fs;
 use std::io::Write as _;
 
 use dem_core::Kinetics;
-use rayon::prelude::*;
 use smc_calib::{Parameter, Prior, PriorSpec, Problem, leave_one_out};
 
 use crate::args::{CompareArgs, RunArgs};
@@ -23,9 +21,9 @@ use crate::material::Material;
 use crate::model::NeckGrowth;
 use crate::output::RunFolder;
 use crate::plan::Planned;
-use crate::plot::{CompareFigure, Figure, NamedCurve, Role, Width};
+use crate::plot::{CompareFigure, NamedCurve, Role, Width};
 use crate::prior_file::ParameterName;
-use crate::run::{announce, pool, pretty};
+use crate::run::{NamedFigures, announce, draw_all, pool, pretty};
 use report::{Comparison, Entry, Report};
 
 /// The record of a comparison.
@@ -48,38 +46,23 @@ pub fn run(args: &CompareArgs) -> Result<(), Failure> {
         .collect::<Result<_, _>>()?;
     let pool = pool(args.threads)?;
     let mut comparisons = Vec::new();
-    let mut pictures = Vec::new();
+    let mut pictures = NamedFigures::new();
     for plans in &plans {
         let (comparison, mut figure) = pool.install(|| compare(plans))?;
         figure.log_time = args.log_time;
         if !args.quiet && !args.json {
             write!(std::io::stdout().lock(), "{}", render::terminal(&comparison))?;
         }
-        pictures.push((comparison.name.clone(), figure));
+        pictures.push((format!("compare-{}", comparison.name), Box::new(figure)));
         comparisons.push(comparison);
     }
     let report = Report::new(args, comparisons);
     let staging = folder.stage()?;
-    let write = |name: &str, bytes: &[u8]| {
-        fs::write(staging.path().join(name), bytes).map_err(|error| {
-            RunError::new(format_args!("{}: {name} cannot be written: {error}", args.out.display()))
-        })
-    };
+    let write = |name: &str, bytes: &[u8]| staging.write(&args.out, name, bytes);
     write(RECORD, pretty(&report)?.as_bytes())?;
     write("compare.md", render::markdown(&report).as_bytes())?;
     write("compare.csv", render::csv(&report).as_bytes())?;
-    pool.install(|| {
-        pictures
-            .par_iter()
-            .map(|(name, figure)| {
-                let picture = figure
-                    .render(Width::Column)
-                    .map_err(|error| RunError::new(format_args!("{name}: {error}")))?;
-                write(&format!("compare-{name}.png"), &picture.png)?;
-                write(&format!("compare-{name}.svg"), picture.svg.as_bytes())
-            })
-            .collect::<Result<(), RunError>>()
-    })?;
+    pool.install(|| draw_all(&pictures, Width::Column, &write))?;
     let published = staging.publish()?;
     announce(&published, &args.out, args.quiet);
     if args.json {

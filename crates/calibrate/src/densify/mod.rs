@@ -23,8 +23,7 @@ use crate::output::RunFolder;
 use crate::plot::{Figure as _, Width};
 use crate::posterior_file::{self, PosteriorFile};
 use crate::prior_file::ParameterName;
-use crate::run::{announce, pool, pretty, read_draws};
-use crate::scene_command::progress_bar;
+use crate::run::{announce, make_room, pool, pretty, progress_bar, read_draws};
 use crate::scene_file::{self, SceneInput};
 use crate::work_folder::{WorkFolder, fingerprint};
 
@@ -157,16 +156,7 @@ pub fn run(args: &DensifyArgs) -> Result<(), Failure> {
     let report = Report::new(plan.clone(), parameters, &computed, failed, advice.clone());
 
     let staging = folder.stage()?;
-    let write = |name: &str, bytes: &[u8]| {
-        let path = staging.path().join(name);
-        path.parent()
-            .map_or(Ok(()), fs::create_dir_all)
-            .and_then(|()| fs::write(&path, bytes))
-            .map_err(|error| {
-                RunError::new(format_args!("{}: {name} cannot be written: {error}", out.display()))
-                    .help("make room on the disk, or choose another folder with --out")
-            })
-    };
+    let write = |name: &str, bytes: &[u8]| staging.write(out, name, bytes).map_err(make_room);
     write(DENSIFY_RECORD, pretty(&report)?.as_bytes())?;
     write("densify.csv", report.curve_csv().as_bytes())?;
     write("draws.csv", report.draws_csv(&units).as_bytes())?;
@@ -319,8 +309,8 @@ impl Request {
                 .skip_while(|phase| !phase.heated)
                 .map(|phase| phase.outputs + 1)
                 .sum();
-            let bar = progress_bar((missing * per_bed) as u64, quiet);
-            bar.set_message("observations (placing the particles)");
+            let bar = progress_bar((missing * per_bed) as u64, "observations", quiet);
+            bar.set_message("(placing the particles)");
             let (send, receive) = channel();
             let scene = self.input.file.clone();
             // Not joined: what is on disk is whole at any moment, and Ctrl-C need not wait for it.
@@ -345,7 +335,7 @@ impl Request {
                         done += 1;
                         // A bed that was full ends before the scene does.
                         bar.inc((per_bed - curve.moments.len()) as u64);
-                        bar.set_message(format!("observations, {done} of {missing} beds"));
+                        bar.set_message(format!("({done} of {missing} beds)"));
                         let chosen = &self.draws[draw];
                         let file = curve.file(&self.belongs_to(chosen));
                         work.put(&series_name(chosen), file.as_bytes())?;

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::plan::{ExecutorPlan, ExternalPlan, Interpolate, ResultFormat, SimulatorPlan};
 use super::plan_file::PlanFile;
 use crate::check::{Understood, describe};
-use crate::number::significant;
+use crate::number::{shown_unit, significant};
 use crate::plan::noise_in_words;
 
 /// What `calibrate check` says of a plan.
@@ -49,7 +49,7 @@ pub fn dry_run(file: &PlanFile, out: &Path) -> String {
 fn lines(plan: &ExternalPlan, executor: &ExecutorPlan) -> Vec<String> {
     let mut lines = vec!["parameters".to_owned()];
     for parameter in &plan.parameters {
-        let unit = if parameter.unit == "1" { "" } else { &parameter.unit };
+        let unit = shown_unit(&parameter.unit);
         lines.push(format!("  {:<12} {} {unit}", parameter.name, describe(parameter.prior.spec())));
     }
     for experiment in &plan.experiments {

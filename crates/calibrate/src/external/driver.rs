@@ -4,14 +4,14 @@
 //! are answered from the folder.
 
 use std::fs;
-use std::io::{IsTerminal as _, Write as _};
+use std::io::Write as _;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use campaign::slurm::{Slurm, SlurmSettingError, SlurmSettings};
 use campaign::{Campaign, CampaignError, Event, Executor, ExecutorError, Local, Stop};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use smc_calib::{CalibrateError, Observer, Posterior, StageRecord};
 
 use super::REPORT;
@@ -28,7 +28,7 @@ use crate::args::{OnInterrupt, RunArgs};
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::interrupt;
 use crate::output::{POSTERIOR_RECORD, RunFolder};
-use crate::run::{pool, pretty};
+use crate::run::{pool, pretty, progress_bar};
 
 /// How long things took. Apart from the posterior, whose bytes do not depend on it.
 #[derive(Debug, serde::Serialize)]
@@ -127,18 +127,9 @@ struct Watch<'a> {
 
 impl<'a> Watch<'a> {
     fn new(campaign: &'a Campaign, total: u64, done: u64, quiet: bool) -> Self {
-        let bar = if quiet || !std::io::stderr().is_terminal() {
-            ProgressBar::hidden()
-        } else {
-            let bar = ProgressBar::new(total).with_position(done);
-            let template = "{bar:30} {pos}/{len} runs, {eta} left {msg}";
-            if let Ok(style) = ProgressStyle::with_template(template) {
-                bar.set_style(style);
-            }
-            bar.reset_eta();
-            bar.enable_steady_tick(Duration::from_millis(200));
-            bar
-        };
+        let bar = progress_bar(total, "runs", quiet);
+        bar.set_position(done);
+        bar.reset_eta();
         Self { bar, campaign, last: Instant::now(), stage_seconds: Vec::new(), failed: None }
     }
 }
@@ -326,13 +317,10 @@ fn publish(
     }
     let folder = RunFolder::prepare(&dir.join(REPORT), POSTERIOR_RECORD)?;
     let staging = folder.stage()?;
+    let shown = dir.join(REPORT);
     let write = |name: &str, bytes: &[u8]| {
-        fs::write(staging.path().join(name), bytes).map_err(|error| {
-            RunError::new(format_args!(
-                "{}: {name} cannot be written: {error}",
-                dir.join(REPORT).display()
-            ))
-            .help(format_args!(
+        staging.write(&shown, name, bytes).map_err(|error| {
+            error.help(format_args!(
                 "make room on the disk, then: calibrate --resume {}; no run is made again",
                 dir.display()
             ))

@@ -14,10 +14,10 @@ use super::problem;
 use super::sample_table;
 use super::simulator::{BuiltinModel, cause, models, run_number, sample_of, widths};
 use super::store::{self, Stored};
-use super::summary::quoted;
 use crate::args::ExportArgs;
 use crate::error::{Failure, InputError, Mistake};
 use crate::output;
+use crate::tables::quoted;
 
 /// Writes the tables of a run.
 ///

@@ -14,8 +14,8 @@ use smc_calib::{
 
 use super::plan::{ExternalPlan, ObservablePlan};
 use crate::checksums;
-use crate::error::{InputError, Mistake, RunError};
-use crate::posterior_file::{self, FILE_NAME, FitError};
+use crate::error::{InputError, Mistake};
+use crate::posterior_file::{self, FitError};
 
 /// Version of the layout; a reader refuses others.
 pub const SCHEMA_VERSION: u32 = 1;
@@ -103,18 +103,6 @@ impl PlanPosterior {
     /// Every observable: what was measured, and what was found.
     pub fn observables(&self) -> impl Iterator<Item = (&ObservablePlan, &ObservableReport)> {
         self.plan.observables().map(|(_, plan)| plan).zip(&self.observables)
-    }
-}
-
-/// The text of `posterior.json`, which reads back as what it was.
-pub(crate) fn text(file: &PlanPosterior) -> Result<String, RunError> {
-    let text = crate::run::pretty(file)?;
-    match parse(FILE_NAME, &text) {
-        Ok(back) if back == *file => Ok(text),
-        Ok(_) => Err(RunError::new("posterior.json does not read back as it was written")),
-        Err(error) => Err(RunError::new(format_args!(
-            "the posterior holds a number that JSON cannot: {error}"
-        ))),
     }
 }
 

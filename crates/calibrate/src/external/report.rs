@@ -1,6 +1,5 @@
 //! What is reported of a plan: the posterior file, tables and figures, from the samples alone. Nothing is simulated.
 
-use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 use smc_calib::{BandPoint, Posterior};
@@ -8,15 +7,15 @@ use smc_calib::{BandPoint, Posterior};
 use super::plan::{ExternalPlan, ObservablePlan};
 use super::posterior_file::{self, Kind, ObservableReport, PlanPosterior, SCHEMA_VERSION};
 use super::sample_table;
-use super::summary::{self, quoted};
+use super::summary;
+use crate::calibration::general_advice;
 use crate::checksums;
 use crate::error::{Failure, RunError};
 use crate::figures::{SampleColumns, convergence_of, corner_of, recursion_of};
 use crate::plot::{Axes, Band, FitFigure, ResidualsFigure, Width};
 use crate::posterior_file::{FILE_NAME, FitError};
-use crate::run::{NamedFigures, WriteFile, draw_all};
-use crate::summary::INFORMED_BITS;
-use crate::tables;
+use crate::run::{NamedFigures, WriteFile, draw_all, record};
+use crate::tables::{self, quoted};
 
 /// The posterior file of a plan.
 pub(crate) fn of(
@@ -61,19 +60,7 @@ pub(crate) fn of(
             predictive,
         });
     }
-    let mut advice = warnings.to_vec();
-    advice.extend(posterior.warnings.iter().map(ToString::to_string));
-    for summary in &posterior.parameters {
-        let (name, bits) = (&summary.parameter.name, summary.information_gain_bits);
-        let warned = posterior.warnings.iter().any(|warning| {
-            matches!(warning, smc_calib::Warning::NotInformed { parameter, .. } if parameter == name)
-        });
-        if bits < INFORMED_BITS && !warned {
-            advice.push(format!(
-                "the data say little about {name} ({bits:.2} bits): its posterior is near its prior"
-            ));
-        }
-    }
+    let mut advice = general_advice(warnings, posterior);
     if plan.design.is_some() {
         advice.push(
             "the parameter sets were given: they are weighted as draws from the prior, which is right only if they are \
@@ -81,8 +68,6 @@ pub(crate) fn of(
                 .to_owned(),
         );
     }
-    let mut seen = BTreeSet::new();
-    advice.retain(|line| seen.insert(line.clone()));
     Ok(PlanPosterior {
         kind: Kind::Plan,
         schema_version: SCHEMA_VERSION,
@@ -116,15 +101,11 @@ pub(crate) fn write_all(
     write("table.csv", summary::csv(file).as_bytes())?;
     write("fit.csv", fit_csv(file).as_bytes())?;
     let read_again = [
-        (FILE_NAME, posterior_file::text(file)?),
+        (FILE_NAME, record(file, posterior_file::parse)?),
         ("samples.csv", tables::samples_csv(posterior)),
         ("draws.csv", draws_csv(file, posterior)),
     ];
-    let read_again = read_again.each_ref().map(|(name, text)| (*name, text.as_str()));
-    for (name, text) in read_again {
-        write(name, text.as_bytes())?;
-    }
-    write(checksums::FILE_NAME, checksums::lines(&read_again).as_bytes())?;
+    checksums::write_all(&read_again, write)?;
     let sets = posterior.samples.iter().map(|sample| sample.theta.as_slice());
     let samples = sample_table::write(&file.plan.name, &file.plan.parameter_names(), sets);
     write("samples-grainlearning.txt", samples.as_bytes())?;

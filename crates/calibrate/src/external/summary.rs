@@ -7,8 +7,9 @@ use serde::Serialize;
 
 use super::posterior_file::PlanPosterior;
 use crate::figures::KHAT_LIMIT;
-use crate::number::{significant, with_error};
+use crate::number::{shown_unit, significant, with_error};
 use crate::summary::{ENOUGH, INFORMED_BITS};
+use crate::tables::quoted;
 
 /// Whether the sampler's own diagnostics let the result be trusted.
 #[must_use]
@@ -28,10 +29,6 @@ fn evidence(file: &PlanPosterior) -> String {
     } else {
         format!("log evidence {value:.1} or more, its error unknown")
     }
-}
-
-fn unit(unit: &str) -> &str {
-    if unit == "1" { "" } else { unit }
 }
 
 /// The summary as text, about ten lines.
@@ -57,7 +54,7 @@ pub fn text(file: &PlanPosterior, seconds: Option<f64>, out: Option<&Path>) -> S
             "  {:<12} {:>9} {:<9} 95 % {} .. {}",
             summary.parameter.name,
             significant(si.median, 3),
-            unit(&summary.parameter.unit),
+            shown_unit(&summary.parameter.unit),
             significant(si.eti95.lower, 3),
             significant(si.eti95.upper, 3),
         );
@@ -75,7 +72,11 @@ pub fn text(file: &PlanPosterior, seconds: Option<f64>, out: Option<&Path>) -> S
             "  fit of {}: RMSE {} {}(MAP){noise}",
             found.label,
             significant(found.map_error.rmse, 2),
-            if unit(&plan.unit).is_empty() { String::new() } else { format!("{} ", plan.unit) },
+            if shown_unit(&plan.unit).is_empty() {
+                String::new()
+            } else {
+                format!("{} ", plan.unit)
+            },
         );
     }
     let _ = writeln!(
@@ -216,7 +217,7 @@ pub fn markdown(file: &PlanPosterior) -> String {
             found.label,
             plan.values.len(),
             significant(found.map_error.rmse, 2),
-            unit(&plan.unit),
+            shown_unit(&plan.unit),
             if found.residuals.independent { "independent" } else { "not independent" },
         );
     }
@@ -262,15 +263,6 @@ pub fn csv(file: &PlanPosterior) -> String {
         );
     }
     text
-}
-
-/// Text as a CSV field.
-pub(crate) fn quoted(text: &str) -> String {
-    if text.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", text.replace('"', "\"\""))
-    } else {
-        text.to_owned()
-    }
 }
 
 /// What `calibrate inspect` prints below the summary.

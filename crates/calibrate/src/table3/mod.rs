@@ -18,21 +18,18 @@ pub mod report;
 pub mod statements;
 pub mod unfitted;
 
-use std::fs;
 use std::io::Write as _;
 use std::path::Path;
 use std::process::Command;
 
-use rayon::prelude::*;
-
 use crate::args::{RunArgs, Table3Args};
 use crate::calibration::Calibration;
-use crate::error::{Failure, RunError};
+use crate::error::Failure;
 use crate::material::Material;
 use crate::output::RunFolder;
 use crate::plan::Planned;
-use crate::plot::{Figure, Width};
-use crate::run::{announce, pool, pretty};
+use crate::plot::Width;
+use crate::run::{NamedFigures, announce, draw_all, pool, pretty};
 use report::Report;
 
 /// The record of a regenerated table.
@@ -85,11 +82,7 @@ pub fn run(args: &Table3Args) -> Result<(), Failure> {
     let pool = pool(args.threads)?;
     let (report, pictures) = pool.install(|| regenerate(args.samples, args.seed))?;
     let staging = folder.stage()?;
-    let write = |name: &str, bytes: &[u8]| {
-        fs::write(staging.path().join(name), bytes).map_err(|error| {
-            RunError::new(format_args!("{}: {name} cannot be written: {error}", args.out.display()))
-        })
-    };
+    let write = |name: &str, bytes: &[u8]| staging.write(&args.out, name, bytes);
     write(RECORD, pretty(&report)?.as_bytes())?;
     write("table3.md", render::table_markdown(&report).as_bytes())?;
     write("table3.csv", render::table_csv(&report).as_bytes())?;
@@ -97,18 +90,7 @@ pub fn run(args: &Table3Args) -> Result<(), Failure> {
     write("document.tex", render::DOCUMENT.as_bytes())?;
     write("report.md", render::report_markdown(&report).as_bytes())?;
     write("README.md", render::readme(args, &revision()).as_bytes())?;
-    pool.install(|| {
-        pictures
-            .par_iter()
-            .map(|(name, figure)| {
-                let picture = figure
-                    .render(Width::Column)
-                    .map_err(|error| RunError::new(format_args!("{name}: {error}")))?;
-                write(&format!("{name}.png"), &picture.png)?;
-                write(&format!("{name}.svg"), picture.svg.as_bytes())
-            })
-            .collect::<Result<(), RunError>>()
-    })?;
+    pool.install(|| draw_all(&pictures, Width::Column, &write))?;
     let published = staging.publish()?;
     announce(&published, &args.out, args.quiet);
     for material in &report.materials {
@@ -128,14 +110,12 @@ pub fn run(args: &Table3Args) -> Result<(), Failure> {
     Ok(())
 }
 
-type NamedFigure = (&'static str, Box<dyn Figure + Send + Sync>);
-
 /// The report and its figures.
 ///
 /// # Errors
 ///
 /// As [`Calibration::run`].
-pub fn regenerate(samples: usize, seed: u64) -> Result<(Report, Vec<NamedFigure>), Failure> {
+pub fn regenerate(samples: usize, seed: u64) -> Result<(Report, NamedFigures), Failure> {
     let three_stage = dem_core::Kinetics::ThreeStage;
     let calibrated: Vec<Calibrated> = Material::ALL
         .into_iter()
@@ -144,12 +124,13 @@ pub fn regenerate(samples: usize, seed: u64) -> Result<(Report, Vec<NamedFigure>
     let map = Calibrated::new(Material::Peek, dem_core::Kinetics::RegimeMap, samples, seed)?;
     let (unfitted, predicted) = unfitted::predict(&calibrated)?;
     let report = Report::new(samples, seed, &calibrated, unfitted)?;
-    let mut pictures: Vec<NamedFigure> = vec![("figure2", Box::new(figures::regime_map(&map)?))];
+    let mut pictures: NamedFigures =
+        vec![("figure2".to_owned(), Box::new(figures::regime_map(&map)?))];
     for one in &calibrated {
         let (name, figure) = figures::sintering_curve(one);
-        pictures.push((name, Box::new(figure)));
+        pictures.push((name.to_owned(), Box::new(figure)));
     }
-    pictures.push(("pa12-r30", Box::new(predicted)));
+    pictures.push(("pa12-r30".to_owned(), Box::new(predicted)));
     Ok((report, pictures))
 }
 
