@@ -60,7 +60,7 @@ mod spec;
 mod status;
 mod table;
 mod task;
-mod template;
+pub mod template;
 mod worker;
 
 pub use campaign::{Campaign, Collected};

@@ -3,31 +3,43 @@
 /// Placeholders that are no parameters.
 pub(crate) const RESERVED: [&str; 3] = ["parameters", "run", "seed"];
 
-enum Piece<'a> {
-    Text(&'a str),
-    Name(&'a str),
+/// A piece of a text with placeholders.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Piece<'t> {
+    /// Stands as it is.
+    Text(&'t str),
+    /// A brace, written twice.
+    Brace(char),
+    /// The name between single braces.
+    Name(&'t str),
 }
 
-/// Takes a text apart; the error says what is wrong in words.
-fn pieces(text: &str) -> Result<Vec<Piece<'_>>, String> {
+/// A brace without its partner.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Unbalanced(pub char);
+
+/// Takes a text apart.
+///
+/// # Errors
+///
+/// [`Unbalanced`] for a brace without its partner.
+pub fn pieces(text: &str) -> Result<Vec<Piece<'_>>, Unbalanced> {
     let mut pieces = Vec::new();
     let mut rest = text;
     while let Some(place) = rest.find(['{', '}']) {
-        let brace = &rest[place..=place];
+        let brace = if rest[place..].starts_with('{') { '{' } else { '}' };
         pieces.push(Piece::Text(&rest[..place]));
         let after = &rest[place + 1..];
         if after.starts_with(brace) {
-            pieces.push(Piece::Text(brace));
+            pieces.push(Piece::Brace(brace));
             rest = &after[1..];
-        } else if brace == "{" {
+        } else if brace == '{' {
             let end = after.find(['{', '}']).filter(|&end| after[end..].starts_with('}'));
-            let Some(end) = end else {
-                return Err(format!("{text:?} has a {{ without its }}; write {{{{ for a brace"));
-            };
+            let end = end.ok_or(Unbalanced('{'))?;
             pieces.push(Piece::Name(&after[..end]));
             rest = &after[end + 1..];
         } else {
-            return Err(format!("{text:?} has a }} without its {{; write }}}} for a brace"));
+            return Err(Unbalanced('}'));
         }
     }
     pieces.push(Piece::Text(rest));
@@ -36,7 +48,11 @@ fn pieces(text: &str) -> Result<Vec<Piece<'_>>, String> {
 
 /// Whether every placeholder of `text` is known.
 pub(crate) fn check(text: &str, parameters: &[String]) -> Result<(), String> {
-    for piece in pieces(text)? {
+    let pieces = pieces(text).map_err(|Unbalanced(brace)| {
+        let partner = if brace == '{' { '}' } else { '{' };
+        format!("{text:?} has a {brace} without its {partner}; write {brace}{brace} for a brace")
+    })?;
+    for piece in pieces {
         if let Piece::Name(name) = piece
             && !RESERVED.contains(&name)
             && !parameters.iter().any(|known| known == name)
@@ -58,6 +74,7 @@ pub(crate) fn fill(text: &str, value: impl Fn(&str) -> Option<String>) -> String
     for piece in pieces {
         match piece {
             Piece::Text(text) => filled.push_str(text),
+            Piece::Brace(brace) => filled.push(brace),
             Piece::Name(name) => match value(name) {
                 Some(value) => filled.push_str(&value),
                 None => filled.extend(["{", name, "}"]),

@@ -1,5 +1,7 @@
 //! Placeholders in a command: `{name}`; `{{` and `}}` stand for braces.
 
+use campaign::template::{Piece, Unbalanced, pieces};
+
 /// Placeholders that every command has, beside the parameters.
 pub(crate) const RESERVED: [&str; 4] = ["parameters", "run", "seed", "plan_dir"];
 
@@ -12,34 +14,10 @@ pub(crate) enum TemplateError {
     Unknown(String),
 }
 
-/// A piece of a template.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Piece<'t> {
-    Text(&'t str),
-    Escaped(char),
-    Name(&'t str),
-}
-
-fn pieces(template: &str) -> Result<Vec<Piece<'_>>, TemplateError> {
-    let mut pieces = Vec::new();
-    let mut rest = template;
-    while let Some(place) = rest.find(['{', '}']) {
-        pieces.push(Piece::Text(&rest[..place]));
-        let brace = if rest[place..].starts_with('{') { '{' } else { '}' };
-        let after = &rest[place + 1..];
-        if after.starts_with(brace) {
-            pieces.push(Piece::Escaped(brace));
-            rest = &after[1..];
-        } else if brace == '{' {
-            let end = after.find('}').ok_or(TemplateError::Unbalanced)?;
-            pieces.push(Piece::Name(&after[..end]));
-            rest = &after[end + 1..];
-        } else {
-            return Err(TemplateError::Unbalanced);
-        }
+impl From<Unbalanced> for TemplateError {
+    fn from(_: Unbalanced) -> Self {
+        Self::Unbalanced
     }
-    pieces.push(Piece::Text(rest));
-    Ok(pieces)
 }
 
 /// Checks a template against the names of the parameters.
@@ -62,7 +40,7 @@ pub(crate) fn with_folder(template: &str, folder: &str) -> Result<String, Templa
     for piece in pieces(template)? {
         match piece {
             Piece::Text(piece) => text.push_str(piece),
-            Piece::Escaped(brace) => text.extend([brace, brace]),
+            Piece::Brace(brace) => text.extend([brace, brace]),
             Piece::Name("plan_dir") => text.push_str(&folder),
             Piece::Name(name) => text.extend(["{", name, "}"]),
         }
