@@ -161,9 +161,10 @@ pub struct RunArgs {
     #[arg(short = 'n', long, value_name = "N", default_value_t = 16_384, value_parser = parse_samples, help_heading = "Sampling")]
     pub samples: usize,
 
-    /// Adaptive stages, over which the proposal is refined
-    #[arg(long, value_name = "N", default_value_t = 8, value_parser = parse_iterations, help_heading = "Sampling")]
-    pub iterations: usize,
+    /// Adaptive stages, over which the proposal is refined [default: 8; up to 1000 simulations 20
+    /// small ones, placed by a Gaussian process]
+    #[arg(long, value_name = "N", value_parser = parse_iterations, help_heading = "Sampling")]
+    pub iterations: Option<usize>,
 
     /// Stop refining early once the effective sample size reaches N [default: use all samples]
     #[arg(long, value_name = "N", value_parser = parse_ess, help_heading = "Sampling")]
@@ -867,7 +868,7 @@ mod tests {
         assert_eq!(args.command, None);
         let run = args.run;
         assert_eq!(run.material, Some(Material::Ps));
-        assert_eq!((run.samples, run.iterations, run.tolerance), (16_384, 8, 1e-4));
+        assert_eq!((run.samples, run.iterations, run.tolerance), (16_384, None, 1e-4));
         assert_eq!((run.kinetics, run.solver), (Kinetics::ThreeStage, SolverArg::Auto));
         assert_eq!(run.noise, Noise::Inferred { nu0: 4.0, s0: 0.05 });
         assert_eq!((run.window, run.ess, run.threads, run.out), (None, None, None, None));

@@ -237,11 +237,9 @@ impl Plan {
             solver,
             noise: args.noise.clone(),
             sampler: Settings {
-                samples: args.samples,
-                iterations: args.iterations,
                 seed: args.seed,
                 ess_target: args.ess,
-                ..Settings::default()
+                ..sampler(args.samples, args.iterations, &args.noise)
             },
             version: env!("CARGO_PKG_VERSION").to_owned(),
         })
@@ -369,6 +367,19 @@ pub fn noise_in_words(noise: &Noise) -> String {
         Noise::EssTarget { share } => format!(
             "tuned until {share} of an iteration's samples are effective: NOT a posterior, for comparison only"
         ),
+    }
+}
+
+/// The sampler's settings: those for small budgets where nothing else is asked for. A curve of one pair takes microseconds, and
+/// so the search for the MAP stays.
+fn sampler(samples: usize, iterations: Option<usize>, noise: &Noise) -> Settings {
+    let default = Settings { samples, ..Settings::default() };
+    match (iterations, noise) {
+        (Some(iterations), _) => Settings { iterations, ..default },
+        (None, Noise::EssTarget { .. }) => default,
+        (None, _) => {
+            Settings { map_simulations: default.map_simulations, ..Settings::for_budget(samples) }
+        }
     }
 }
 

@@ -10,31 +10,86 @@ use crate::figures::KHAT_LIMIT;
 use crate::number::{self, shown_unit, significant, with_error};
 use crate::posterior_file::PosteriorFile;
 
-/// Fewest effective samples that a 95 % interval is read from without a warning.
-pub(crate) const ENOUGH: f64 = 400.0;
 /// Information \[bits\] below which the data are said not to inform a parameter.
 pub const INFORMED_BITS: f64 = 0.5;
+
+/// What the sampler's own diagnostics say of a result.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Diagnosis<'a> {
+    pub(crate) is_posterior: bool,
+    pub(crate) simulations: usize,
+    /// Effective samples, by importance weights.
+    pub(crate) ess: f64,
+    pub(crate) khat: f64,
+    pub(crate) evidence: &'a Evidence,
+}
+
+impl Diagnosis<'_> {
+    /// Effective samples that a 95 % interval is read from without a warning: 400, or with a small budget a third of it.
+    fn asked_for(&self) -> f64 {
+        (self.simulations as f64 / 3.0).clamp(FEWEST, 400.0)
+    }
+
+    /// Nothing speaks against the result but perhaps its roughness.
+    fn sound(&self) -> bool {
+        self.is_posterior && self.khat < KHAT_LIMIT && self.evidence.agree && self.ess >= FEWEST
+    }
+
+    /// Whether the result is what it says, to the accuracy that users expect.
+    pub(crate) fn trusted(&self) -> bool {
+        self.sound() && self.ess >= self.asked_for()
+    }
+
+    /// The log evidence, with a standard error only where the sampling has earned one.
+    pub(crate) fn evidence(&self) -> String {
+        let Evidence { value, se, .. } = *self.evidence;
+        if !self.is_posterior {
+            "no evidence".to_owned()
+        } else if self.sound() {
+            format!("log evidence {} +- {}", with_error(value, se, 3), significant(se, 2))
+        } else {
+            format!("log evidence {value:.1} or more, its error unknown")
+        }
+    }
+
+    /// One line: the verdict, and what it was read from.
+    pub(crate) fn line(&self) -> String {
+        let verdict = match (self.trusted(), self.sound()) {
+            (true, _) => "converged",
+            (false, true) => "rough",
+            (false, false) => "NOT TO BE TRUSTED",
+        };
+        let wished = if self.ess < self.asked_for() {
+            format!(" of at least {:.0} wished for", self.asked_for())
+        } else {
+            String::new()
+        };
+        format!(
+            "{verdict}; {:.0} effective samples{wished}, k-hat {:.2} (limit {KHAT_LIMIT}), {}",
+            self.ess,
+            self.khat,
+            self.evidence()
+        )
+    }
+}
+
+/// Effective samples below which a posterior is not even rough.
+const FEWEST: f64 = 40.0;
+
+pub(crate) fn diagnosis(file: &PosteriorFile) -> Diagnosis<'_> {
+    Diagnosis {
+        is_posterior: file.is_posterior,
+        simulations: file.counters.simulations,
+        ess: file.ess.importance,
+        khat: file.khat,
+        evidence: &file.log_evidence,
+    }
+}
 
 /// Whether the sampler's own diagnostics let the result be trusted.
 #[must_use]
 pub fn trusted(file: &PosteriorFile) -> bool {
-    file.is_posterior
-        && file.khat < KHAT_LIMIT
-        && file.ess.importance >= ENOUGH
-        && file.log_evidence.agree
-}
-
-/// The log evidence in words, with a standard error only where the sampling has earned one.
-#[must_use]
-pub fn evidence(file: &PosteriorFile) -> String {
-    let Evidence { value, se, .. } = file.log_evidence;
-    if !file.is_posterior {
-        "no evidence".to_owned()
-    } else if trusted(file) {
-        format!("log evidence {} +- {}", with_error(value, se, 3), significant(se, 2))
-    } else {
-        format!("log evidence {value:.1} or more, its error unknown")
-    }
+    diagnosis(file).trusted()
 }
 
 /// The summary as text, about ten lines. `seconds` is how long the inference took, where it has just run.
@@ -140,14 +195,7 @@ pub fn text(file: &PosteriorFile, seconds: Option<f64>, out: Option<&Path>) -> S
             },
         );
     }
-    let _ = writeln!(
-        text,
-        "  sampling: {}; {:.0} effective samples, k-hat {:.2} (limit {KHAT_LIMIT}), {}",
-        if trusted(file) { "converged" } else { "NOT TO BE TRUSTED" },
-        file.ess.importance,
-        file.khat,
-        evidence(file),
-    );
+    let _ = writeln!(text, "  sampling: {}", diagnosis(file).line());
     for line in &file.advice {
         let _ = writeln!(text, "  careful: {line}");
     }

@@ -175,7 +175,7 @@ pub fn markdown(file: &PosteriorFile) -> String {
             or_dash(row.percentile.map(|percentile| format!("{percentile:.1} %"))),
         );
     }
-    let evidence = summary::evidence(file).replace("+-", "±");
+    let evidence = summary::diagnosis(file).evidence().replace("+-", "±");
     let _ = writeln!(
         text,
         "\n{evidence}; effective sample size {:.0}; k-hat {:.2}.",

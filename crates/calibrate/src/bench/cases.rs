@@ -167,8 +167,10 @@ pub(super) fn run_material(
     Ok(found.map_err(|error| RunError::new(error.to_string()))?.estimate)
 }
 
+/// Those of `calibrate --samples N`.
 fn settings(samples: usize, seed: u64) -> Settings {
-    Settings { samples, seed, ..Settings::default() }
+    let map_simulations = Settings::default().map_simulations;
+    Settings { seed, map_simulations, ..Settings::for_budget(samples) }
 }
 
 impl Run {

@@ -6,29 +6,24 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::posterior_file::PlanPosterior;
-use crate::figures::KHAT_LIMIT;
 use crate::number::{shown_unit, significant, with_error};
-use crate::summary::{ENOUGH, INFORMED_BITS};
+use crate::summary::{Diagnosis, INFORMED_BITS};
 use crate::tables::quoted;
+
+fn diagnosis(file: &PlanPosterior) -> Diagnosis<'_> {
+    Diagnosis {
+        is_posterior: file.is_posterior,
+        simulations: file.counters.simulations,
+        ess: file.ess.importance,
+        khat: file.khat,
+        evidence: &file.log_evidence,
+    }
+}
 
 /// Whether the sampler's own diagnostics let the result be trusted.
 #[must_use]
 pub fn trusted(file: &PlanPosterior) -> bool {
-    file.khat < KHAT_LIMIT && file.ess.importance >= enough(file) && file.log_evidence.agree
-}
-
-/// Effective samples that are asked for: 400, or with a small budget a third of its samples, at least 40.
-fn enough(file: &PlanPosterior) -> f64 {
-    ENOUGH.min((file.counters.simulations as f64 / 3.0).max(40.0))
-}
-
-fn evidence(file: &PlanPosterior) -> String {
-    let (value, se) = (file.log_evidence.value, file.log_evidence.se);
-    if trusted(file) {
-        format!("log evidence {} +- {}", with_error(value, se, 2), significant(se, 2))
-    } else {
-        format!("log evidence {value:.1} or more, its error unknown")
-    }
+    diagnosis(file).trusted()
 }
 
 /// The summary as text, about ten lines.
@@ -79,14 +74,7 @@ pub fn text(file: &PlanPosterior, seconds: Option<f64>, out: Option<&Path>) -> S
             },
         );
     }
-    let _ = writeln!(
-        text,
-        "  sampling: {}; {:.0} effective samples, k-hat {:.2} (limit {KHAT_LIMIT}), {}",
-        if trusted(file) { "converged" } else { "NOT TO BE TRUSTED" },
-        file.ess.importance,
-        file.khat,
-        evidence(file),
-    );
+    let _ = writeln!(text, "  sampling: {}", diagnosis(file).line());
     for failure in &file.failures {
         let _ = writeln!(text, "  failed {} times: {}", failure.count, failure.cause);
     }
@@ -221,7 +209,7 @@ pub fn markdown(file: &PlanPosterior) -> String {
             if found.residuals.independent { "independent" } else { "not independent" },
         );
     }
-    let evidence = evidence(file).replace("+-", "±");
+    let evidence = diagnosis(file).evidence().replace("+-", "±");
     let _ = writeln!(
         text,
         "\n{evidence}; effective sample size {:.0}; k-hat {:.2}.",
