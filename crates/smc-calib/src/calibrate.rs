@@ -122,7 +122,7 @@ pub fn calibrate_joint(
         settings,
         target: &target,
         likelihood: &likelihood,
-        sampler: &sampler,
+        sampler,
         raw,
         ln_scale,
         tuned: tuned.is_some(),

@@ -223,7 +223,7 @@ pub(crate) fn estimate(
     let (pooled_value, pooled_se) = estimator.log_evidence();
     let (frozen_value, frozen_se) = sampler.frozen_evidence();
     let held = integrals(sampler, raw, ln_scale, coordinate)
-        .is_some_and(|integrals| estimator.hold_to(&integrals));
+        .is_some_and(|integrals| estimator.hold_to(integrals));
     let (value, se) = if held {
         estimator.log_evidence()
     } else if sampler.final_stage().is_some() && frozen_value > f64::MIN {

@@ -78,7 +78,7 @@ pub fn calibrate_design(
         settings: &settings,
         target: &target,
         likelihood: &likelihood,
-        sampler: &sampler,
+        sampler,
         raw,
         ln_scale,
         tuned: false,

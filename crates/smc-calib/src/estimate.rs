@@ -34,48 +34,40 @@ pub(crate) fn solve(factor: &[f64], right: &[f64]) -> Vec<f64> {
 struct Known {
     /// Number of integrals.
     p: usize,
-    /// What they are integrals of, per sample: weight times feature.
-    terms: Vec<f64>,
-    /// Sums of the terms over the samples of every sub-net.
+    /// What is known, and what they are integrals of.
+    integrals: Integrals,
+    /// Sums of weight times feature over the samples of every sub-net.
     of_pool: Vec<f64>,
-    /// What is known, by every sub-net of the final stage.
-    of_sub_nets: Vec<f64>,
-    /// Cholesky factor of the sum of products of terms.
+    /// Cholesky factor of the sum of products of weight times feature.
     factor: Vec<f64>,
 }
 
-impl Known {
-    fn new(
-        weights: &[f64],
-        label: &[u32],
-        replicates: usize,
-        integrals: &Integrals,
-    ) -> Option<Self> {
-        let p = integrals.of_sub_nets.len() / replicates;
-        let mut terms = integrals.features.clone();
-        let mut gram = vec![0.0; p * p];
-        let mut of_pool = vec![0.0; replicates * p];
-        for ((w, label), terms) in weights.iter().zip(label).zip(terms.chunks_exact_mut(p)) {
-            terms.iter_mut().for_each(|t| *t *= w);
-            if *w <= 0.0 {
-                continue;
-            }
-            let sums = &mut of_pool[*label as usize * p..][..p];
-            sums.iter_mut().zip(&*terms).for_each(|(s, t)| *s += t);
-            for a in 0..p {
-                for b in 0..=a {
-                    gram[a * p + b] += terms[a] * terms[b];
-                }
+/// Sums of weight times feature over the samples of every sub-net, and the Cholesky factor of the sum of products of
+/// weight times feature.
+fn sums(
+    weights: &[f64],
+    label: &[u32],
+    replicates: usize,
+    p: usize,
+    features: &[f64],
+) -> Option<(Vec<f64>, Vec<f64>)> {
+    let mut gram = vec![0.0; p * p];
+    let mut of_pool = vec![0.0; replicates * p];
+    let mut terms = vec![0.0; p];
+    let alive = |(w, _): &((&f64, &u32), &[f64])| *w.0 > 0.0;
+    for ((w, label), features) in
+        weights.iter().zip(label).zip(features.chunks_exact(p)).filter(alive)
+    {
+        terms.iter_mut().zip(features).for_each(|(t, f)| *t = f * w);
+        let sums = &mut of_pool[*label as usize * p..][..p];
+        sums.iter_mut().zip(&terms).for_each(|(s, t)| *s += t);
+        for a in 0..p {
+            for b in 0..=a {
+                gram[a * p + b] += terms[a] * terms[b];
             }
         }
-        let factor = cholesky(&gram, p)?;
-        let of_sub_nets = integrals.of_sub_nets.clone();
-        Some(Self { p, terms, of_pool, of_sub_nets, factor })
     }
-
-    fn solve(&self, right: &[f64]) -> Vec<f64> {
-        solve(&self.factor, right)
-    }
+    Some((of_pool, cholesky(&gram, p)?))
 }
 
 /// Weights of all samples for estimation, and what is needed for error bars.
@@ -105,29 +97,31 @@ impl Estimator {
     }
 
     /// Holds the weights to integrals; false, and nothing is changed, where that would change a weight by too much.
-    pub(crate) fn hold_to(&mut self, integrals: &Integrals) -> bool {
-        let known = |weights: &[f64]| Known::new(weights, &self.label, self.replicates, integrals);
-        let Some(before) = known(&self.weights) else { return false };
+    pub(crate) fn hold_to(&mut self, integrals: Integrals) -> bool {
+        let p = integrals.of_sub_nets.len() / self.replicates;
+        let sums =
+            |weights: &[f64]| sums(weights, &self.label, self.replicates, p, &integrals.features);
+        let Some((of_pool, factor)) = sums(&self.weights) else { return false };
         let (n, r) = (self.n as f64, self.replicates as f64);
-        let gap: Vec<f64> = (0..before.p)
+        let gap: Vec<f64> = (0..p)
             .map(|a| {
-                let sum = |sums: &[f64]| sums.iter().skip(a).step_by(before.p).sum::<f64>();
-                n / r * sum(&before.of_sub_nets) - sum(&before.of_pool)
+                let sum = |sums: &[f64]| sums.iter().skip(a).step_by(p).sum::<f64>();
+                n / r * sum(&integrals.of_sub_nets) - sum(&of_pool)
             })
             .collect();
-        let lambda = before.solve(&gap);
+        let lambda = solve(&factor, &gap);
         let mut weights = self.weights.clone();
-        for (w, terms) in weights.iter_mut().zip(before.terms.chunks_exact(before.p)) {
-            let change: f64 = terms.iter().zip(&lambda).map(|(t, l)| t * l).sum();
+        for (w, features) in weights.iter_mut().zip(integrals.features.chunks_exact(p)) {
+            let change: f64 = features.iter().zip(&lambda).map(|(f, l)| f * *w * l).sum();
             if change.is_nan() || change.abs() > MOST_CHANGE {
                 return false;
             }
             *w *= 1.0 + change;
         }
-        let Some(after) = known(&weights) else { return false };
+        let Some((of_pool, factor)) = sums(&weights) else { return false };
         self.total = weights.iter().sum();
         self.weights = weights;
-        self.known = Some(after);
+        self.known = Some(Known { p, integrals, of_pool, factor });
         true
     }
 
@@ -159,15 +153,17 @@ impl Estimator {
             // What the known integrals explain of the influence has their error instead of the pool's.
             let p = known.p;
             let mut right = vec![0.0; p];
-            for (i, terms) in known.terms.chunks_exact(p).enumerate() {
-                if self.weights[i] > 0.0 {
-                    let f = self.weights[i] * influence(i);
-                    right.iter_mut().zip(terms).for_each(|(r, t)| *r += f * t);
+            for (i, features) in known.integrals.features.chunks_exact(p).enumerate() {
+                let w = self.weights[i];
+                if w > 0.0 {
+                    let f = w * influence(i);
+                    right.iter_mut().zip(features).for_each(|(r, feature)| *r += f * (feature * w));
                 }
             }
-            let slopes = known.solve(&right);
+            let slopes = solve(&known.factor, &right);
             let each = self.n as f64 / r as f64;
-            let sub_nets = known.of_pool.chunks_exact(p).zip(known.of_sub_nets.chunks_exact(p));
+            let sub_nets =
+                known.of_pool.chunks_exact(p).zip(known.integrals.of_sub_nets.chunks_exact(p));
             for (part, (pool, sub_net)) in parts.iter_mut().zip(sub_nets) {
                 for ((slope, pool), sub_net) in slopes.iter().zip(pool).zip(sub_net) {
                     *part += slope * (each * sub_net - pool);

@@ -2,50 +2,47 @@
 //!
 //! `ln w_k = ln w_(k-1) + ln p(y_k | y_1 .. y_(k-1), theta)`, from the samples of the whole run; early on, when
 //! the posterior is still wide, few of them lie where the weight is, and the effective sample size says so. The last
-//! point has the weights of the result.
+//! point has the weights of the result. The kept numbers are used up: one curve per sample is most of the memory of
+//! a long run.
 
 use crate::estimate::Estimator;
 use crate::joint::{JointLikelihood, JointProblem};
-use crate::marginal::Marginal;
-use crate::pool::{effective_sample_size, exponentiate};
-use crate::sampler::Sampler;
+use crate::pool::{Pool, effective_sample_size, exponentiate_in_place};
 use crate::target::CurveTarget;
 use crate::{PathParameter, PathPoint};
 use rayon::prelude::*;
 
+/// `kept` holds what the pool kept of every sample.
 pub(crate) fn path(
     problem: &JointProblem<'_>,
     target: &CurveTarget<'_>,
-    sampler: &Sampler<'_>,
+    pool: &Pool,
+    mut kept: Vec<f64>,
     likelihood: &JointLikelihood,
     coordinate: &[Vec<f64>],
-    marginals: &[Marginal<'_>],
     estimator: &Estimator,
 ) -> Vec<PathPoint> {
-    let pool = &sampler.pool;
     let n = pool.len();
     let points = target.indices.len();
     let ln_base = pool.ln_base();
     let control = problem.control();
-    // Log likelihood up to each kept observation, sample by sample.
-    let cumulative: Vec<f64> = if target.thinned {
-        pool.kept.chunks_exact(2 * points).flat_map(|row| row[points..].iter().copied()).collect()
-    } else {
-        let mut all = vec![0.0; n * points];
-        all.par_chunks_mut(points * 64).zip(pool.kept.par_chunks(points * 64)).for_each(
-            |(out, kept)| {
-                for (out, kept) in out.chunks_exact_mut(points).zip(kept.chunks_exact(points)) {
-                    likelihood.ln_cumulative(kept, out);
+    // Log likelihood up to each kept observation, sample by sample: kept, or in place of the curve.
+    let (width, first) = if target.thinned { (2 * points, points) } else { (points, 0) };
+    if !target.thinned {
+        kept.par_chunks_mut(points * 64).for_each_init(
+            || vec![0.0; points],
+            |cumulative, kept| {
+                for kept in kept.chunks_exact_mut(points) {
+                    likelihood.ln_cumulative(kept, cumulative);
+                    kept.copy_from_slice(cumulative);
                 }
             },
         );
-        all
-    };
+    }
     // The wide early posteriors need all samples in order, not only those that weigh at the end.
     let orders: Vec<Vec<u32>> = coordinate
         .par_iter()
-        .zip(marginals)
-        .map(|(x, _)| {
+        .map(|x| {
             let mut order: Vec<u32> =
                 (0..n as u32).filter(|i| pool.ln_l[*i as usize].is_finite()).collect();
             order.sort_unstable_by(|a, b| x[*a as usize].total_cmp(&x[*b as usize]).then(a.cmp(b)));
@@ -55,16 +52,16 @@ pub(crate) fn path(
     (0..points)
         .into_par_iter()
         .map(|k| {
-            let ln: Vec<f64> = (0..n)
+            let mut w: Vec<f64> = (0..n)
                 .map(|i| {
                     if pool.ln_l[i].is_finite() {
-                        ln_base[i] + cumulative[i * points + k]
+                        ln_base[i] + kept[i * width + first + k]
                     } else {
                         f64::NEG_INFINITY
                     }
                 })
                 .collect();
-            let (mut w, mut top) = exponentiate(&ln);
+            let mut top = exponentiate_in_place(&mut w);
             let ess = effective_sample_size(&w);
             if k + 1 == points {
                 w.clone_from(&estimator.weights);

@@ -162,11 +162,20 @@ impl Pool {
 
 /// Weights from log weights, the largest one being 1; and the log of the factor taken out.
 pub(crate) fn exponentiate(ln_w: &[f64]) -> (Vec<f64>, f64) {
-    let top = ln_w.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let mut weights = ln_w.to_vec();
+    let top = exponentiate_in_place(&mut weights);
+    (weights, top)
+}
+
+/// Log weights to weights, the largest one being 1; returns the log of the factor taken out.
+pub(crate) fn exponentiate_in_place(weights: &mut [f64]) -> f64 {
+    let top = weights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     if top == f64::NEG_INFINITY {
-        return (vec![0.0; ln_w.len()], top);
+        weights.fill(0.0);
+    } else {
+        weights.iter_mut().for_each(|w| *w = (*w - top).exp());
     }
-    (ln_w.iter().map(|l| (l - top).exp()).collect(), top)
+    top
 }
 
 /// (sum w)^2 / sum w^2.

@@ -28,7 +28,7 @@ pub(crate) struct Run<'a> {
     pub settings: &'a Settings,
     pub target: &'a CurveTarget<'a>,
     pub likelihood: &'a JointLikelihood,
-    pub sampler: &'a Sampler<'a>,
+    pub sampler: Sampler<'a>,
     /// Weights, largest 1.
     pub raw: Vec<f64>,
     /// Log of the factor taken out of the weights.
@@ -39,8 +39,8 @@ pub(crate) struct Run<'a> {
 }
 
 pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
-    let Run { problem, settings, target, likelihood, sampler, raw, ln_scale, tuned, stages, stop } =
-        run;
+    let Run { problem, settings, target, likelihood, raw, ln_scale, tuned, stages, stop, .. } = run;
+    let mut sampler = run.sampler;
     let pool = &sampler.pool;
     let (n, d) = (pool.len(), pool.d);
     let importance = effective_sample_size(&raw);
@@ -50,7 +50,7 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
         let estimator = Estimator::new(pool, raw.clone(), ln_scale, sampler.replicates);
         (estimator, Evidence { agree: true, ..Evidence::default() })
     } else {
-        estimate(sampler, &raw, ln_scale, &|j, z| {
+        estimate(&sampler, &raw, ln_scale, &|j, z| {
             let prior = &problem.parameters[j].prior;
             prior.to_coordinate(prior.from_z(z))
         })
@@ -62,7 +62,7 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
     let coordinate: Vec<Vec<f64>> =
         columns(problem, |j, i| problem.parameters[j].prior.to_coordinate(theta[j][i]), n);
 
-    let map = find_map(target, likelihood, sampler, &estimator, settings)?;
+    let map = find_map(target, likelihood, &sampler, &estimator, settings)?;
     let marginals: Vec<Marginal<'_>> =
         coordinate.par_iter().map(|x| Marginal::new(x, &estimator)).collect();
     let parameters: Vec<ParameterSummary> = (0..d)
@@ -111,11 +111,22 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
             sigma: sigma_draws.as_ref().and_then(|s| s.get(k).copied()),
         })
         .collect();
-    let groups = groups(problem, target, sampler, &estimator, &chosen, &map, settings);
+    let groups = groups(problem, target, &sampler, &estimator, &chosen, &map, settings);
     let residuals = match groups.as_slice() {
         [] => residuals(problem.groups[0].observations.values(), &map.outputs),
         several => residuals_of_all(several),
     };
+    let predictive = at_observations(target, &sampler, &estimator, &draws, &groups, settings);
+    let path = {
+        // The kept curves are most of the memory: used up here, before the samples take theirs.
+        let kept = std::mem::take(&mut sampler.pool.kept);
+        if tuned {
+            Vec::new()
+        } else {
+            path(problem, target, &sampler.pool, kept, likelihood, &coordinate, &estimator)
+        }
+    };
+    let pool = &sampler.pool;
     let total = estimator.total;
     let samples = (0..n)
         .into_par_iter()
@@ -147,12 +158,8 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
             sigma_summary(sigma_draws.unwrap_or_default(), &pool.ln_l, &estimator, one)
         }),
         residuals,
-        predictive: at_observations(target, sampler, &estimator, &draws, &groups, settings),
-        path: if tuned {
-            Vec::new()
-        } else {
-            path(problem, target, sampler, likelihood, &coordinate, &marginals, &estimator)
-        },
+        predictive,
+        path,
         draws,
         parameters,
         stages,

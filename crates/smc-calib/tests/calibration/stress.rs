@@ -250,7 +250,7 @@ fn one_sample_is_a_result_that_says_not_to_trust_it() {
 }
 
 #[test]
-#[ignore = "ten seconds and half a gigabyte: run with --release -- --ignored, under /usr/bin/time -v"]
+#[ignore = "ten seconds: run with --release -- --ignored, under /usr/bin/time -v"]
 fn a_million_samples_take_less_than_a_gibibyte() {
     let simulator = line();
     let problem = line_problem(&simulator, Noise::default());
