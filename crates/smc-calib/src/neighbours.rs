@@ -1,9 +1,12 @@
 //! Nearest neighbours among a fixed set of points: a k-d tree.
 
+use crate::surrogate::MOST_DIMENSIONS;
+use std::ops::Range;
+
 /// Points per leaf.
 const LEAF: usize = 8;
 
-/// A balanced k-d tree.
+/// A balanced k-d tree of at most [`MOST_DIMENSIONS`] dimensions.
 pub(crate) struct Neighbours {
     d: usize,
     /// Points in the order of the leaves, row by row.
@@ -12,6 +15,13 @@ pub(crate) struct Neighbours {
     index: Vec<u32>,
     /// Splits of the inner nodes: axis and value; the children of node k are 2k + 1 and 2k + 2.
     splits: Vec<(usize, f64)>,
+}
+
+/// What is searched for.
+struct Search<'a> {
+    z: &'a [f64],
+    count: usize,
+    within: f64,
 }
 
 impl Neighbours {
@@ -30,39 +40,56 @@ impl Neighbours {
         Self { d, points: ordered.collect(), index, splits }
     }
 
-    /// The `count` points nearest to z, nearest first: squared distance and number.
-    pub(crate) fn nearest(&self, z: &[f64], count: usize, found: &mut Vec<(f64, u32)>) {
-        found.clear();
-        if count > 0 && !self.index.is_empty() {
-            self.search(z, count, found, 0, 0, self.index.len());
-        }
-    }
-
-    fn search(
+    /// The `count` points nearest to z, nearest first: squared distance and number. Points whose squared distance is
+    /// not below `within` are none of them.
+    pub(crate) fn nearest(
         &self,
         z: &[f64],
         count: usize,
+        within: f64,
         found: &mut Vec<(f64, u32)>,
-        node: usize,
-        first: usize,
-        end: usize,
     ) {
+        found.clear();
+        if count > 0 && !self.index.is_empty() {
+            let mut off = [0.0; MOST_DIMENSIONS];
+            let search = Search { z, count, within };
+            self.search(&search, found, &mut off[..self.d], 0, 0..self.index.len());
+        }
+    }
+
+    /// `off` is how far z is from the node's cell, axis by axis.
+    fn search(
+        &self,
+        search: &Search<'_>,
+        found: &mut Vec<(f64, u32)>,
+        off: &mut [f64],
+        node: usize,
+        points: Range<usize>,
+    ) {
+        let Search { z, count, within } = *search;
         if let Some((axis, value)) = self.splits.get(node) {
-            let middle = first + (end - first) / 2;
-            let off = z[*axis] - value;
-            let halves = [(2 * node + 1, first, middle), (2 * node + 2, middle, end)];
-            let (near, far) =
-                if off < 0.0 { (halves[0], halves[1]) } else { (halves[1], halves[0]) };
-            self.search(z, count, found, near.0, near.1, near.2);
-            if found.len() < count || off * off <= found[found.len() - 1].0 {
-                self.search(z, count, found, far.0, far.1, far.2);
+            let middle = points.start + points.len() / 2;
+            let beyond = z[*axis] - value;
+            let halves = [(2 * node + 1, points.start..middle), (2 * node + 2, middle..points.end)];
+            let [low, high] = halves;
+            let (near, far) = if beyond < 0.0 { (low, high) } else { (high, low) };
+            self.search(search, found, off, near.0, near.1);
+            let before = std::mem::replace(&mut off[*axis], beyond);
+            // Summed as the distances of points are, so that it never exceeds that of a point in the cell.
+            let least: f64 = off.iter().map(|off| off * off).sum();
+            if least < within && (found.len() < count || least <= found[found.len() - 1].0) {
+                self.search(search, found, off, far.0, far.1);
             }
+            off[*axis] = before;
             return;
         }
-        for at in first..end {
+        for at in points {
             let point = &self.points[at * self.d..(at + 1) * self.d];
             let square: f64 = point.iter().zip(z).map(|(a, b)| (a - b) * (a - b)).sum();
             let entry = (square, self.index[at]);
+            if square >= within {
+                continue;
+            }
             if found.len() == count {
                 if found[count - 1] <= entry {
                     continue;
@@ -120,9 +147,11 @@ mod tests {
                     .collect();
                 all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
                 for count in [1, 6, 30] {
-                    tree.nearest(&z, count, &mut found);
-                    assert_eq!(found.len(), count.min(n));
-                    assert!(found.iter().zip(&all).all(|(a, b)| a.0 == b.0), "{n} {d} {count}");
+                    for within in [f64::INFINITY, 2.0, 0.0] {
+                        tree.nearest(&z, count, within, &mut found);
+                        let near = all.iter().filter(|(square, _)| *square < within).take(count);
+                        assert!(found.iter().eq(near), "{n} {d} {count} {within}");
+                    }
                 }
             }
         }

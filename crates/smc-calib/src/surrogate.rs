@@ -26,6 +26,9 @@ pub(crate) struct Surrogate {
     tree: Neighbours,
     places: Vec<f64>,
     fits: Vec<Option<Quadratic>>,
+    /// Squared distance beyond which no fit reaches: a point far from all samples, of which the defensive share of
+    /// the prior has many, would have them all searched.
+    reach2: f64,
     /// Coefficients of all fits, [`coefficients`] each.
     slopes: Vec<f64>,
 }
@@ -75,7 +78,7 @@ impl Surrogate {
         }
         let tree = Neighbours::new(&places, d);
         let mut slopes = vec![0.0; ln_l.len() * p];
-        let fits = slopes
+        let fits: Vec<Option<Quadratic>> = slopes
             .par_chunks_mut(p)
             .zip(fitted)
             .enumerate()
@@ -86,12 +89,13 @@ impl Surrogate {
                     if !fitted {
                         return None;
                     }
-                    tree.nearest(&places[i * d..(i + 1) * d], count, found);
+                    tree.nearest(&places[i * d..(i + 1) * d], count, f64::INFINITY, found);
                     quadratic(&places, ln_l, d, i, found, space, slopes)
                 },
             )
             .collect();
-        Some(Self { d, inverse, tree, places, fits, slopes })
+        let reach2 = fits.iter().flatten().map(|fit| fit.reach2).fold(0.0, f64::max);
+        Some(Self { d, inverse, tree, places, fits, reach2, slopes })
     }
 
     /// Log likelihood at z by the fit of the nearest sample; none where it has none or is too far.
@@ -100,7 +104,7 @@ impl Surrogate {
         let mut x = [0.0; MOST_DIMENSIONS];
         let x = &mut x[..d];
         whiten(z, &self.inverse, x);
-        self.tree.nearest(x, 1, found);
+        self.tree.nearest(x, 1, self.reach2, found);
         let (square, i) = *found.first()?;
         let i = i as usize;
         let fit = self.fits[i].filter(|fit| square < fit.reach2)?;
