@@ -9,6 +9,7 @@ mod files;
 mod joint;
 mod noise;
 mod priors;
+mod quadrature;
 mod references;
 mod small_budget;
 mod stress;
