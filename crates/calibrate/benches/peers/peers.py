@@ -6,7 +6,7 @@
 
 makes a virtual environment (target/peers), installs requirements.txt into it, runs every method for several seeds, one
 after the other on one core, and writes results/benchmarks/peers.csv and peers.md. Errors are against `calibrate bench exact`
-(quadrature). About ten minutes.
+(quadrature). About five minutes per seed.
 """
 
 import argparse
@@ -34,7 +34,9 @@ MATERIALS = {
 NU0, S0 = 4.0, 0.05
 ADHESION = 1e-3  # fa/(K1 R): the overlap that the contact starts with at least
 ONE_CORE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "RAYON_NUM_THREADS": "1"}
-METHODS = ["calibrate 4096", "calibrate 16384", "GrainLearning", "nautilus", "dynesty", "emcee"]
+SHARE = 0.4  # of nautilus's simulations with the same seed, for one run of calibrate
+AT_SHARE = f"calibrate at {SHARE:.0%} of nautilus"
+METHODS = ["calibrate 4096", "calibrate 16384", "GrainLearning", "nautilus", AT_SHARE, "dynesty", "emcee"]
 
 
 class Model:
@@ -241,9 +243,14 @@ def three(value):
     return "" if value is None else f"{value:.3g}"
 
 
+def spread(values):
+    """Median, and least to most."""
+    return f"{three(statistics.median(values))} ({three(min(values))} to {three(max(values))})"
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--program", default=str(ROOT / "target" / "release" / "calibrate"))
     parser.add_argument("--venv", type=Path, default=ROOT / "target" / "peers")
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "benchmarks")
@@ -272,11 +279,19 @@ def main():
         runs = {method: [] for method in args.methods}
         for seed in range(1, args.seeds + 1):
             for method in args.methods:
-                name, *samples = method.split()
-                if name == "calibrate":
-                    command = [args.program, "bench", "exact", "--material", material, "-n", samples[0], "-s", str(seed)]
+                samples = None
+                if method == AT_SHARE:
+                    # Its run with this seed is the newest of nautilus's.
+                    theirs = runs["nautilus"][-1] if runs.get("nautilus") else None
+                    if theirs is None:
+                        continue
+                    samples = int(SHARE * theirs[0]["simulations"])
+                elif method.startswith("calibrate"):
+                    samples = int(method.split()[1])
+                if samples is None:
+                    command = [*this, "--one", method, material, str(seed)]
                 else:
-                    command = [*this, "--one", name, material, str(seed)]
+                    command = [args.program, "bench", "exact", "--material", material, "-n", str(samples), "-s", str(seed)]
                 print(f"{material} {method} seed {seed}", file=sys.stderr)
                 runs[method].append(measured(command))
         for method in args.methods:
@@ -284,40 +299,47 @@ def main():
             of = [run for run in runs[method] if run is not None]
             broken = f"{len(runs[method]) - len(of)} of {len(runs[method])}"
             if not of:
-                rows.append([material, method, *[""] * 9, "", broken])
+                rows.append([material, method, *[""] * 11, broken])
                 continue
             rms = lambda errors: max(statistics.fmean(e * e for e in column) ** 0.5 for column in zip(*errors))
-            mean = rms([[(a - b) / s for a, b, s in zip(r["mean"], exact["mean"], exact["sd"])] for r, _, _ in of])
-            sd = rms([[a / s - 1 for a, s in zip(r["sd"], exact["sd"])] for r, _, _ in of])
-            evidence = None
+            worst = lambda errors: spread([max(map(abs, row)) for row in errors])
+            means = [[(a - b) / s for a, b, s in zip(r["mean"], exact["mean"], exact["sd"])] for r, _, _ in of]
+            sds = [[a / s - 1 for a, s in zip(r["sd"], exact["sd"])] for r, _, _ in of]
+            evidences = []
             if of[0][0]["log_evidence"] is not None:
-                evidence = rms([[r["log_evidence"] - exact["log_evidence"]] for r, _, _ in of])
+                evidences = [[r["log_evidence"] - exact["log_evidence"]] for r, _, _ in of]
+            mean, sd = rms(means), rms(sds)
+            evidence = rms(evidences) if evidences else None
             median = lambda values: statistics.median(values)
             seconds = [r["seconds"] for r, _, _ in of]
             # Widths of the posterior found over the exact one: how much too narrow or wide, not only that it is.
             width = [statistics.median(r["sd"][j] / exact["sd"][j] for r, _, _ in of) for j in range(3)]
             found[material, method] = (mean, sd, evidence, median([r["simulations"] for r, _, _ in of]), median(seconds))
             rows.append([
-                material, method, three(mean), three(sd), three(evidence), f"{found[material, method][3]:.0f}",
-                three(median(seconds)), three(min(seconds)), three(max(seconds)),
+                material, method, three(mean), worst(means), three(sd), worst(sds), three(evidence),
+                worst(evidences) if evidences else "", f"{found[material, method][3]:.0f}", spread(seconds),
                 three(median([wall for _, wall, _ in of])), three(median([memory for _, _, memory in of])),
                 f"{min(width):.3f} to {max(width):.3f}", broken,
             ])
     columns = [
-        "material", "method", "rms error of mean [sd]", "of sd", "of log evidence", "simulations", "seconds", "least", "most",
+        "material", "method", "rms error of mean [sd]", "median (least to most)", "of sd", "median (least to most)",
+        "of log evidence", "median (least to most)", "simulations", "seconds",
         "whole process [s]", "peak memory [MB]", "sd found/exact", "broke down",
     ]
     lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
     lines += ["| " + " | ".join(row) + " |" for row in rows]
     reach = []
-    compared = {"calibrate 16384", "nautilus"} <= set(args.methods)
+    compared = {AT_SHARE, "nautilus"} <= set(args.methods)
     for material in args.materials if compared else []:
-        ours, theirs = found[material, "calibrate 16384"], found[material, "nautilus"]
+        if not {(material, AT_SHARE), (material, "nautilus")} <= set(found):
+            reach.append(f"- {material}: nautilus broke down on every seed")
+            continue
+        ours, theirs = found[material, AT_SHARE], found[material, "nautilus"]
         ratios = [a / b for a, b in zip(ours, theirs)]
-        within = max(ratios[:3]) <= 1.25 and ratios[3] <= 0.4 and ratios[4] <= 0.01
+        within = max(ratios[:3]) <= 1.25 and ratios[3] <= SHARE and ratios[4] <= 0.01
         reach.append(
             f"- {material}: {ratios[0]:.2f}, {ratios[1]:.2f} and {ratios[2]:.2f} of nautilus's error of mean, sd and log evidence "
-            f"with {ratios[3]:.2f} of its simulations and {ratios[4]:.4f} of its time: "
+            f"with {ratios[3]:.3f} of its simulations and {ratios[4]:.4f} of its time: "
             f"{'reached' if within else 'missed'} (wanted: at most 1.25, 0.4, 0.01)"
         )
     head = [
@@ -339,18 +361,19 @@ def main():
 {text}
 
 Same model (curves agree with `calibrate simulate` to {difference:.1e}), data, prior and noise; {args.seeds} seeds of every method in turn, each
-in a process of its own on one core. Errors against quadrature, root mean square over the seeds, of the worst parameter, in
-log10 of the parameters: the mean in posterior standard deviations, the sd relative, the log evidence absolute. Seconds: processor time, median, least
-and most, without start of the program; `whole process`: wall time with it. Peak memory: the whole process. Versions:
+in a process of its own on one core. Errors against quadrature in log10 of the parameters: the mean in posterior standard deviations,
+the sd relative, the log evidence absolute; root mean square over the seeds of the worst parameter, then median, least and most of the
+seeds' worst parameter. Seconds: processor time without start of the program; `whole process`: wall time with it, median. Peak memory: the whole process. Versions:
 {", ".join(line for line in (Path(__file__).parent / "requirements.txt").read_text().split() if "==" in line)}.
 
 Every package with its defaults: nautilus 2000 live points and 10 000 effective draws; dynesty's dynamic sampler; emcee 32
 walkers, 1024 steps, half left out; GrainLearning effective sample size 0.3, one Gaussian, eight iterations of 2048 (its
-residuals are relative to each measured value, or to the largest where one is zero, its noise is tuned, its proposals are not corrected for: its spread is no posterior's).
+residuals are relative to each measured value, or to the largest where one is zero, its noise is tuned, its proposals are not corrected for: its spread is no posterior's). `{AT_SHARE}`: as many simulations as
+{SHARE:.0%} of those that nautilus took with the same seed.
 
 {chr(10).join(lines)}
 
-## calibrate at 16 384 simulations against nautilus
+## calibrate against nautilus, with {SHARE:.0%} of its simulations for the same seed
 
 {chr(10).join(reach)}
 """)

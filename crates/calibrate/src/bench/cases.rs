@@ -296,17 +296,78 @@ mod tests {
         }
     }
 
+    /// What the package finds of one parameter over its seeds: mean and spread of the mean, mean and spread of the sd.
+    type Found = [[f64; 2]; 2];
+
+    /// GrainLearning 2.0.5 from PyPI, eight iterations of 2048, numpy seeds 1 to 8
+    /// (`benches/peers/peers.py --one GrainLearning MATERIAL SEED`): number of seeds it ends with, and what it finds. It
+    /// breaks down on seed 7 of PA12 (its last weights leave one sample to fit to) and on seed 2 of PEEK (28.6 GiB).
+    const PACKAGE: [(Material, usize, [Found; 3]); 3] = [
+        (
+            Material::Ps,
+            8,
+            [
+                [[-3.6547, 0.0011], [0.0206, 0.0009]],
+                [[-1.1747, 0.0018], [0.0221, 0.0010]],
+                [[-6.8061, 0.0010], [0.0242, 0.0009]],
+            ],
+        ),
+        (
+            Material::Pa12,
+            7,
+            [
+                [[-3.5988, 0.0236], [0.4943, 0.0198]],
+                [[0.5935, 0.0007], [0.0135, 0.0003]],
+                [[-7.0961, 0.0223], [0.2726, 0.0052]],
+            ],
+        ),
+        (
+            Material::Peek,
+            7,
+            [
+                [[-6.0659, 0.0037], [0.0664, 0.0101]],
+                [[1.4656, 0.0155], [0.0491, 0.0032]],
+                [[-6.3916, 0.0281], [0.1092, 0.0158]],
+            ],
+        ),
+    ];
+
     #[test]
     fn the_grain_learning_run_is_not_that_of_the_package() {
-        // GrainLearning 2.0.5 from PyPI on PS, eight iterations of 2048, numpy seed 1 (benches/peers/peers.py).
-        let package = [[-3.653_76, 0.020_38], [-1.174_21, 0.021_21], [-6.805_69, 0.024_03]];
-        let case = Case::material(Material::Ps).expect("a case");
-        for seed in 1..=3 {
-            let ours = crate::bench::rivals::grain_learning(&case, 16_384, seed);
-            assert_eq!(ours.simulations, 16_384);
-            for (j, [mean, sd]) in package.into_iter().enumerate() {
-                assert!((ours.mean[j] - mean).abs() < 0.5 * sd, "{ours:?}");
-                assert!((ours.sd[j] / sd - 1.0).abs() < 0.25, "{ours:?}");
+        let moments = |values: &[f64]| {
+            let n = values.len() as f64;
+            let mean = values.iter().sum::<f64>() / n;
+            let squares = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>();
+            (mean, (squares / (n - 1.0)).sqrt())
+        };
+        for (material, seeds, package) in PACKAGE {
+            let case = Case::material(material).expect("a case");
+            let ours: Vec<Estimate> = (1..=8)
+                .map(|seed| crate::bench::rivals::grain_learning(&case, 16_384, seed))
+                .filter(|found| found.mean.len() == 3)
+                .collect();
+            assert!(ours.len() >= 7, "{material}: {} of 8 runs ended", ours.len());
+            for run in &ours {
+                // The tuned noise of PA12 falls below the package's tolerance after five iterations.
+                let simulations = if material == Material::Pa12 { 10_240 } else { 16_384 };
+                assert_eq!(run.simulations, simulations, "{material}");
+            }
+            for (j, found) in package.into_iter().enumerate() {
+                let mean: Vec<f64> = ours.iter().map(|run| run.mean[j]).collect();
+                let sd: Vec<f64> = ours.iter().map(|run| run.sd[j]).collect();
+                for (ours, [mean, spread]) in [mean, sd].iter().zip(found) {
+                    let of_ours = moments(ours);
+                    // Welch's t; the package's numbers are printed to 1e-4.
+                    let n = ours.len() as f64;
+                    let se = (of_ours.1.powi(2) / n + spread.powi(2) / seeds as f64 + 1e-10).sqrt();
+                    let t = (of_ours.0 - mean) / se;
+                    assert!(
+                        t.abs() < 4.0,
+                        "{material}, parameter {j}: t = {t:.1}, {of_ours:?} {found:?}"
+                    );
+                    let ratio = of_ours.1 / spread;
+                    assert!((0.3..3.3).contains(&ratio), "{material}, {j}: {of_ours:?} {found:?}");
+                }
             }
         }
     }
