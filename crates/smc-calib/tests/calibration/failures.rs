@@ -95,6 +95,8 @@ fn a_flat_likelihood_returns_the_prior_and_says_nothing_was_learned() {
         "{:?}",
         p.warnings
     );
+    // All weights are alike, and nothing is wrong with them.
+    assert!(p.khat < 0.5 && p.ess.per_simulation > 0.5, "{} {:?}", p.khat, p.ess);
 }
 
 #[test]
