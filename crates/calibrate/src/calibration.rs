@@ -3,14 +3,13 @@
 use dem_core::{Kinetics, knee, printed};
 use rayon::prelude::*;
 use smc_calib::{
-    CalibrateError, FixedSigma, FnSimulator, Noise, Observer, Posterior, Problem, SimError,
-    Simulator, calibrate,
+    CalibrateError, FixedSigma, Noise, Observer, Posterior, Problem, SimError, Simulator, calibrate,
 };
 
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::frenkel_fit;
 use crate::material::Material;
-use crate::model::NeckGrowth;
+use crate::model::{INTERRUPTED, NeckGrowth, Watched};
 use crate::plan::{Plan, Planned};
 use crate::posterior_file::{
     Curves, Derived, Fit, FitError, KneeSummary, PaperComparison, PosteriorFile, PrintedParameter,
@@ -26,9 +25,6 @@ const GRID_DRAWS: usize = 1024;
 /// Evenly spaced times of that grid, and logarithmically spaced ones for a logarithmic axis.
 const GRID_LINEAR: usize = 201;
 const GRID_LOG: usize = 60;
-
-/// Why a simulation that the user interrupted did not run.
-const INTERRUPTED: &str = "interrupted";
 
 /// A finished calibration: the report, and the samples behind it.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,17 +49,7 @@ impl Calibration {
     ) -> Result<Self, Failure> {
         let plan = &planned.plan;
         let model = NeckGrowth::of(plan)?;
-        let watched = FnSimulator::new(
-            model.parameters(),
-            model.observables(),
-            |theta: &[f64], out: &mut [f64]| {
-                if on_simulation() {
-                    model.simulate(theta, out)
-                } else {
-                    Err(SimError::fatal(INTERRUPTED))
-                }
-            },
-        );
+        let watched = Watched { model: &model, go_on: on_simulation };
         let problem = Problem {
             simulator: &watched,
             parameters: plan.parameters.clone(),
