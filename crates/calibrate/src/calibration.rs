@@ -359,19 +359,16 @@ fn curves(
     let mut distinct: Vec<usize> = draws.iter().map(|draw| draw.sample).collect();
     distinct.sort_unstable();
     distinct.dedup();
-    let runs: Vec<Option<Vec<f64>>> = distinct
-        .par_iter()
-        .map(|&sample| {
-            let mut curve = vec![0.0; points];
-            let theta = &posterior.samples[sample].theta;
-            on_grid.simulate(theta, &mut curve).is_ok().then_some(curve)
-        })
-        .collect();
+    let thetas: Vec<f64> =
+        distinct.iter().flat_map(|&sample| &posterior.samples[sample].theta).copied().collect();
+    let mut outputs = vec![0.0; distinct.len() * points];
+    let results = on_grid.simulate_batch(0, &thetas, &mut outputs);
     let kept: Vec<(&[f64], Option<f64>, f64)> = draws
         .iter()
         .enumerate()
         .filter_map(|(k, draw)| {
-            let curve = runs[distinct.binary_search(&draw.sample).ok()?].as_deref()?;
+            let run = distinct.binary_search(&draw.sample).ok()?;
+            let curve = results[run].is_ok().then(|| &outputs[run * points..][..points])?;
             // Noise by the golden-ratio sequence: stratified, and the same for every time, so that
             // the band is smooth.
             let u = ((k as f64 + 0.5) * 0.618_033_988_749_894_9).fract();
