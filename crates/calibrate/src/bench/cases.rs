@@ -54,16 +54,16 @@ enum Kind {
 }
 
 /// A material as `calibrate --material` calibrates it.
-struct Curve {
+pub(super) struct Curve {
     model: NeckGrowth,
     parameters: Vec<Parameter>,
-    observations: Observations,
+    pub(super) observations: Observations,
     noise: Noise,
-    likelihood: Likelihood,
+    pub(super) likelihood: Likelihood,
 }
 
 impl Curve {
-    fn of(material: Material) -> Result<Self, Failure> {
+    pub(super) fn of(material: Material) -> Result<Self, Failure> {
         let args = Args::parse_from(["calibrate", "--material", material.name()]);
         let plan = Planned::from_args(&args.run)?.plan;
         let observations = plan.observations()?;
@@ -78,8 +78,12 @@ impl Curve {
         })
     }
 
+    pub(super) fn posterior(&self, samples: usize, seed: u64) -> Result<Posterior, CalibrateError> {
+        calibrate(&self.problem(), &settings(samples, seed), &mut ())
+    }
+
     fn run(&self, samples: usize, seed: u64) -> Result<Run, CalibrateError> {
-        calibrate(&self.problem(), &settings(samples, seed), &mut ()).map(Run::of_posterior)
+        self.posterior(samples, seed).map(Run::of_posterior)
     }
 
     fn problem(&self) -> Problem<'_> {
@@ -92,7 +96,7 @@ impl Curve {
     }
 
     /// What `value` says of the curve at normal scores; none where it cannot be simulated.
-    fn at<T>(&self, z: &[f64], value: impl FnOnce(&[f64]) -> T) -> Option<T> {
+    pub(super) fn at<T>(&self, z: &[f64], value: impl FnOnce(&[f64]) -> T) -> Option<T> {
         let theta: Vec<f64> =
             self.parameters.iter().zip(z).map(|(p, z)| p.prior.from_z(*z)).collect();
         let mut curve = vec![0.0; self.observations.len()];

@@ -6,6 +6,7 @@
 mod calibration;
 mod cases;
 mod cpu_time;
+mod decided;
 #[cfg(feature = "stiff-reference")]
 mod draws;
 mod exact;
