@@ -32,8 +32,8 @@ pub struct ValidateArgs {
     #[arg(long, value_name = "N", default_value_t = 2000, value_parser = clap::value_parser!(u32).range(100..=1_000_000))]
     pub data_sets: u32,
 
-    /// Simulations per calibration
-    #[arg(short = 'n', long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(256..=1_000_000))]
+    /// Simulations per calibration; by default those of the main job
+    #[arg(short = 'n', long, value_name = "N", default_value_t = 16_384, value_parser = clap::value_parser!(u32).range(256..=1_000_000))]
     pub samples: u32,
 
     /// Seed of the data sets and of the calibrations
