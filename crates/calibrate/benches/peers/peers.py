@@ -264,7 +264,7 @@ def main():
     if args.agree:
         return agree(args.program)
 
-    began = time.perf_counter()
+    began, of_revision = time.perf_counter(), revision()
     python = environment(args.venv)
     this = [python, __file__, "--program", args.program]
     difference = float(subprocess.run([*this, "--agree"], check=True, capture_output=True, text=True).stdout)
@@ -322,8 +322,8 @@ def main():
                 f"{min(width):.3f} to {max(width):.3f}", broken,
             ])
     columns = [
-        "material", "method", "rms error of mean [sd]", "median (least to most)", "of sd", "median (least to most)",
-        "of log evidence", "median (least to most)", "simulations", "seconds",
+        "material", "method", "rms error of mean [sd]", "of mean, median (least to most)", "rms error of sd",
+        "of sd, median (least to most)", "rms error of log evidence", "of log evidence, median (least to most)", "simulations", "seconds",
         "whole process [s]", "peak memory [MB]", "sd found/exact", "broke down",
     ]
     lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
@@ -345,7 +345,7 @@ def main():
     head = [
         f"made by: {Path(__file__).relative_to(ROOT)} --seeds {args.seeds}",
         f"machine: {machine()}",
-        f"revision: {revision()}",
+        f"revision: {of_revision}",
         f"date: {datetime.date.today()}",
         f"run time: {time.perf_counter() - began:.0f} s",
     ]
