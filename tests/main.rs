@@ -16,3 +16,4 @@ mod readme;
 mod scenes;
 mod simulate;
 mod table3;
+mod work_counters;

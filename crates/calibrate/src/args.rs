@@ -576,6 +576,8 @@ pub enum BenchStudy {
     Savings(SavingsBenchArgs),
     /// How cost grows with samples, observations, dimensions and threads (half a minute)
     Growth(GrowthBenchArgs),
+    /// Time and instructions of the hot paths (some minutes)
+    Paths(PathsBenchArgs),
 }
 
 /// Time per curve against error.
@@ -593,9 +595,21 @@ pub struct SimulatorBenchArgs {
 /// How cost grows.
 #[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
 pub struct GrowthBenchArgs {
+    /// Folder for the table and the figure
+    #[arg(short, long, value_name = "DIR", default_value = "results/benchmarks")]
+    pub out: PathBuf,
+}
+
+/// Time and instructions of the hot paths.
+#[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
+pub struct PathsBenchArgs {
     /// Folder for the table
     #[arg(short, long, value_name = "DIR", default_value = "results/benchmarks")]
     pub out: PathBuf,
+
+    /// Run one path that often and stop: what the instructions are counted of
+    #[arg(long, num_args = 2, value_names = ["PATH", "TIMES"], hide = true)]
+    pub only: Option<Vec<String>>,
 }
 
 /// What leaving out saves.

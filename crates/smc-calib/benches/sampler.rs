@@ -29,14 +29,19 @@ fn likelihood(c: &mut Criterion) {
     });
 }
 
-fn mixture(c: &mut Criterion) {
-    let bench = bench_support::Bench::new(10_000);
+fn inner_loops(c: &mut Criterion) {
+    let mut bench = bench_support::Bench::new(10_000);
+    c.bench_function("drawing 10^4 points in 3 dimensions", |b| b.iter(|| bench.draw()));
     c.bench_function("mixture density, 5 components, 10^4 points in 3 dimensions", |b| {
         b.iter(|| bench.density())
     });
     c.bench_function("one EM step, 5 components, 512 points in 3 dimensions", |b| {
         b.iter(|| bench.em_step())
     });
+    c.bench_function("surrogate, fit to 4096 samples in 3 dimensions", |b| {
+        b.iter(|| bench.fit_surrogate())
+    });
+    c.bench_function("surrogate at 10^4 points in 3 dimensions", |b| b.iter(|| bench.surrogate()));
 }
 
 fn whole(c: &mut Criterion) {
@@ -69,5 +74,5 @@ fn whole(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, likelihood, mixture, whole);
+criterion_group!(benches, likelihood, inner_loops, whole);
 criterion_main!(benches);

@@ -177,12 +177,15 @@ impl Cloud {
         Fit { components, em_iterations, mixtures }
     }
 
-    /// One EM step of `k` components from a k-means++ start: the mean log density before it.
-    pub(crate) fn one_step(&self, k: usize) -> f64 {
-        let mut mixture = self.start(k, 1, 0);
-        let mut shares = vec![0.0; self.padded() * k];
-        let ln = self.expect(&mixture, &mut shares);
-        self.maximise(&mut mixture, &shares);
+    /// `k` components by k-means++, and room for the shares of the points.
+    pub(crate) fn started(&self, k: usize) -> (Mixture, Vec<f64>) {
+        (self.start(k, 1, 0), vec![0.0; self.padded() * k])
+    }
+
+    /// One EM step: the mean log density before it.
+    pub(crate) fn one_step(&self, (mixture, shares): &mut (Mixture, Vec<f64>)) -> f64 {
+        let ln = self.expect(mixture, shares);
+        self.maximise(mixture, shares);
         ln
     }
 
@@ -470,8 +473,8 @@ impl Cloud {
 }
 
 /// A mixture in whitened coordinates.
-#[derive(Clone, Debug)]
-struct Mixture {
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Mixture {
     k: usize,
     weights: Vec<f64>,
     means: Vec<f64>,

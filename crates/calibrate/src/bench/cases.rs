@@ -172,7 +172,7 @@ pub(super) fn run_material(
 }
 
 /// Those of `calibrate --samples N`.
-fn settings(samples: usize, seed: u64) -> Settings {
+pub(super) fn settings(samples: usize, seed: u64) -> Settings {
     let map_simulations = Settings::default().map_simulations;
     Settings { seed, map_simulations, ..Settings::for_budget(samples) }
 }

@@ -3,8 +3,13 @@
 
 use std::time::Instant;
 
-use smc_calib::{Observations, Problem, Settings, calibrate, reference, sample_density};
+use smc_calib::{
+    DensitySummary, Observations, Posterior, Problem, Settings, calibrate, reference,
+    sample_density,
+};
 
+use super::cases::{Case, Exact, settings};
+use super::cpu_time::{self, Of};
 use super::report::{self, Header, Table};
 use crate::args::{GrowthBenchArgs, RunArgs};
 use crate::error::{Failure, RunError};
@@ -13,6 +18,8 @@ use crate::model::NeckGrowth;
 use crate::number::significant;
 use crate::output;
 use crate::plan::{Plan, Planned};
+use crate::plot::{Band, Role, WorkPrecisionFigure, WorkPrecisionGrid, WorkPrecisionSeries};
+use crate::run;
 
 /// Each time is the median of so many runs, as long as one takes less than [`SLOW_S`].
 const REPEATS: usize = 5;
@@ -21,11 +28,100 @@ const SLOW_S: f64 = 2.0;
 /// Simulations where something else than their number grows.
 const SIMULATIONS: usize = 16_384;
 
+/// What grows, in the order of table and figure.
+const GROWING: [&str; 4] = ["samples", "observations", "dimensions", "threads"];
+
 /// What one run says of itself.
 struct Outcome {
     ess: f64,
     khat: f64,
-    counters: smc_calib::Counters,
+    densities: usize,
+    mean: Vec<f64>,
+    log_evidence: f64,
+    /// Largest standard error of a mean, in posterior sds.
+    mean_se: f64,
+    log_evidence_se: f64,
+}
+
+impl Outcome {
+    fn of_posterior(found: &Posterior) -> Self {
+        let of = found.parameters.iter().map(|p| p.in_coordinate);
+        Self {
+            ess: found.ess.importance,
+            khat: found.khat,
+            densities: found.counters.component_densities,
+            mean: of.clone().map(|m| m.mean).collect(),
+            log_evidence: found.log_evidence.value,
+            mean_se: of.map(|m| m.mean_se / m.sd).fold(0.0, f64::max),
+            log_evidence_se: found.log_evidence.se,
+        }
+    }
+
+    fn of_density(found: DensitySummary) -> Self {
+        let shares = found.mean_se.iter().zip(&found.sd).map(|(se, sd)| se / sd);
+        Self {
+            ess: found.ess,
+            khat: found.khat,
+            densities: found.counters.component_densities,
+            mean_se: shares.fold(0.0, f64::max),
+            mean: found.mean,
+            log_evidence: found.log_evidence.value,
+            log_evidence_se: found.log_evidence.se,
+        }
+    }
+}
+
+/// One row of the table, one point of the figure.
+struct Row {
+    what: &'static str,
+    size: usize,
+    threads: usize,
+    simulations: usize,
+    /// Wall and processor time \[s\].
+    times_s: [f64; 2],
+    outcome: Outcome,
+    /// Largest error of a mean in posterior sds, and error of the log evidence, where the answer is known.
+    errors: Option<(f64, f64)>,
+}
+
+impl Row {
+    fn new(
+        what: &'static str,
+        [size, threads, simulations]: [usize; 3],
+        (times_s, outcome): ([f64; 2], Outcome),
+        exact: Option<&Exact>,
+    ) -> Self {
+        let errors = exact.map(|exact| {
+            let off = |j: usize| (outcome.mean[j] - exact.mean[j]).abs() / exact.sd[j];
+            (
+                (0..exact.mean.len()).map(off).fold(0.0, f64::max),
+                (outcome.log_evidence - exact.log_evidence).abs(),
+            )
+        });
+        Self { what, size, threads, simulations, times_s, outcome, errors }
+    }
+
+    fn cells(&self) -> Vec<String> {
+        let Self { outcome, .. } = self;
+        let n = self.simulations as f64;
+        let known =
+            |error: Option<f64>| error.map_or_else(|| "–".to_owned(), |e| significant(e, 2));
+        vec![
+            self.what.to_owned(),
+            self.size.to_string(),
+            self.threads.to_string(),
+            significant(self.times_s[0], 3),
+            significant(self.times_s[1], 3),
+            report::seconds(self.times_s[1] / n),
+            significant(outcome.ess, 4),
+            significant(outcome.khat, 2),
+            significant(outcome.densities as f64 / n, 3),
+            significant(outcome.mean_se, 2),
+            known(self.errors.map(|errors| errors.0)),
+            significant(outcome.log_evidence_se, 2),
+            known(self.errors.map(|errors| errors.1)),
+        ]
+    }
 }
 
 pub(super) fn run(args: &GrowthBenchArgs) -> Result<(), Failure> {
@@ -33,35 +129,26 @@ pub(super) fn run(args: &GrowthBenchArgs) -> Result<(), Failure> {
     let header = Header::now("cargo run --release -- bench growth");
     let plan = plan()?;
     let model = NeckGrowth::of(&plan)?;
-    let mut table = Table::new(&[
-        "what grows",
-        "size",
-        "threads",
-        "seconds",
-        "per simulation",
-        "ESS",
-        "k-hat",
-        "mixture densities per simulation",
-        "largest error of a mean (posterior sd)",
-        "error of ln Z",
-    ]);
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let measured = plan.observations()?;
 
     // The million first: the memory of a process is known by its highest mark alone.
     let samples = [1_000_000, 262_144, 65_536, 16_384, 4_096, 1_000];
     let mut memory = None;
-    let mut rows = Vec::new();
+    let mut of_samples = Vec::new();
     for n in samples {
         let timed = median(cores, || calibrated(&model, &plan, &measured, n))?;
         if n == samples[0] {
             memory = peak_memory_mib();
         }
-        rows.push(row("samples", n, cores, n, &timed, None));
+        of_samples.push((n, timed));
     }
-    for row in rows.into_iter().rev() {
-        table.push(row);
-    }
+    let exact = Case::material(Material::Ps)?.exact;
+    let mut rows: Vec<Row> = of_samples
+        .into_iter()
+        .rev()
+        .map(|(n, timed)| Row::new("samples", [n, cores, n], timed, Some(&exact)))
+        .collect();
     for m in [10, 100, 1_000, 10_000] {
         let times_s: Vec<f64> = (1..=m).map(|k| 0.11 * k as f64 / m as f64).collect();
         let model = model.at_times(times_s.clone());
@@ -75,36 +162,56 @@ pub(super) fn run(args: &GrowthBenchArgs) -> Result<(), Failure> {
         }
         let observations = Observations::new(times_s, curve).map_err(RunError::new)?;
         let timed = median(cores, || calibrated(&model, &plan, &observations, SIMULATIONS))?;
-        table.push(row("observations", m, cores, SIMULATIONS, &timed, None));
+        rows.push(Row::new("observations", [m, cores, SIMULATIONS], timed, None));
     }
     for d in 1..=10 {
         let reference = reference::gaussian(d, 0.5, 0.1);
         let settings = Settings { samples: SIMULATIONS, ..Settings::default() };
-        let mut errors = (0.0, 0.0);
         let timed = median(cores, || {
-            let found = sample_density(&reference, &settings).map_err(RunError::new)?;
-            let off = |j: usize| (found.mean[j] - reference.mean[j]).abs() / reference.sd[j];
-            errors.0 = (0..d).map(off).fold(0.0, f64::max);
-            errors.1 = (found.log_evidence.value - reference.log_evidence).abs();
-            Ok(Outcome { ess: found.ess, khat: found.khat, counters: found.counters })
+            sample_density(&reference, &settings).map(Outcome::of_density).map_err(RunError::new)
         })?;
-        table.push(row("dimensions", d, cores, SIMULATIONS, &timed, Some(errors)));
+        let exact = Exact {
+            mean: reference.mean.clone(),
+            sd: reference.sd.clone(),
+            log_evidence: reference.log_evidence,
+            settled: 0.0,
+        };
+        rows.push(Row::new("dimensions", [d, cores, SIMULATIONS], timed, Some(&exact)));
     }
     for threads in [1, 2] {
         let timed = median(threads, || calibrated(&model, &plan, &measured, SIMULATIONS))?;
-        table.push(row("threads", threads, threads, SIMULATIONS, &timed, None));
+        rows.push(Row::new("threads", [threads, threads, SIMULATIONS], timed, Some(&exact)));
     }
+    let mut table = Table::new(&[
+        "what grows",
+        "size",
+        "threads",
+        "wall time (s)",
+        "processor time (s)",
+        "processor time per simulation",
+        "ESS",
+        "k-hat",
+        "mixture densities per simulation",
+        "standard error of a mean (posterior sd)",
+        "largest error of a mean (posterior sd)",
+        "standard error of ln Z",
+        "error of ln Z",
+    ]);
+    rows.iter().for_each(|row| table.push(row.cells()));
+    report::figure(&args.out, "growth", &figure(&rows))?;
     output::write_file(&args.out.join("growth.csv"), table.csv(&header).as_bytes())?;
     let memory = memory.map_or_else(
         || "not measured here (it is read from /proc)".to_owned(),
         |mib| format!("{} MiB at most, of the whole process", significant(mib, 3)),
     );
     let text = format!(
-        "# How the cost of a calibration grows\n\n{}\nMedian wall time of {REPEATS} runs (of one, where it takes more than {SLOW_S} s), \
+        "# How the cost of a calibration grows\n\n{}\nMedian wall time and processor time of {REPEATS} runs (of one, where it takes more than {SLOW_S} s), \
          sampler and summary without files and figures. Samples, observations and threads: polystyrene, closed form; \
          the observations are the paper's curve with a scatter of 0.02. Dimensions: the conjugate Gaussian \
-         reference, every coordinate measured with a tenth of its prior's standard deviation, against its exact answer. \
-         Where not said otherwise {SIMULATIONS} simulations.\n\n{}\nMemory of a calibration of {} samples: {memory}.\n",
+         reference, every coordinate measured with a tenth of its prior's standard deviation. Standard errors are those that \
+         the run reports, of its worst mean; errors, of this one seed, are against quadrature (samples, threads) and the \
+         exact answer (dimensions). Where not said otherwise {SIMULATIONS} simulations; up to 1000 samples are those of \
+         the sampler for small budgets.\n\n{}\nMemory of a calibration of {} samples: {memory}.\n",
         header.lines("- "),
         table.markdown(),
         samples[0],
@@ -130,60 +237,83 @@ fn calibrated(
         observations: observations.clone(),
         noise: plan.noise.clone(),
     };
-    let settings = Settings { samples, ..plan.sampler.clone() };
-    let posterior = calibrate(&problem, &settings, &mut ()).map_err(RunError::new)?;
-    Ok(Outcome {
-        ess: posterior.ess.importance,
-        khat: posterior.khat,
-        counters: posterior.counters,
-    })
+    let posterior = calibrate(&problem, &settings(samples, plan.sampler.seed), &mut ());
+    posterior.map(|found| Outcome::of_posterior(&found)).map_err(RunError::new)
 }
 
-/// Median wall time \[s\] on a number of threads, and the outcome of the last run.
+/// Median wall and processor time \[s\] on a number of threads, and the outcome of the last run.
 fn median(
     threads: usize,
     mut job: impl FnMut() -> Result<Outcome, RunError> + Send,
-) -> Result<(f64, Outcome), RunError> {
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .map_err(|error| RunError::new(format_args!("{threads} threads: {error}")))?;
-    pool.install(|| {
-        let mut times_s = Vec::new();
+) -> Result<([f64; 2], Outcome), Failure> {
+    run::pool(Some(threads))?.install(|| {
+        let (mut walls_s, mut processors_s) = (Vec::new(), Vec::new());
         loop {
             let start = Instant::now();
-            let outcome = job()?;
-            times_s.push(start.elapsed().as_secs_f64());
-            if times_s.len() == REPEATS || times_s[0] > SLOW_S {
-                times_s.sort_by(f64::total_cmp);
-                return Ok((times_s[times_s.len() / 2], outcome));
+            let (processor_s, outcome) = cpu_time::measured(Of::Process, &mut job);
+            walls_s.push(start.elapsed().as_secs_f64());
+            processors_s.push(processor_s);
+            let outcome = outcome?;
+            if walls_s.len() == REPEATS || walls_s[0] > SLOW_S {
+                return Ok(([walls_s, processors_s].map(middle), outcome));
             }
         }
     })
 }
 
-fn row(
-    what: &str,
-    size: usize,
-    threads: usize,
-    simulations: usize,
-    (time_s, outcome): &(f64, Outcome),
-    errors: Option<(f64, f64)>,
-) -> Vec<String> {
-    let densities = outcome.counters.component_densities as f64 / simulations as f64;
-    let error = |error: Option<f64>| error.map_or_else(|| "–".to_owned(), |e| significant(e, 2));
-    vec![
-        what.to_owned(),
-        size.to_string(),
-        threads.to_string(),
-        significant(*time_s, 3),
-        report::seconds(time_s / simulations as f64),
-        significant(outcome.ess, 4),
-        significant(outcome.khat, 2),
-        significant(densities, 3),
-        error(errors.map(|errors| errors.0)),
-        error(errors.map(|errors| errors.1)),
-    ]
+fn middle(mut times_s: Vec<f64>) -> f64 {
+    times_s.sort_by(f64::total_cmp);
+    times_s[times_s.len() / 2]
+}
+
+/// Name, look and values of a curve of the figure.
+type Curve = (&'static str, Role, fn(&Row) -> f64);
+
+/// Rows: what grows; columns: seconds, standard errors that the runs report.
+fn figure(rows: &[Row]) -> WorkPrecisionGrid {
+    let panel = |what: &str, curves: &[Curve], error_name: &str, unit: &str| {
+        let here: Vec<&Row> = rows.iter().filter(|row| row.what == what).collect();
+        let series = curves.iter().map(|(name, role, value)| WorkPrecisionSeries {
+            name: (*name).to_owned(),
+            role: *role,
+            cost: here.iter().map(|row| row.size as f64).collect(),
+            error: here.iter().map(|row| value(row)).collect(),
+            band: Band::default(),
+        });
+        WorkPrecisionFigure {
+            cost_name: what.to_owned(),
+            error_name: error_name.to_owned(),
+            error_unit: unit.to_owned(),
+            series: series.collect(),
+            ..WorkPrecisionFigure::default()
+        }
+    };
+    let row_of = |what: &'static str| {
+        vec![
+            panel(
+                what,
+                &[
+                    ("wall time", Role::Series(2), |row| row.times_s[0]),
+                    ("processor time", Role::Series(3), |row| row.times_s[1]),
+                ],
+                "time",
+                "s",
+            ),
+            panel(
+                what,
+                &[
+                    ("mean (posterior sd)", Role::Series(0), |row| row.outcome.mean_se),
+                    ("log evidence", Role::Series(1), |row| row.outcome.log_evidence_se),
+                ],
+                "standard error",
+                "",
+            ),
+        ]
+    };
+    WorkPrecisionGrid {
+        title: "How the cost of a calibration and its standard errors grow".to_owned(),
+        rows: GROWING.into_iter().map(row_of).collect(),
+    }
 }
 
 /// Highest memory of this process so far \[MiB\].

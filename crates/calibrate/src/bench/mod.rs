@@ -11,6 +11,8 @@ mod decided;
 mod draws;
 mod exact;
 mod growth;
+mod instructions;
+mod paths;
 mod report;
 mod rivals;
 mod sampler;
@@ -38,6 +40,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
         BenchStudy::Exact(args) => exact::run(args),
         BenchStudy::Savings(args) => savings::run(args),
         BenchStudy::Growth(args) => growth::run(args),
+        BenchStudy::Paths(args) => paths::run(args),
     }
 }
 

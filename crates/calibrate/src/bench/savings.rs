@@ -1,7 +1,6 @@
 //! What a scene does not need, and what leaving it out saves: time, and where valgrind is installed the number of
 //! instructions, which does not depend on what else the machine does.
 
-use std::process::Command;
 use std::time::Duration;
 
 use dem_core::bed::{Bed, Drive, Growing, Material as BedMaterial, Start, Surroundings};
@@ -10,8 +9,9 @@ use dem_core::{
 };
 
 use super::decided;
+use super::instructions::{self, Counted};
 use super::report::{self, Header, Table};
-use super::timing::{Method, interleaved};
+use super::timing::{Clock, Method, interleaved};
 use crate::args::SavingsBenchArgs;
 use crate::error::{Failure, RunError};
 use crate::experiment::Experiment;
@@ -156,7 +156,7 @@ pub(super) fn run(args: &SavingsBenchArgs) -> Result<(), Failure> {
             }) as Method<'_>
         })
         .collect();
-    let timings = interleaved(&mut methods, 31, Duration::from_secs(2));
+    let timings = interleaved(Clock::Wall, &mut methods, 31, Duration::from_secs(2));
     let mut table = Table::new(&[
         "left out",
         "when",
@@ -248,18 +248,5 @@ fn only(setting: &Setting, scene: &str, times: &str) -> Result<(), Failure> {
 /// Instructions of one run, where callgrind is there to count them.
 fn instructions(scene: Scene) -> Option<f64> {
     let times = if scene == Scene::ClosedForm { 1000 } else { 10 };
-    Some((count(scene, 2 * times)? - count(scene, times)?) / f64::from(times))
-}
-
-fn count(scene: Scene, times: u32) -> Option<f64> {
-    let program = std::env::current_exe().ok()?;
-    let output = Command::new("valgrind")
-        .args(["--tool=callgrind", "--callgrind-out-file=/dev/null"])
-        .arg(program)
-        .args(["bench", "savings", "--only", scene.name(), &times.to_string()])
-        .output()
-        .ok()?;
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    let collected = said.lines().find_map(|line| line.split_once("Collected :"))?.1;
-    output.status.success().then(|| collected.trim().parse().ok())?
+    instructions::of(&Counted { study: "savings", what: scene.name() }, times)
 }

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use super::draws;
 use super::report::{self, Header, Table};
-use super::timing::{Method, Timing, interleaved};
+use super::timing::{Clock, Method, Timing, interleaved};
 use crate::args::SimulatorBenchArgs;
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::experiment::Experiment;
@@ -185,7 +185,7 @@ impl Case {
                 }) as Method<'_>
             })
             .collect();
-        let timings = interleaved(&mut methods, 21, Duration::from_secs(4));
+        let timings = interleaved(Clock::Wall, &mut methods, 21, Duration::from_secs(4));
         drop(methods);
         let (with, mut rest) = timings.split_at(points.len());
         for (point, timing) in points.iter().zip(with) {

@@ -1,8 +1,10 @@
-//! Wall time of several methods, interleaved.
+//! Time of several methods, interleaved.
 
 use std::time::{Duration, Instant};
 
-/// Wall time of one run.
+use super::cpu_time::{self, Of};
+
+/// Time of one run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Timing {
     /// Median over the rounds \[s\].
@@ -19,11 +21,21 @@ pub(super) type Method<'a> = Box<dyn FnMut() + 'a>;
 /// A round of a fast method repeats it for so long.
 const ROUND: Duration = Duration::from_millis(3);
 
+/// What the clock counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Clock {
+    /// Wall time.
+    Wall,
+    /// Processor time of this thread.
+    Thread,
+}
+
 /// Times methods in turn, round by round, so that what disturbs the machine disturbs all of them.
 ///
 /// A method that is faster than a round is repeated within it; a slow one is run at most for
 /// `longest` in total, and at least three times.
 pub(super) fn interleaved(
+    clock: Clock,
     methods: &mut [Method<'_>],
     rounds: usize,
     longest: Duration,
@@ -33,7 +45,7 @@ pub(super) fn interleaved(
         .map(|method| {
             let mut count = 1;
             loop {
-                let took = seconds(method, count);
+                let took = seconds(clock, method, count);
                 if took >= 0.5 * ROUND.as_secs_f64() || count >= 1 << 20 {
                     let fits = (longest.as_secs_f64() / took.max(1e-9)) as usize;
                     return (count, rounds.min(fits).max(3));
@@ -47,19 +59,23 @@ pub(super) fn interleaved(
         for (place, method) in methods.iter_mut().enumerate() {
             let (count, most) = repeats[place];
             if round < most {
-                times[place].push(seconds(method, count) / f64::from(count));
+                times[place].push(seconds(clock, method, count) / f64::from(count));
             }
         }
     }
     times.iter_mut().map(|times| quartiles(times)).collect()
 }
 
-fn seconds(method: &mut Method<'_>, count: u32) -> f64 {
-    let start = Instant::now();
-    for _ in 0..count {
-        method();
+fn seconds(clock: Clock, method: &mut Method<'_>, count: u32) -> f64 {
+    let mut repeat = || (0..count).for_each(|_| method());
+    match clock {
+        Clock::Wall => {
+            let start = Instant::now();
+            repeat();
+            start.elapsed().as_secs_f64()
+        }
+        Clock::Thread => cpu_time::measured(Of::Thread, repeat).0,
     }
-    start.elapsed().as_secs_f64()
 }
 
 fn quartiles(times: &mut [f64]) -> Timing {
@@ -94,7 +110,7 @@ mod tests {
                     std::thread::sleep(Duration::from_millis(4));
                 }),
             ];
-            let timings = interleaved(&mut methods, 50, Duration::from_millis(20));
+            let timings = interleaved(Clock::Wall, &mut methods, 50, Duration::from_millis(20));
             assert!(timings[0].median_s < timings[1].median_s);
         }
         assert!(fast > 1000 && (4..=8).contains(&slow), "{fast} {slow}");

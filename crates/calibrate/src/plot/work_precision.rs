@@ -51,7 +51,7 @@ pub struct WorkPrecisionFigure {
 pub struct WorkPrecisionGrid {
     /// Heading; empty for none.
     pub title: String,
-    /// The panels, row by row; their own titles are not drawn. The legend is that of the panel with most series.
+    /// The panels, row by row; their own titles are not drawn. The legend has every name once.
     pub rows: Vec<Vec<WorkPrecisionFigure>>,
 }
 
@@ -59,8 +59,12 @@ impl WorkPrecisionGrid {
     pub(super) fn draw(&self, page: &Page) -> Result<(), PlotError> {
         let all = || self.rows.iter().flatten();
         all().try_for_each(WorkPrecisionFigure::check)?;
-        let richest = all().max_by_key(|figure| figure.series.len());
-        let entries = richest.map_or_else(Vec::new, WorkPrecisionFigure::entries);
+        let mut entries: Vec<(String, Swatch)> = Vec::new();
+        for entry in all().flat_map(WorkPrecisionFigure::entries) {
+            if entries.iter().all(|(name, _)| *name != entry.0) {
+                entries.push(entry);
+            }
+        }
         let top = header(page, &self.title, &entries)?;
         let height = page.of_width(80.0, 110.0);
         let specs: Vec<(f32, Vec<Option<Spec>>)> = self

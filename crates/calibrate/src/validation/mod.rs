@@ -18,6 +18,7 @@ use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::model::NeckGrowth;
 use crate::output::write_file;
 use crate::plan::Planned;
+use crate::run::pool;
 
 pub use report::{Report, Verdict};
 
@@ -56,10 +57,7 @@ pub struct ValidateArgs {
 /// [`Failure::Input`] for settings that do not fit; [`Failure::Run`] where a rank leaves its band, a coverage is off by more
 /// than Monte Carlo error, or a file cannot be written.
 pub fn run(args: &ValidateArgs) -> Result<(), Failure> {
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(args.threads.map_or(0, usize::from))
-        .build()
-        .map_err(RunError::new)?;
+    let pool = pool(args.threads.map(usize::from))?;
     let start = Instant::now();
     let report = pool.install(|| study(args))?;
     let seconds = start.elapsed().as_secs_f64();

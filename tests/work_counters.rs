@@ -1,0 +1,49 @@
+//! How much work the default calibrations are: an algorithm that needs more has become worse, one that needs less has
+//! another reason to be looked at.
+//!
+//! Where a change of the sampler is meant, put what the failed test found in the place of what it expected, and say in
+//! the commit what costs more or less, and what it is good for.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use calibrate::args::{Args, RunArgs};
+use calibrate::calibration::Calibration;
+use calibrate::plan::Planned;
+use clap::Parser as _;
+use smc_calib::Counters;
+
+/// Simulations of every stage, and all counters, of `calibrate --material NAME`.
+fn work(material: &str) -> (Vec<usize>, Counters) {
+    let args: RunArgs = Args::parse_from(["calibrate", "--material", material]).run;
+    let planned = Planned::from_args(&args).expect("a plan");
+    let called = AtomicUsize::new(0);
+    let count = || {
+        called.fetch_add(1, Ordering::Relaxed);
+        true
+    };
+    let found = Calibration::run(&planned, &mut (), &count).expect("a posterior").posterior;
+    let counters = found.counters;
+    let simulations = counters.simulations + counters.map_simulations;
+    assert_eq!(called.into_inner(), simulations, "{material}: simulations that are not counted");
+    (found.stages.iter().map(|stage| stage.simulations).collect(), counters)
+}
+
+#[test]
+fn default_calibrations_cost_other_work_than_they_did() {
+    let found = ["ps", "pa12", "peek"].map(work);
+    let counters =
+        |map_simulations, em_iterations, mixtures_fitted, component_densities| Counters {
+            simulations: 16_384,
+            map_simulations,
+            em_iterations,
+            mixtures_fitted,
+            component_densities,
+        };
+    let stages = || [vec![1024; 8], vec![8192]].concat();
+    let expected = [
+        (stages(), counters(401, 353, 34, 786_432)),
+        (stages(), counters(405, 997, 54, 1_146_880)),
+        (stages(), counters(403, 311, 34, 720_896)),
+    ];
+    assert_eq!(found, expected);
+}
