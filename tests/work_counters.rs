@@ -41,9 +41,9 @@ fn default_calibrations_cost_other_work_than_they_did() {
         };
     let stages = || [vec![1024; 8], vec![8192]].concat();
     let expected = [
-        (stages(), counters(401, 353, 34, 786_432)),
-        (stages(), counters(405, 997, 54, 1_146_880)),
-        (stages(), counters(403, 311, 34, 720_896)),
+        (stages(), counters(402, 513, 42, 1_523_712)),
+        (stages(), counters(404, 1_013, 54, 2_244_608)),
+        (stages(), counters(406, 318, 34, 1_081_344)),
     ];
     assert_eq!(found, expected);
 }

@@ -69,13 +69,13 @@ impl Bench {
     pub fn surrogate(&self) -> f64 {
         let Some(surrogate) = &self.surrogate else { return f64::NAN };
         let mut found = Vec::new();
-        let value = |z| surrogate.ln_likelihood(z, &mut found).unwrap_or(0.0);
+        let value = |z| surrogate.ln_ratio(z, 0.0, &mut found).unwrap_or(0.0);
         self.points.chunks_exact(3).map(value).sum()
     }
 
     fn fitted(&self) -> Option<Surrogate> {
         let (z, ln_l) = (&self.points[..3 * FITTED], &self.ln_density[..FITTED]);
-        Surrogate::new(z, ln_l, &[true; FITTED], &self.factor)
+        Surrogate::new(z, ln_l, &[0.0; FITTED], &[true; FITTED], &self.factor)
     }
 }
 

@@ -1,14 +1,15 @@
 //! Integrals of the posterior over the frozen final stage, with a surrogate of the likelihood as control variate.
 //!
 //! The final stage is drawn from a proposal q that was fixed before. With f = likelihood x prior and any function g
-//! that the stage's samples had no part in,
+//! that the samples of the sum had no part in,
 //!
 //! `integral of f phi = E_q[(f - g) phi / q] + integral of g phi`,
 //!
-//! whatever g is (P. Glasserman, Monte Carlo Methods in Financial Engineering, 2004, section 4.1). Here g is the
-//! surrogate fitted to the samples of the stages before. The first term has as much less noise as g is like f; the
-//! second takes no simulation, only more points of q. Both are without bias. `phi` are 1, the coordinates, and
-//! their products: evidence, means and covariances.
+//! whatever g is (P. Glasserman, Monte Carlo Methods in Financial Engineering, 2004, section 4.1). Here g is a
+//! surrogate fitted to the samples of the stages before and, for one half of the final stage's sub-nets, to those of the
+//! other half (cross-fitting). The first term has as much less noise as g is like f; the second takes no simulation,
+//! only more points of q. Both are without bias. `phi` are 1, the coordinates, and their products: evidence, means and
+//! covariances.
 //!
 //! Every sub-net of the stage has its own net for the second term, so that it is a replicate of the whole, and the
 //! spread of the sub-nets is an error bar of both terms together.
@@ -29,6 +30,8 @@ const POINTS: [usize; 2] = [8, 32_768];
 const DEPTH: f64 = 16.0;
 /// Largest g/q, in units of the mean of f/q. Where g is that large it is wrong more often than right.
 const CAP: f64 = 3.0;
+/// Parts of the final stage, each with a surrogate that its own samples had no part in.
+const FOLDS: usize = 2;
 /// Least share of the variance of f/q that the surrogate must explain.
 const LEAST_EXPLAINED: f64 = 0.5;
 
@@ -91,8 +94,6 @@ pub(crate) fn integrals(
     if d > MOST_DIMENSIONS || r < 2 || n < 8 * p || first < 8 * p {
         return None;
     }
-    let surrogate = surrogate(sampler, first, proposal)?;
-
     // Of failed samples too: where they are f is zero, but g need not be.
     let x: Vec<f64> = (0..pool.len() * d)
         .into_par_iter()
@@ -105,82 +106,104 @@ pub(crate) fn integrals(
         standard.features(x.iter().copied(), out);
     });
 
-    // f/q and g/q over the scale, at the samples of the final stage.
+    // f/q over the scale at the samples of the final stage, and the log of q over the prior at all.
     let target: Vec<f64> =
         sampler.frozen_ln_weights().iter().map(|l| (l - ln_scale).exp()).collect();
-    let cap = CAP * target.iter().sum::<f64>() / n as f64;
-    let weigh = |z: &[f64], ln_prior: f64, found: &mut Vec<(f64, u32)>| {
-        surrogate.ln_likelihood(z, found).map_or(0.0, |ln_l| {
-            (ln_l - proposal.ln_over_prior(z, ln_prior) - ln_scale).exp().min(cap)
-        })
-    };
-    let control: Vec<f64> = (first..pool.len())
+    let ln_q: Vec<f64> = (0..pool.len())
         .into_par_iter()
-        .with_min_len(64)
-        .map_init(Vec::new, |found, i| weigh(pool.point(i), pool.ln_prior(i), found))
+        .with_min_len(256)
+        .map(|i| proposal.ln_over_prior(pool.point(i), pool.ln_prior(i)))
         .collect();
-    if !explains(&target, &control) {
-        return None;
-    }
-
-    // Integrals of g by every sub-net's own net.
     let points = (POINTS[0] * n).max(POINTS[1]) / r;
     let width = proposal.uniforms();
     let seed = sampler.settings.seed;
-    let of_surrogate: Vec<f64> = (0..r)
-        .into_par_iter()
-        .flat_map_iter(|k| {
-            let net = scrambled_net(width, points, &mut stream(seed, Purpose::Surrogate, 0, k));
-            let (mut z, mut sum, mut row) = (vec![0.0; d], vec![0.0; p], vec![0.0; p]);
-            let mut found = Vec::new();
-            for u in net.chunks_exact(width) {
-                proposal.draw(u, &mut z);
-                let ln_prior = -z.iter().map(|z| 0.5 * z * z + LN_SQRT_2PI).sum::<f64>();
-                let g = weigh(&z, ln_prior, &mut found);
-                if g > 0.0 {
-                    standard
-                        .features(z.iter().enumerate().map(|(j, z)| coordinate(j, *z)), &mut row);
-                    sum.iter_mut().zip(&row).for_each(|(s, f)| *s += g * f / points as f64);
-                }
-            }
-            sum
-        })
-        .collect();
-
-    // Per sub-net: mean of (f - g) phi / q, plus the integral of g phi.
+    let metric = metric(proposal)?;
     let mut counts = vec![0.0; r];
     pool.replicate[first..].iter().for_each(|k| counts[*k as usize] += 1.0);
-    let mut of_sub_nets = of_surrogate;
-    for (i, (target, control)) in target.iter().zip(&control).enumerate() {
-        let k = pool.replicate[first + i] as usize;
-        let off = (target - control) / counts[k];
-        let phi = &features[(first + i) * p..(first + i + 1) * p];
-        of_sub_nets[k * p..(k + 1) * p].iter_mut().zip(phi).for_each(|(s, phi)| *s += off * phi);
+    let mut of_sub_nets = vec![0.0; r * p];
+    for fold in 0..FOLDS {
+        let (own, others): (Vec<usize>, Vec<usize>) =
+            (first..pool.len()).partition(|i| pool.replicate[*i] as usize % FOLDS == fold);
+        let known: Vec<usize> = (0..first).chain(others.iter().copied()).collect();
+        let surrogate = surrogate(sampler, &known, &ln_q, &metric)?;
+        let cap = CAP * others.iter().map(|i| target[i - first]).sum::<f64>() / others.len() as f64;
+        // g/q over the scale.
+        let weigh = |z: &[f64], ln_q: f64, found: &mut Vec<(f64, u32)>| {
+            surrogate
+                .ln_ratio(z, ln_q, found)
+                .map_or(0.0, |ratio| (ratio - ln_scale).exp().min(cap))
+        };
+        let control: Vec<f64> = own
+            .par_iter()
+            .with_min_len(64)
+            .map_init(Vec::new, |found, i| weigh(pool.point(*i), ln_q[*i], found))
+            .collect();
+        let target: Vec<f64> = own.iter().map(|i| target[i - first]).collect();
+        if !explains(&target, &control) {
+            return None;
+        }
+
+        // Per sub-net: the integral of g phi by a net of its own, and the mean of (f - g) phi / q.
+        of_sub_nets.par_chunks_mut(p).enumerate().skip(fold).step_by(FOLDS).for_each(
+            |(k, sums)| {
+                let net = scrambled_net(width, points, &mut stream(seed, Purpose::Surrogate, 0, k));
+                let (mut z, mut row) = (vec![0.0; d], vec![0.0; p]);
+                let mut found = Vec::new();
+                for u in net.chunks_exact(width) {
+                    proposal.draw(u, &mut z);
+                    let ln_prior = -z.iter().map(|z| 0.5 * z * z + LN_SQRT_2PI).sum::<f64>();
+                    let g = weigh(&z, proposal.ln_over_prior(&z, ln_prior), &mut found);
+                    if g > 0.0 {
+                        standard.features(
+                            z.iter().enumerate().map(|(j, z)| coordinate(j, *z)),
+                            &mut row,
+                        );
+                        sums.iter_mut().zip(&row).for_each(|(s, f)| *s += g * f / points as f64);
+                    }
+                }
+            },
+        );
+        for ((i, target), control) in own.iter().zip(&target).zip(&control) {
+            let k = pool.replicate[*i] as usize;
+            let off = (target - control) / counts[k];
+            let phi = &features[i * p..(i + 1) * p];
+            of_sub_nets[k * p..(k + 1) * p]
+                .iter_mut()
+                .zip(phi)
+                .for_each(|(s, phi)| *s += off * phi);
+        }
     }
     Some(Integrals { of_sub_nets, features })
 }
 
-/// Fitted to the first samples of the pool.
-///
-/// Distances are in the mean precision of the proposal's components: how fast the posterior varies, not how wide it
-/// is (a bent or a split posterior is much wider).
-fn surrogate(sampler: &Sampler<'_>, first: usize, proposal: &Proposal) -> Option<Surrogate> {
-    let pool = &sampler.pool;
-    let d = pool.d;
+/// Factor of the covariance that distances are measured in: of the mean precision of the proposal's components, which
+/// says how fast the posterior varies, not how wide it is (a bent or a split posterior is much wider).
+fn metric(proposal: &Proposal) -> Option<Vec<f64>> {
+    let d = proposal.dimension;
     let mut precision = vec![0.0; d * d];
     for c in &proposal.components {
         let own = gram(&packed_inverse(&c.factor, d), d);
         precision.iter_mut().zip(own).for_each(|(p, own)| *p += c.weight * own);
     }
-    let factor = cholesky(&gram(&packed_inverse(&cholesky(&precision, d)?, d), d), d)?;
+    cholesky(&gram(&packed_inverse(&cholesky(&precision, d)?, d), d), d)
+}
 
+/// Fitted to the known samples of the pool.
+fn surrogate(
+    sampler: &Sampler<'_>,
+    known: &[usize],
+    ln_q: &[f64],
+    metric: &[f64],
+) -> Option<Surrogate> {
+    let pool = &sampler.pool;
     let density = |i: usize| pool.ln_l[i] + pool.ln_prior(i);
-    let top = (0..first).map(density).fold(f64::NEG_INFINITY, f64::max);
-    let kept: Vec<usize> = (0..first).filter(|i| density(*i) > top - 2.0 * DEPTH).collect();
+    let top = known.iter().map(|i| density(*i)).fold(f64::NEG_INFINITY, f64::max);
+    let kept: Vec<usize> =
+        known.iter().copied().filter(|i| density(*i) > top - 2.0 * DEPTH).collect();
     let z: Vec<f64> = kept.iter().flat_map(|i| pool.point(*i)).copied().collect();
-    let ln_l: Vec<f64> = kept.iter().map(|i| pool.ln_l[*i]).collect();
+    let of_kept = |all: &[f64]| -> Vec<f64> { kept.iter().map(|i| all[*i]).collect() };
     let fitted: Vec<bool> = kept.iter().map(|i| density(*i) > top - DEPTH).collect();
-    Surrogate::new(&z, &ln_l, &fitted, &factor)
+    Surrogate::new(&z, &of_kept(&pool.ln_l), &of_kept(ln_q), &fitted, metric)
 }
 
 /// Whether the control variate takes away enough of the variance of the target.

@@ -4,16 +4,35 @@
 //! shares of an estimate's influence function is its standard error, at no extra simulation.
 //!
 //! Where some integrals are known better than the pooled weights know them ([`crate::control`]), the weights are held
-//! to them: `w (1 + lambda w phi)`, with the lambda for which every sum of `w phi` is what is known (calibration
+//! to them: `w (1 + w^a lambda phi)`, with the lambda for which every sum of `w phi` is what is known (calibration
 //! of weights: J.-C. Deville, C.-E. Saerndal, J. Am. Stat. Assoc. 87 (1992) 376). An estimate then has the error of the
-//! known integrals in the part of it that they explain, and that of the pool in the rest.
+//! known integrals in the part of it that they explain, and that of the pool in the rest. With a = 1 it changes the
+//! weights least; where that would take a single large weight most of the change, a = 1/2 spreads it.
 
 use crate::control::Integrals;
 use crate::mixture::cholesky;
 use crate::pool::Pool;
 
-/// Largest relative change of a weight.
-const MOST_CHANGE: f64 = 0.5;
+/// Least and largest relative change of a weight.
+const CHANGES: std::ops::RangeInclusive<f64> = -0.8..=2.0;
+
+/// What the relative change of a weight goes by.
+#[derive(Clone, Copy)]
+enum Spread {
+    /// The weight.
+    Weight,
+    /// Its root.
+    Root,
+}
+
+impl Spread {
+    fn of(self, weight: f64) -> f64 {
+        match self {
+            Self::Weight => weight,
+            Self::Root => weight.sqrt(),
+        }
+    }
+}
 
 /// Solves `factor factor^T x = right`, the factor lower triangular, row by row.
 pub(crate) fn solve(factor: &[f64], right: &[f64]) -> Vec<f64> {
@@ -38,13 +57,16 @@ struct Known {
     integrals: Integrals,
     /// Sums of weight times feature over the samples of every sub-net.
     of_pool: Vec<f64>,
-    /// Cholesky factor of the sum of products of weight times feature.
+    /// What changes of weights go by.
+    spread: Spread,
+    /// Cholesky factor of the sum of products of features, weighted by weight times spread.
     factor: Vec<f64>,
 }
 
 /// Sums of weight times feature over the samples of every sub-net, and the Cholesky factor of the sum of products of
-/// weight times feature.
+/// features weighted by weight times spread.
 fn sums(
+    spread: Spread,
     weights: &[f64],
     label: &[u32],
     replicates: usize,
@@ -59,11 +81,12 @@ fn sums(
         weights.iter().zip(label).zip(features.chunks_exact(p)).filter(alive)
     {
         terms.iter_mut().zip(features).for_each(|(t, f)| *t = f * w);
+        let change = spread.of(*w);
         let sums = &mut of_pool[*label as usize * p..][..p];
         sums.iter_mut().zip(&terms).for_each(|(s, t)| *s += t);
         for a in 0..p {
             for b in 0..=a {
-                gram[a * p + b] += terms[a] * terms[b];
+                gram[a * p + b] += terms[a] * features[b] * change;
             }
         }
     }
@@ -98,10 +121,28 @@ impl Estimator {
 
     /// Holds the weights to integrals; false, and nothing is changed, where that would change a weight by too much.
     pub(crate) fn hold_to(&mut self, integrals: Integrals) -> bool {
+        let found = [Spread::Weight, Spread::Root]
+            .into_iter()
+            .find_map(|spread| Some((spread, self.held(spread, &integrals)?)));
+        let Some((spread, (weights, of_pool, factor))) = found else { return false };
         let p = integrals.of_sub_nets.len() / self.replicates;
-        let sums =
-            |weights: &[f64]| sums(weights, &self.label, self.replicates, p, &integrals.features);
-        let Some((of_pool, factor)) = sums(&self.weights) else { return false };
+        self.total = weights.iter().sum();
+        self.weights = weights;
+        self.known = Some(Known { p, integrals, of_pool, spread, factor });
+        true
+    }
+
+    /// Weights held to integrals, and their [`sums`]; none where a weight would change by too much.
+    fn held(
+        &self,
+        spread: Spread,
+        integrals: &Integrals,
+    ) -> Option<(Vec<f64>, Vec<f64>, Vec<f64>)> {
+        let p = integrals.of_sub_nets.len() / self.replicates;
+        let sums = |weights: &[f64]| {
+            sums(spread, weights, &self.label, self.replicates, p, &integrals.features)
+        };
+        let (of_pool, factor) = sums(&self.weights)?;
         let (n, r) = (self.n as f64, self.replicates as f64);
         let gap: Vec<f64> = (0..p)
             .map(|a| {
@@ -112,17 +153,18 @@ impl Estimator {
         let lambda = solve(&factor, &gap);
         let mut weights = self.weights.clone();
         for (w, features) in weights.iter_mut().zip(integrals.features.chunks_exact(p)) {
-            let change: f64 = features.iter().zip(&lambda).map(|(f, l)| f * *w * l).sum();
-            if change.is_nan() || change.abs() > MOST_CHANGE {
-                return false;
+            if *w <= 0.0 {
+                continue;
+            }
+            let inner: f64 = features.iter().zip(&lambda).map(|(f, l)| f * l).sum();
+            let change = spread.of(*w) * inner;
+            if !CHANGES.contains(&change) {
+                return None;
             }
             *w *= 1.0 + change;
         }
-        let Some((of_pool, factor)) = sums(&weights) else { return false };
-        self.total = weights.iter().sum();
-        self.weights = weights;
-        self.known = Some(Known { p, integrals, of_pool, factor });
-        true
+        let (of_pool, factor) = sums(&weights)?;
+        Some((weights, of_pool, factor))
     }
 
     /// Weighted mean of a function of the samples.
@@ -156,8 +198,8 @@ impl Estimator {
             for (i, features) in known.integrals.features.chunks_exact(p).enumerate() {
                 let w = self.weights[i];
                 if w > 0.0 {
-                    let f = w * influence(i);
-                    right.iter_mut().zip(features).for_each(|(r, feature)| *r += f * (feature * w));
+                    let f = w * known.spread.of(w) * influence(i);
+                    right.iter_mut().zip(features).for_each(|(r, feature)| *r += f * feature);
                 }
             }
             let slopes = solve(&known.factor, &right);
@@ -184,5 +226,40 @@ impl Estimator {
         let value = self.ln_scale + (self.total / self.n as f64).ln();
         // The evidence is a plain mean: its parts are not centred by weight but by their number.
         (value, self.standard_error(|_| 1.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 64 samples in 4 sub-nets, one with a third of all weight, and integrals of 1 and x that their sums miss.
+    fn held(spread: Spread) -> Option<(Vec<f64>, Vec<f64>, Vec<f64>)> {
+        let (n, r) = (64, 4);
+        let mut weights = vec![0.03; n];
+        weights[5] = 1.0;
+        let features: Vec<f64> = (0..n)
+            .flat_map(|i| [1.0, (1.7 * i as f64).sin() + f64::from(u8::from(i == 5))])
+            .collect();
+        let known = [2.0, 0.3].map(|sum| sum / n as f64);
+        let integrals = Integrals { of_sub_nets: known.repeat(r), features: features.clone() };
+        let label = (0..n).map(|i| (i % r) as u32).collect();
+        let (weights, _, _) = Estimator::of(label, weights, 0.0, r).held(spread, &integrals)?;
+        let sum = |a: usize| -> f64 {
+            weights.iter().zip(features.chunks_exact(2)).map(|(w, f)| w * f[a]).sum()
+        };
+        let sums = vec![sum(0), sum(1)];
+        Some((weights, sums, vec![2.0, 0.3]))
+    }
+
+    #[test]
+    fn a_single_large_weight_does_not_keep_weights_from_being_held() {
+        // By the weight itself the large one would have to become negative.
+        assert!(held(Spread::Weight).is_none());
+        let (weights, sums, known) = held(Spread::Root).expect("spread");
+        assert!(weights.iter().all(|w| *w > 0.0));
+        for (sum, known) in sums.iter().zip(known) {
+            assert!((sum - known).abs() < 1e-12, "{sum} {known}");
+        }
     }
 }

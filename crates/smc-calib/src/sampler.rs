@@ -10,6 +10,14 @@ use crate::target::Target;
 use crate::{CalibrateError, ComponentRecord, Counters, MixtureRecord, Settings, SimError};
 use rayon::prelude::*;
 
+/// Least power of the likelihood that proposals are fitted to; the rest of their width is a factor on covariances.
+/// Flattened, a bent posterior grows longer along its bend, which wider components do not follow.
+const FLATTEST: f64 = 0.7;
+/// Share of a proposal whose components are wider still, for tails that no sample has reached.
+const WIDE_SHARE: f64 = 0.1;
+/// Factor on the covariances of that share.
+const WIDER: f64 = 9.0;
+
 /// The state of a run: all samples, all proposals.
 pub(crate) struct Sampler<'a> {
     pub(crate) target: &'a dyn Target,
@@ -21,6 +29,9 @@ pub(crate) struct Sampler<'a> {
     /// Power of the likelihood that the newest proposal was fitted to.
     pub beta: f64,
     pub replicates: usize,
+    /// Whether proposals are flattened and have a wide share. A Gaussian process that places few samples knows the tails
+    /// itself.
+    pub tails: bool,
 }
 
 impl<'a> Sampler<'a> {
@@ -35,6 +46,7 @@ impl<'a> Sampler<'a> {
             counters: Counters::default(),
             beta: 0.0,
             replicates,
+            tails: !settings.surrogate,
         }
     }
 
@@ -149,10 +161,13 @@ impl<'a> Sampler<'a> {
         let base = self.pool.ln_base();
         let wished = self.wished(next_size);
         self.beta = temper(&base, &self.pool.ln_l, wished);
+        // Tempered samples are wider than the posterior as they are.
+        let tails = self.tails && self.beta >= 1.0;
+        let power = if tails { (1.0 / s.widening).clamp(FLATTEST, 1.0) } else { self.beta };
         let ln: Vec<f64> = base
             .iter()
             .zip(&self.pool.ln_l)
-            .map(|(b, l)| if l.is_finite() { b + self.beta * l } else { f64::NEG_INFINITY })
+            .map(|(b, l)| if l.is_finite() { b + power * l } else { f64::NEG_INFINITY })
             .collect();
         let (weights, _) = exponentiate(&ln);
         let stage = self.proposals.len();
@@ -164,7 +179,7 @@ impl<'a> Sampler<'a> {
         self.counters.mixtures_fitted += fit.mixtures;
         let mut components = self.placed(&weights).unwrap_or_default();
         let rest = 1.0 - components.iter().map(|c| c.weight).sum::<f64>();
-        let widen = s.widening.sqrt();
+        let widen = if tails { s.widening * power } else { s.widening }.sqrt();
         components.extend(fit.components.into_iter().map(|g| {
             let factor = g.factor.iter().map(|f| f * widen).collect();
             Component::new(rest * g.weight, g.mean, factor, nu)
@@ -195,6 +210,19 @@ impl<'a> Sampler<'a> {
                         newest.weight * newest.density(newest.distance2(self.pool.point(i)), nu);
                 }
             });
+        }
+        if tails {
+            let further = WIDER.sqrt();
+            let wide: Vec<Component> = proposal
+                .components
+                .iter()
+                .map(|c| {
+                    let factor = c.factor.iter().map(|f| f * further).collect();
+                    Component::new(c.weight * WIDE_SHARE, c.mean.clone(), factor, nu)
+                })
+                .collect();
+            proposal.components.iter_mut().for_each(|c| c.weight *= 1.0 - WIDE_SHARE);
+            proposal.components.extend(wide);
         }
         // The prior's share, and the rest to the components.
         let total: f64 = proposal.components.iter().map(|c| c.weight).sum();

@@ -25,7 +25,8 @@ pub struct Settings {
     pub max_components: usize,
     /// Components added to each proposal where it is thinnest beside the target.
     pub patches: usize,
-    /// Factor on the fitted covariances.
+    /// How much wider than the posterior proposals are, as a factor on covariances: fitted to a flattened
+    /// likelihood down to the power 0.7, and the rest a factor on the fitted covariances.
     pub widening: f64,
     /// Degrees of freedom of the proposal's Student-t components.
     pub degrees_of_freedom: f64,

@@ -228,6 +228,7 @@ impl Sampler<'_> {
             ..self.settings.clone()
         };
         let mut inner = Sampler::new(&stand_in, &settings);
+        inner.tails = false;
         inner.run().ok()?;
         let mut proposal = inner.refit(settings.samples);
         self.beta = stand_in.power;

@@ -84,6 +84,22 @@ fn the_evidence_is_unbiased_and_much_closer_than_that_of_plain_weights() {
 }
 
 #[test]
+fn tails_of_the_banana_are_reached_and_the_surrogate_is_of_use_to_every_run() {
+    let reference = &all()[1];
+    let runs = runs(reference, 4096, 40);
+    // A run without it reports the evidence of the plain weights.
+    for (seed, r) in runs.iter().enumerate() {
+        assert_ne!(r.log_evidence.value, r.log_evidence.frozen_value, "seed {seed}");
+    }
+    for j in 0..2 {
+        let sd = rms(runs.iter().map(|r| r.sd[j] / reference.sd[j] - 1.0));
+        let z = rms(runs.iter().map(|r| (r.sd[j] - reference.sd[j]) / r.sd_se[j]));
+        assert!(sd < 0.015, "sd {j} off by {sd}");
+        assert!(z / (15f64 / 13.0).sqrt() < 1.6, "z-scores of sd {j} have sd {z}");
+    }
+}
+
+#[test]
 fn any_dimension_from_one_to_ten_works() {
     for d in [1, 2, 5, 10] {
         let reference = gaussian(d, 0.5, 0.3);
@@ -110,7 +126,7 @@ fn a_needle_of_a_millionth_of_the_prior_is_found() {
     let r = &runs(&reference, 16_384, 1)[0];
     assert!((r.log_evidence.value - reference.log_evidence).abs() < 0.05, "{r:?}");
     assert!((r.mean[0] - reference.mean[0]).abs() < 0.05 * reference.sd[0]);
-    assert!(r.khat < 0.7 && r.ess > 4000.0);
+    assert!(r.khat < 0.7 && r.ess > 4000.0, "{r:?}");
 }
 
 #[test]
