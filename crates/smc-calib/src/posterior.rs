@@ -193,8 +193,8 @@ pub struct ParameterSummary {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
-    /// From the final stage, drawn from one frozen proposal, with a surrogate fitted to the stages before as control
-    /// variate; without it where it is of no use, and from all samples where the run ended before its final stage.
+    /// From the final stage, drawn from one frozen proposal, with surrogates fitted to other samples as control
+    /// variate; without them where they are of no use, and from all samples where the run ended before its final stage.
     pub value: f64,
     /// Its standard error.
     pub se: f64,
