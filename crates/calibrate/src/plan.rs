@@ -370,16 +370,19 @@ pub fn noise_in_words(noise: &Noise) -> String {
     }
 }
 
-/// The sampler's settings: those for small budgets where nothing else is asked for. A curve of one pair takes microseconds, and
-/// so the search for the MAP stays.
+/// The sampler's settings, where no more is asked for than a number of samples: those for small budgets where it is small. A
+/// curve of one pair takes microseconds, and so the search for the MAP stays.
+pub(crate) fn sampler_for(samples: usize) -> Settings {
+    let map_simulations = Settings::default().map_simulations;
+    Settings { map_simulations, ..Settings::for_budget(samples) }
+}
+
 fn sampler(samples: usize, iterations: Option<usize>, noise: &Noise) -> Settings {
     let default = Settings { samples, ..Settings::default() };
     match (iterations, noise) {
         (Some(iterations), _) => Settings { iterations, ..default },
         (None, Noise::EssTarget { .. }) => default,
-        (None, _) => {
-            Settings { map_simulations: default.map_simulations, ..Settings::for_budget(samples) }
-        }
+        (None, _) => sampler_for(samples),
     }
 }
 

@@ -4,7 +4,7 @@ use crate::estimate::Estimator;
 use crate::joint::{JointLikelihood, JointProblem};
 use crate::marginal::mean_and_sd;
 use crate::mixture::Proposal;
-use crate::pool::{effective_sample_size, exponentiate};
+use crate::pool::{Pool, effective_sample_size, exponentiate};
 use crate::sampler::{Sampler, record};
 use crate::summary::{Run, summarise};
 use crate::target::CurveTarget;
@@ -77,15 +77,9 @@ pub fn calibrate_joint(
         };
         let Some((n, proposal, last)) = next else { break };
         sampler.stage(n, proposal)?;
-        let pool = &sampler.pool;
         // A share of a handful says nothing yet.
-        let enough = pool.len() >= FEWEST_TO_JUDGE.min(settings.samples);
-        if enough && pool.failed as f64 > settings.max_failed_share * pool.len() as f64 {
-            return Err(CalibrateError::TooManyFailures {
-                failed: pool.failed,
-                simulations: pool.len(),
-                commonest: pool.failures().first().map_or_else(String::new, |f| f.cause.clone()),
-            });
+        if sampler.pool.len() >= FEWEST_TO_JUDGE.min(settings.samples) {
+            refuse_failures(&sampler.pool, settings)?;
         }
         let record = stage_record(
             &sampler,
@@ -129,6 +123,18 @@ pub fn calibrate_joint(
         stages,
         stop,
     })
+}
+
+/// Ends a run in which too large a share of the simulations failed.
+pub(crate) fn refuse_failures(pool: &Pool, settings: &Settings) -> Result<(), CalibrateError> {
+    if pool.failed as f64 > settings.max_failed_share * pool.len() as f64 {
+        return Err(CalibrateError::TooManyFailures {
+            failed: pool.failed,
+            simulations: pool.len(),
+            commonest: pool.failures().first().map_or_else(String::new, |f| f.cause.clone()),
+        });
+    }
+    Ok(())
 }
 
 /// Stages of the tuned scheme: as many samples in each iteration.

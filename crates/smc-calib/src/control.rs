@@ -18,7 +18,7 @@ use crate::Evidence;
 use crate::estimate::Estimator;
 use crate::mixture::{Proposal, cholesky, packed_inverse};
 use crate::normal::LN_SQRT_2PI;
-use crate::sampler::Sampler;
+use crate::sampler::{Frozen, Sampler};
 use crate::sobol::scrambled_net;
 use crate::stream::{Purpose, stream};
 use crate::surrogate::{MOST_DIMENSIONS, Surrogate, coefficients, monomials};
@@ -84,12 +84,13 @@ pub(crate) fn integrals(
     sampler: &Sampler<'_>,
     weights: &[f64],
     ln_scale: f64,
+    frozen: &Frozen,
     coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
 ) -> Option<Integrals> {
     let pool = &sampler.pool;
     let (d, r) = (pool.d, sampler.replicates);
     let (n, proposal) = sampler.final_stage()?;
-    let first = pool.len() - n;
+    let first = frozen.first;
     let p = coefficients(d);
     if d > MOST_DIMENSIONS || r < 2 || n < 8 * p || first < 8 * p {
         return None;
@@ -107,13 +108,8 @@ pub(crate) fn integrals(
     });
 
     // f/q over the scale at the samples of the final stage, and the log of q over the prior at all.
-    let target: Vec<f64> =
-        sampler.frozen_ln_weights().iter().map(|l| (l - ln_scale).exp()).collect();
-    let ln_q: Vec<f64> = (0..pool.len())
-        .into_par_iter()
-        .with_min_len(256)
-        .map(|i| proposal.ln_over_prior(pool.point(i), pool.ln_prior(i)))
-        .collect();
+    let target: Vec<f64> = frozen.ln_w.iter().map(|l| (l - ln_scale).exp()).collect();
+    let ln_q = [&sampler.ln_last_proposal(0..first)[..], &frozen.ln_q].concat();
     let points = (POINTS[0] * n).max(POINTS[1]) / r;
     let width = proposal.uniforms();
     let seed = sampler.settings.seed;
@@ -244,8 +240,9 @@ pub(crate) fn estimate(
 ) -> (Estimator, Evidence) {
     let mut estimator = Estimator::new(&sampler.pool, raw.to_vec(), ln_scale, sampler.replicates);
     let (pooled_value, pooled_se) = estimator.log_evidence();
-    let (frozen_value, frozen_se) = sampler.frozen_evidence();
-    let held = integrals(sampler, raw, ln_scale, coordinate)
+    let frozen = sampler.frozen();
+    let (frozen_value, frozen_se) = sampler.frozen_evidence(&frozen);
+    let held = integrals(sampler, raw, ln_scale, &frozen, coordinate)
         .is_some_and(|integrals| estimator.hold_to(integrals));
     let (value, se) = if held {
         estimator.log_evidence()

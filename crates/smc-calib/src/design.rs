@@ -1,6 +1,6 @@
 //! Parameter sets that are given, not drawn: a design of experiments, or samples of another program.
 
-use crate::calibrate::{Observer, check, final_weights, stage_record};
+use crate::calibrate::{Observer, check, final_weights, refuse_failures, stage_record};
 use crate::mixture::Proposal;
 use crate::sampler::Sampler;
 use crate::summary::{Run, summarise};
@@ -58,14 +58,7 @@ pub fn calibrate_design(
     let groups = sampler.replicates;
     let replicates: Vec<u32> = (0..sets.len()).map(|set| (set % groups) as u32).collect();
     sampler.simulate(Proposal::prior(d), &z, &replicates)?;
-    let pool = &sampler.pool;
-    if pool.failed as f64 > settings.max_failed_share * pool.len() as f64 {
-        return Err(CalibrateError::TooManyFailures {
-            failed: pool.failed,
-            simulations: pool.len(),
-            commonest: pool.failures().first().map_or_else(String::new, |f| f.cause.clone()),
-        });
-    }
+    refuse_failures(&sampler.pool, &settings)?;
     let stages = vec![stage_record(&sampler, problem, None, true, 0).record];
     // There is nothing left to stop.
     let _ = observer.stage(&stages[0]);

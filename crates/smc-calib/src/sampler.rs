@@ -9,6 +9,7 @@ use crate::stream::{Purpose, stream};
 use crate::target::Target;
 use crate::{CalibrateError, ComponentRecord, Counters, MixtureRecord, Settings, SimError};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Least power of the likelihood that proposals are fitted to; the rest of their width is a factor on covariances.
 /// Flattened, a bent posterior grows longer along its bend, which wider components do not follow.
@@ -17,6 +18,16 @@ const FLATTEST: f64 = 0.7;
 const WIDE_SHARE: f64 = 0.1;
 /// Factor on the covariances of that share.
 const WIDER: f64 = 9.0;
+
+/// The last stage, whose proposal was fixed before it was drawn.
+pub(crate) struct Frozen {
+    /// Its first sample in the pool.
+    pub first: usize,
+    /// Log of the proposal over the prior at its samples.
+    pub ln_q: Vec<f64>,
+    /// Log weights: likelihood times prior over the proposal.
+    pub ln_w: Vec<f64>,
+}
 
 /// The state of a run: all samples, all proposals.
 pub(crate) struct Sampler<'a> {
@@ -143,14 +154,23 @@ impl<'a> Sampler<'a> {
         (4 * n >= self.pool.len()).then_some((*n, proposal))
     }
 
-    /// Log weights of the last stage's samples, by the one density that they were drawn from.
-    pub(crate) fn frozen_ln_weights(&self) -> Vec<f64> {
-        let Some((n, proposal)) = self.proposals.last() else { return Vec::new() };
+    /// The last stage's samples by the one density that they were drawn from.
+    pub(crate) fn frozen(&self) -> Frozen {
+        let len = self.pool.len();
+        let first = len - self.proposals.last().map_or(0, |p| p.0);
+        let ln_q = self.ln_last_proposal(first..len);
         let ln_l = self.ln_likelihoods();
-        (self.pool.len() - n..self.pool.len())
+        let ln_w = ln_l[first..].iter().zip(&ln_q).map(|(l, q)| l - q).collect();
+        Frozen { first, ln_q, ln_w }
+    }
+
+    /// Log of the last proposal over the prior at some samples.
+    pub(crate) fn ln_last_proposal(&self, samples: Range<usize>) -> Vec<f64> {
+        let Some((_, proposal)) = self.proposals.last() else { return Vec::new() };
+        samples
             .into_par_iter()
             .with_min_len(256)
-            .map(|i| ln_l[i] - proposal.ln_over_prior(self.pool.point(i), self.pool.ln_prior(i)))
+            .map(|i| proposal.ln_over_prior(self.pool.point(i), self.pool.ln_prior(i)))
             .collect()
     }
 
@@ -314,15 +334,13 @@ impl<'a> Sampler<'a> {
 
     /// Log evidence from the last stage alone, weighted by the one density it was drawn from, which was fixed
     /// before: its mean (not that of its logarithm) is exact. With its standard error.
-    pub(crate) fn frozen_evidence(&self) -> (f64, f64) {
-        let ln_w = self.frozen_ln_weights();
-        let first = self.pool.len() - ln_w.len();
-        let (weights, ln_scale) = exponentiate(&ln_w);
+    pub(crate) fn frozen_evidence(&self, frozen: &Frozen) -> (f64, f64) {
+        let (weights, ln_scale) = exponentiate(&frozen.ln_w);
         if ln_scale == f64::NEG_INFINITY {
             return (f64::MIN, f64::MAX);
         }
-        Estimator::of(self.pool.replicate[first..].to_vec(), weights, ln_scale, self.replicates)
-            .log_evidence()
+        let label = self.pool.replicate[frozen.first..].to_vec();
+        Estimator::of(label, weights, ln_scale, self.replicates).log_evidence()
     }
 
     /// GrainLearning's weights: likelihood of the newest iteration alone, with the sigma at which its effective

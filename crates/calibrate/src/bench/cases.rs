@@ -14,7 +14,7 @@ use crate::args::Args;
 use crate::error::{Failure, RunError};
 use crate::material::Material;
 use crate::model::NeckGrowth;
-use crate::plan::Planned;
+use crate::plan::{Planned, sampler_for};
 
 /// The true posterior.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -173,8 +173,7 @@ pub(super) fn run_material(
 
 /// Those of `calibrate --samples N`.
 pub(super) fn settings(samples: usize, seed: u64) -> Settings {
-    let map_simulations = Settings::default().map_simulations;
-    Settings { seed, map_simulations, ..Settings::for_budget(samples) }
+    Settings { seed, ..sampler_for(samples) }
 }
 
 impl Run {

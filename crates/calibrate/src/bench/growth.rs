@@ -11,6 +11,7 @@ use smc_calib::{
 use super::cases::{Case, Exact, settings};
 use super::cpu_time::{self, Of};
 use super::report::{self, Header, Table};
+use super::timing::quartiles;
 use crate::args::{GrowthBenchArgs, RunArgs};
 use crate::error::{Failure, RunError};
 use crate::material::Material;
@@ -255,15 +256,12 @@ fn median(
             processors_s.push(processor_s);
             let outcome = outcome?;
             if walls_s.len() == REPEATS || walls_s[0] > SLOW_S {
-                return Ok(([walls_s, processors_s].map(middle), outcome));
+                let medians =
+                    [walls_s, processors_s].map(|mut times| quartiles(&mut times).median_s);
+                return Ok((medians, outcome));
             }
         }
     })
-}
-
-fn middle(mut times_s: Vec<f64>) -> f64 {
-    times_s.sort_by(f64::total_cmp);
-    times_s[times_s.len() / 2]
 }
 
 /// Name, look and values of a curve of the figure.

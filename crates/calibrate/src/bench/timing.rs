@@ -78,7 +78,8 @@ fn seconds(clock: Clock, method: &mut Method<'_>, count: u32) -> f64 {
     }
 }
 
-fn quartiles(times: &mut [f64]) -> Timing {
+/// Of one time or more, which it sorts.
+pub(super) fn quartiles(times: &mut [f64]) -> Timing {
     times.sort_by(f64::total_cmp);
     let at = |share: f64| {
         let place = share * (times.len() - 1) as f64;
