@@ -70,7 +70,7 @@ fn posterior_bytes(sandbox: &Sandbox, dir: &str) -> Vec<u8> {
 /// Reads the posterior of a run and holds it against the schema.
 fn posterior(sandbox: &Sandbox, dir: &str) -> Value {
     let file = serde_json::from_slice(&posterior_bytes(sandbox, dir)).expect("JSON");
-    let schema = root().join("crates/calibrate/schema/plan-posterior.schema.json");
+    let schema = root().join("crates/workbench/schema/plan-posterior.schema.json");
     let schema = fs::read_to_string(schema).expect("the schema");
     let schema = serde_json::from_str(&schema).expect("JSON");
     let validator = jsonschema::validator_for(&schema).expect("a schema");
@@ -235,7 +235,7 @@ samples = 64
     let mut command = format!("name = \"command\"\n{parameters}");
     let calibrate = env!("CARGO_BIN_EXE_calibrate");
     for experiment in ["pa12-r32", "pa12-r30"] {
-        let read = calibrate::experiment::Experiment::built_in(experiment).expect("built in");
+        let read = workbench::experiment::Experiment::built_in(experiment).expect("built in");
         let radius = read.powder.radius_m;
         sandbox.write(&format!("{experiment}.csv"), read.table.to_csv());
         builtin.push_str(&format!(
@@ -503,7 +503,7 @@ fn sample_tables_of_grain_learning_are_run_as_they_stand_and_written_again() {
     assert_eq!(run, ["1.9", "2.05", "2.2", "4.9"], "the very parameters of the table");
     sandbox.run("export results/line").succeeded();
     let written = sandbox.path().join("results/line/export/samples-grainlearning.txt");
-    let back = calibrate::external::sample_table::SampleTable::read(&written).expect("a table");
+    let back = workbench::external::sample_table::SampleTable::read(&written).expect("a table");
     assert_eq!(back.parameters, ["a"]);
     assert_eq!(back.rows.len(), 4);
     for (row, truth) in back.rows.iter().zip([1.9, 2.05, 2.2, 4.9]) {

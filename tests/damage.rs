@@ -2,10 +2,10 @@
 
 use std::fs;
 
-use calibrate::error::Mistake;
-use calibrate::posterior_file;
-use calibrate::run::{read_draws, read_samples};
 use proptest::prelude::*;
+use workbench::error::Mistake;
+use workbench::posterior_file;
+use workbench::run::{read_draws, read_samples};
 
 use crate::sandbox::Sandbox;
 

@@ -2,10 +2,10 @@
 
 use std::fs;
 
-use calibrate::experiment::{BUILT_IN_NAMES, Experiment};
-use calibrate::material::Material;
-use calibrate::observation_table::ObservationTable;
-use calibrate::prior_file::PriorFile;
+use workbench::experiment::{BUILT_IN_NAMES, Experiment};
+use workbench::material::Material;
+use workbench::observation_table::ObservationTable;
+use workbench::prior_file::PriorFile;
 
 use crate::sandbox::{Sandbox, root};
 

@@ -38,7 +38,7 @@ fn posterior(sandbox: &Sandbox, folder: &str) -> serde_json::Value {
     let text = fs::read_to_string(sandbox.path().join(folder).join("posterior.json"))
         .expect("posterior.json");
     let file = serde_json::from_str(&text).expect("JSON");
-    let schema = crate::sandbox::root().join("crates/calibrate/schema/posterior.schema.json");
+    let schema = crate::sandbox::root().join("crates/workbench/schema/posterior.schema.json");
     let schema = fs::read_to_string(schema).expect("the schema");
     let schema = serde_json::from_str(&schema).expect("JSON");
     let validator = jsonschema::validator_for(&schema).expect("a schema");

@@ -6,11 +6,11 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use calibrate::args::{Args, RunArgs};
-use calibrate::calibration::Calibration;
-use calibrate::plan::Planned;
 use clap::Parser as _;
 use smc_calib::Counters;
+use workbench::args::{Args, RunArgs};
+use workbench::calibration::Calibration;
+use workbench::plan::Planned;
 
 /// Simulations of every stage, and all counters, of `calibrate --material NAME`.
 fn work(material: &str) -> (Vec<usize>, Counters) {

@@ -4,13 +4,13 @@
 use std::io::Write as _;
 use std::process::ExitCode;
 
-use calibrate::args::{Args, Command, SHORT_HELP};
-use calibrate::error::Failure;
-use calibrate::{
-    bench, check, compare, densify, external, inspect, plot_command, predict, run, scene_command,
+use clap::{CommandFactory as _, Parser as _};
+use workbench::args::{Args, Command, SHORT_HELP};
+use workbench::error::Failure;
+use workbench::{
+    check, compare, densify, external, inspect, plot_command, predict, run, scene_command,
     simulate, table3, validation,
 };
-use clap::{CommandFactory as _, Parser as _};
 
 fn main() -> ExitCode {
     let args = Args::parse();
@@ -33,7 +33,6 @@ fn dispatch(args: &Args) -> Result<(), Failure> {
         Some(Command::Compare(args)) => compare::run(args),
         Some(Command::Table3(args)) => table3::run(args),
         Some(Command::Check(args)) => check::run(args, inspect::understand),
-        Some(Command::Bench(args)) => bench::run(args),
         Some(Command::Predict(args)) => predict::run(args),
         Some(Command::Densify(args)) => densify::run(args),
         Some(Command::Scene(args)) => scene_command::run(args),

@@ -1,0 +1,71 @@
+//! Every parser of user files, on any bytes: a result or a typed error, never a panic.
+//!
+//! ```text
+//! cargo install cargo-fuzz
+//! cd crates/calibrate && cargo fuzz run parsers --sanitizer none -- -max_total_time=300
+//! ```
+//!
+//! The first byte says which parser reads the rest.
+
+#![no_main]
+
+use workbench::error::{InputError, Mistake};
+use workbench::experiment::Experiment;
+use workbench::observation_table::{self, ObservationTable};
+use workbench::prior_file::PriorFile;
+use workbench::{posterior_file, tables, text_file};
+use dem_core::bed::SceneFile;
+use libfuzzer_sys::fuzz_target;
+
+/// What was refused says so in words.
+fn refused<T>(outcome: Result<T, InputError>) -> Option<T> {
+    match outcome {
+        Ok(value) => Some(value),
+        Err(error) => {
+            assert!(error.to_string().len() > 10, "says little: {error}");
+            None
+        }
+    }
+}
+
+fuzz_target!(|bytes: &[u8]| {
+    let Some((&which, rest)) = bytes.split_first() else { return };
+    let Some(text) = refused(text_file::decode("fuzz", rest.to_vec())) else { return };
+    match which % 8 {
+        0 => {
+            if let Some(table) = refused(ObservationTable::parse("fuzz.csv", &text)) {
+                // What is read is a table, and what is written reads back.
+                assert!(!table.is_empty() && table.time_s.is_sorted());
+                assert_eq!(ObservationTable::parse("again.csv", &table.to_csv()), Ok(table));
+            }
+        }
+        1 => {
+            refused(observation_table::parse_times("fuzz.csv", &text));
+        }
+        2 => {
+            let table = |name: &str| {
+                ObservationTable::parse(name, "time_s,contact_ratio\n0.5,0.4\n1,0.6\n")
+                    .map(|table| (name.to_owned(), table))
+            };
+            refused(Experiment::parse("fuzz.toml", "fuzz", &text, table));
+        }
+        3 => {
+            refused(PriorFile::parse("fuzz.toml", &text));
+        }
+        4 => {
+            refused(posterior_file::parse("posterior.json", &text));
+        }
+        5 => {
+            refused(tables::read_sample_columns("samples.csv", &text, 3));
+        }
+        6 => {
+            refused(tables::read_parameters("draws.csv", &text, 3));
+        }
+        _ => {
+            if let Err(error) = SceneFile::parse(&text, "fuzz.toml").and_then(|scene| scene.outline()) {
+                let error = InputError::new("fuzz.toml", Mistake::Syntax).found(error);
+                assert!(error.to_string().len() > 10);
+            }
+        }
+    }
+});

@@ -1,0 +1,399 @@
+//! What `densify` found, as JSON, CSV and in words.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use serde::Serialize;
+use serde_json::Value;
+
+use super::curve::{Curve, Point, Target, TimeTo, bands};
+use super::draws::Draw;
+use super::spread::{Spread, divide};
+use crate::number::significant;
+use crate::scene_command::NECKS_MEET;
+use figures::{DensificationFigure, Role};
+
+/// Version of the layout of `densify.json`.
+const SCHEMA_VERSION: u32 = 1;
+
+/// What decides the result.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DensifyPlan {
+    /// Name of the scene.
+    pub scene_name: String,
+    /// The scene itself.
+    pub scene: Value,
+    /// Name of the calibration that the draws come from.
+    pub posterior_name: String,
+    /// Tells posteriors apart: of the plan and the draws.
+    pub posterior_fingerprint: String,
+    /// Kinetics of both.
+    pub kinetics: String,
+    /// Radius that tau_s was calibrated at \[m\].
+    pub calibrated_radius_m: f64,
+    /// Number of draws.
+    pub draws: usize,
+    /// Seed of their choice.
+    pub seed: u64,
+    /// What is said of time.
+    pub target: Target,
+    /// Version of this program.
+    pub version: String,
+}
+
+/// A draw with what became of it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DrawRecord {
+    /// The draw.
+    #[serde(flatten)]
+    pub draw: Draw,
+    /// When its bed reaches the target \[s\]; none where it does not.
+    pub time_to_target_s: Option<f64>,
+    /// When the model ends \[s\].
+    pub model_ends_s: Option<f64>,
+    /// The target's quantity then.
+    pub model_ends_at: Option<f64>,
+    /// The target's quantity at the end of the run.
+    pub last: f64,
+    /// Sum of the errors of a/R of all quasi-static steps.
+    pub error_estimate: f64,
+}
+
+/// A draw whose bed could not be computed.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FailedDraw {
+    /// The draw.
+    #[serde(flatten)]
+    pub draw: Draw,
+    /// Why.
+    pub reason: String,
+}
+
+/// The time to the target.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Reached {
+    /// Over all draws \[s\].
+    pub time_s: TimeTo,
+    /// Draws that reach it.
+    pub draws: usize,
+    /// Draws that do not reach it within the scene's time. They count as later than all others.
+    pub never: usize,
+    /// Draws for which the model has ended before they reach it.
+    pub outside_model: usize,
+}
+
+/// Where the model ends.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ModelEnds {
+    /// Share of the particles on which necks meet, that counts as its end.
+    pub necks_meet: f64,
+    /// When \[s\].
+    pub time_s: TimeTo,
+    /// The median of the target's quantity then; none where no draw gets there.
+    pub at: Option<f64>,
+    /// Draws that get there.
+    pub draws: usize,
+}
+
+/// `densify.json`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Report {
+    /// Version of the layout.
+    pub schema_version: u32,
+    /// What was asked.
+    pub plan: DensifyPlan,
+    /// Names of the parameters.
+    pub parameters: Vec<String>,
+    /// The time to the target.
+    pub target: Reached,
+    /// Where the model ends.
+    pub model_ends: ModelEnds,
+    /// Where the spread of the time comes from; none where too few draws reach the target.
+    pub spread: Option<Spread>,
+    /// Bands over time.
+    pub curve: Vec<Point>,
+    /// The draws.
+    pub draws: Vec<DrawRecord>,
+    /// Draws without a result.
+    pub failed: Vec<FailedDraw>,
+    /// Reasons to be careful.
+    pub advice: Vec<String>,
+}
+
+impl Report {
+    /// From the curves of all draws that have one.
+    #[must_use]
+    pub fn new(
+        plan: DensifyPlan,
+        parameters: Vec<String>,
+        computed: &[(Draw, Curve)],
+        failed: Vec<FailedDraw>,
+        mut advice: Vec<String>,
+    ) -> Self {
+        let target = plan.target;
+        let draws: Vec<DrawRecord> = computed
+            .iter()
+            .map(|(draw, curve)| {
+                let ends = curve.model_ends(target);
+                DrawRecord {
+                    draw: draw.clone(),
+                    time_to_target_s: curve.time_to(target),
+                    model_ends_s: ends.map(|(time, _)| time),
+                    model_ends_at: ends.map(|(_, at)| at),
+                    last: curve.moments.last().map_or(f64::NAN, |last| match target {
+                        Target::RelativeDensity(_) => last.relative_density,
+                        Target::ContactRatio(_) => last.mean_contact_ratio,
+                    }),
+                    error_estimate: curve.error_estimate,
+                }
+            })
+            .collect();
+        let times: Vec<Option<f64>> = draws.iter().map(|draw| draw.time_to_target_s).collect();
+        let ends: Vec<Option<f64>> = draws.iter().map(|draw| draw.model_ends_s).collect();
+        let reached: Vec<&DrawRecord> =
+            draws.iter().filter(|draw| draw.time_to_target_s.is_some()).collect();
+        let outside = reached
+            .iter()
+            .filter(|draw| draw.model_ends_s.is_some_and(|end| Some(end) <= draw.time_to_target_s))
+            .count();
+        let columns: Vec<Vec<f64>> = (0..parameters.len())
+            .map(|place| reached.iter().map(|draw| draw.draw.parameters[place]).collect())
+            .collect();
+        let reached_s: Vec<f64> =
+            times.iter().flatten().copied().filter(|time| *time > 0.0).collect();
+        let spread = (reached_s.len() == reached.len())
+            .then(|| divide(&parameters, &columns, &reached_s))
+            .flatten();
+        let curves: Vec<Curve> = computed.iter().map(|(_, curve)| curve.clone()).collect();
+        let ended: Vec<f64> = draws.iter().filter_map(|draw| draw.model_ends_at).collect();
+        let record = Reached {
+            time_s: TimeTo::of(&times),
+            draws: reached.len(),
+            never: draws.len() - reached.len(),
+            outside_model: outside,
+        };
+        let model_ends = ModelEnds {
+            necks_meet: NECKS_MEET,
+            time_s: TimeTo::of(&ends),
+            at: TimeTo::of(&ended.iter().copied().map(Some).collect::<Vec<_>>()).median,
+            draws: ended.len(),
+        };
+        advice.extend(advice_on(&record, &model_ends, spread.as_ref(), draws.len(), failed.len()));
+        Self {
+            schema_version: SCHEMA_VERSION,
+            parameters,
+            target: record,
+            model_ends,
+            spread,
+            curve: bands(&curves, target),
+            draws,
+            failed,
+            advice,
+            plan,
+        }
+    }
+
+    /// `densify.csv`: the bands over time.
+    #[must_use]
+    pub fn curve_csv(&self) -> String {
+        let mut text = String::from("time_s");
+        for quantity in ["relative_density", "mean_contact_ratio"] {
+            for end in ["median", "eti50_lower", "eti50_upper", "eti90_lower", "eti90_upper"] {
+                let _ = write!(text, ",{quantity}_{end}");
+            }
+        }
+        text.push_str(",outside_model\n");
+        for point in &self.curve {
+            let _ = write!(text, "{:e}", point.time_s);
+            for band in [point.relative_density, Some(point.mean_contact_ratio)] {
+                match band {
+                    Some(b) => {
+                        for value in [b.median, b.eti50[0], b.eti50[1], b.eti90[0], b.eti90[1]] {
+                            let _ = write!(text, ",{value:e}");
+                        }
+                    }
+                    None => text.push_str(",,,,,"),
+                }
+            }
+            let _ = writeln!(text, ",{}", point.outside_model);
+        }
+        text
+    }
+
+    /// `draws.csv`: every draw with what became of it; empty cells where something does not happen.
+    #[must_use]
+    pub fn draws_csv(&self, units: &[String]) -> String {
+        let mut text = String::from("draw,row");
+        for (name, unit) in self.parameters.iter().zip(units) {
+            let _ = write!(text, ",{name} [{unit}]");
+        }
+        text.push_str(
+            ",time_to_target [s],model_ends [s],model_ends_at [1],last [1],error_estimate [1]\n",
+        );
+        let number = |value: Option<f64>| value.map_or_else(String::new, |v| format!("{v:e}"));
+        for (place, record) in self.draws.iter().enumerate() {
+            let _ = write!(text, "{place},{}", record.draw.row);
+            for value in &record.draw.parameters {
+                let _ = write!(text, ",{value:e}");
+            }
+            let _ = writeln!(
+                text,
+                ",{},{},{},{:e},{:e}",
+                number(record.time_to_target_s),
+                number(record.model_ends_s),
+                number(record.model_ends_at),
+                record.last,
+                record.error_estimate
+            );
+        }
+        text
+    }
+
+    /// The fan chart.
+    #[must_use]
+    pub fn figure(&self) -> DensificationFigure {
+        let target = self.plan.target;
+        let bands: Vec<_> =
+            self.curve.iter().map(|point| (point.time_s, point.of_target(target))).collect();
+        let column = |pick: &dyn Fn(&super::curve::Band) -> f64| -> Vec<f64> {
+            bands.iter().map(|(_, band)| band.as_ref().map_or(f64::NAN, pick)).collect()
+        };
+        let time = &self.target.time_s;
+        DensificationFigure {
+            title: format!("{}, draws of {}", self.plan.scene_name, self.plan.posterior_name),
+            quantity: target.name().to_owned(),
+            role: Role::Posterior,
+            time_s: bands.iter().map(|(time, _)| *time).collect(),
+            median: column(&|band| band.median),
+            band50: figures::Band {
+                lower: column(&|band| band.eti50[0]),
+                upper: column(&|band| band.eti50[1]),
+            },
+            band90: figures::Band {
+                lower: column(&|band| band.eti90[0]),
+                upper: column(&|band| band.eti90[1]),
+            },
+            model_ends_at: self.model_ends.at,
+            target: target.value(),
+            time_to_target_s: time.median,
+            interval_s: time.eti90,
+        }
+    }
+
+    /// What a person reads.
+    #[must_use]
+    pub fn text(&self, seconds: f64, out: &Path) -> String {
+        let plan = &self.plan;
+        let mut lines = vec![format!(
+            "{}, {} draws of the posterior of {} ({}), in {} s",
+            plan.scene_name,
+            self.draws.len(),
+            plan.posterior_name,
+            plan.kinetics,
+            significant(seconds, 2)
+        )];
+        let target = &self.target;
+        let what = format!("{} {}", plan.target.name(), significant(plan.target.value(), 3));
+        match target.time_s.median {
+            Some(median) => lines.push(format!(
+                "  {what} is reached after {} s (50 % {}, 90 % {})",
+                significant(median, 3),
+                interval(target.time_s.eti50),
+                interval(target.time_s.eti90)
+            )),
+            None => lines.push(format!("  {what}: half of the draws or more never reach it")),
+        }
+        if target.never > 0 {
+            lines.push(format!(
+                "    {} of {} draws do not reach it within the scene's time and count as later than all others",
+                target.never,
+                self.draws.len()
+            ));
+        }
+        match self.model_ends.at {
+            Some(at) => lines.push(format!(
+                "  the model ends at a {} of {}, where necks meet on more than {} % of the particles",
+                plan.target.name(),
+                significant(at, 3),
+                100.0 * NECKS_MEET
+            )),
+            None => lines.push("  necks do not meet within the scene's time".to_owned()),
+        }
+        if let Some(spread) = &self.spread {
+            lines.push(format!(
+                "  spread of ln(time) {}; of its variance comes from",
+                significant(spread.sd_ln_time, 2)
+            ));
+            for share in &spread.shares {
+                lines.push(format!(
+                    "    {:<8} {:>4.0} % +- {:.0}  ({:.0} % alone, {:.0} % last)",
+                    share.parameter,
+                    100.0 * share.share,
+                    100.0 * share.se,
+                    100.0 * share.alone,
+                    100.0 * share.last
+                ));
+            }
+            lines.push(format!(
+                "    a linear regression explains {:.0} % ({:.0} % of draws left out)",
+                100.0 * spread.r_squared,
+                100.0 * spread.r_squared_left_out
+            ));
+        }
+        for line in &self.advice {
+            lines.push(format!("  careful: {line}"));
+        }
+        lines.push(format!("  results in {}", out.display()));
+        lines.push(String::new());
+        lines.join("\n")
+    }
+}
+
+fn interval([lower, upper]: [Option<f64>; 2]) -> String {
+    let end = |end: Option<f64>| end.map_or_else(|| "never".to_owned(), |s| significant(s, 3));
+    format!("{} .. {} s", end(lower), end(upper))
+}
+
+fn advice_on(
+    target: &Reached,
+    ends: &ModelEnds,
+    spread: Option<&Spread>,
+    draws: usize,
+    failed: usize,
+) -> Vec<String> {
+    let mut advice = Vec::new();
+    if failed > 0 {
+        advice.push(format!(
+            "the beds of {failed} of {} draws could not be computed and are in no number: see \"failed\" in \
+             densify.json; the same command tries them again",
+            draws + failed
+        ));
+    }
+    if target.outside_model > 0 {
+        advice.push(format!(
+            "{} of {} draws that reach the target do so outside the model, after necks have met on more than {} % of \
+             the particles: take their times as a continuation, not as a prediction",
+            target.outside_model,
+            target.draws,
+            100.0 * ends.necks_meet
+        ));
+    }
+    if draws < 20 {
+        advice.push(format!(
+            "{draws} draws are few for a 90 % interval: its ends are the extreme draws"
+        ));
+    }
+    match spread {
+        Some(spread) if spread.r_squared_left_out < 0.8 => advice.push(format!(
+            "only {:.0} % of the spread is explained for draws left out: the shares of the parameters are indicative",
+            100.0 * spread.r_squared_left_out.max(0.0)
+        )),
+        Some(_) => {}
+        None if target.draws > 0 => advice.push(
+            "too few draws reach the target, or at one time, to say which parameter the spread comes from"
+                .to_owned(),
+        ),
+        None => {}
+    }
+    advice
+}

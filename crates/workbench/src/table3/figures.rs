@@ -1,0 +1,94 @@
+//! Figures 2, 4, 5 and 6 of the paper, redone.
+
+use std::f64::consts::PI;
+
+use super::Calibrated;
+use crate::error::Failure;
+use crate::material::Material;
+use crate::model::NeckGrowth;
+use crate::pictures;
+use figures::{FitFigure, RegimeMapFigure};
+
+/// Points of the regime map.
+const POINTS: usize = 241;
+
+/// Figure 2: eqs. 3 to 5 at the MAP of the `regime-map` kinetics, with p1 and p2, and the measurements.
+///
+/// # Errors
+///
+/// [`Failure::Input`] for a plan that this version does not know.
+pub fn regime_map(one: &Calibrated) -> Result<RegimeMapFigure, Failure> {
+    let plan = &one.planned.plan;
+    let model = NeckGrowth::of(plan)?;
+    let map = model.sintering(&one.calibration.posterior.map.theta);
+    let powder = plan.powder();
+    let a0 = powder.adhesive_contact_ratio();
+    let radius_m = powder.radius_m;
+    let b_per_s = 63.0 * PI.powi(3) / 16.0
+        * (map.delta_c / radius_m).powi(2)
+        * (2.0 * map.c1 * powder.surface_tension_n_per_m / radius_m);
+    let zipping = |time_s: f64| (b_per_s * time_s).powf(1.0 / 7.0);
+    let stretching = |time_s: f64| (time_s / map.tau_s).sqrt();
+    let p1_s = a0.powi(7) / b_per_s;
+    // (B t)^(2/7) = t / tau_s
+    let p2_s = map.tau_s.powf(1.4) * b_per_s.powf(0.4);
+    let experiment = &plan.experiment;
+    let last = experiment.time_s.last().copied().unwrap_or(1.0);
+    let first = 0.03 * p1_s;
+    let ratio = (3.0 * last / first).ln();
+    let grid_s: Vec<f64> =
+        (0..POINTS).map(|k| first * (ratio * k as f64 / (POINTS - 1) as f64).exp()).collect();
+    let (data_time_s, data_ratio) = experiment
+        .time_s
+        .iter()
+        .zip(&experiment.contact_ratio)
+        .filter(|(time, value)| **time > 0.0 && **value > 0.0)
+        .unzip();
+    Ok(RegimeMapFigure {
+        title: format!("Regime map, {}", one.material.title()),
+        a0,
+        a1: grid_s.iter().map(|time| zipping(*time)).collect(),
+        a2: grid_s.iter().map(|time| stretching(*time)).collect(),
+        p1: Some((p1_s, a0)),
+        p2: Some((p2_s, stretching(p2_s))),
+        final_ratio: Some(experiment.final_contact_ratio),
+        data_time_s,
+        data_ratio,
+        grid_s,
+    })
+}
+
+/// Figures 4, 5 and 6: measurements, posterior bands, MAP, the paper's curve and the best Frenkel curve.
+#[must_use]
+pub fn sintering_curve(one: &Calibrated) -> (&'static str, FitFigure) {
+    let name = match one.material {
+        Material::Ps => "figure4",
+        Material::Pa12 => "figure5",
+        Material::Peek => "figure6",
+    };
+    (name, pictures::fit(&one.calibration.file, false))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn p1_and_p2_are_where_the_lines_of_the_regime_map_meet() {
+        let one =
+            Calibrated::new(Material::Peek, dem_core::Kinetics::RegimeMap, 1024, 1).expect("a run");
+        let figure = regime_map(&one).expect("a figure");
+        let at = |line: &[f64], time_s: f64| {
+            let k = figure.grid_s.partition_point(|t| *t < time_s);
+            let (t0, t1) = (figure.grid_s[k - 1], figure.grid_s[k]);
+            let share = (time_s / t0).ln() / (t1 / t0).ln();
+            (line[k - 1].ln() + share * (line[k] / line[k - 1]).ln()).exp()
+        };
+        let (p1, p2) = (figure.p1.expect("p1"), figure.p2.expect("p2"));
+        assert!((at(&figure.a1, p1.0) / figure.a0 - 1.0).abs() < 1e-9);
+        assert!((at(&figure.a1, p2.0) / p2.1 - 1.0).abs() < 1e-9);
+        assert!((at(&figure.a2, p2.0) / p2.1 - 1.0).abs() < 1e-9);
+        assert!(p1.0 < p2.0 && p1.1 == figure.a0);
+        assert!((figure.a0 / 0.022 - 1.0).abs() < 0.05, "eq. 3: {}", figure.a0);
+    }
+}
