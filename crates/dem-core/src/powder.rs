@@ -1,7 +1,11 @@
-//! What the particles are made of.
+//! A powder: equal spheres of one material.
 
-/// A powder: equal spheres of one material.
-#[derive(Debug, Clone, Copy, PartialEq)]
+use serde::{Deserialize, Serialize};
+
+/// A powder: equal spheres of one material. [`PairSpec::build`](crate::PairSpec::build) checks the ranges.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
 pub struct Powder {
     /// Particle radius R \[m\].
     pub radius_m: f64,

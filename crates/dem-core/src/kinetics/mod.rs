@@ -23,6 +23,8 @@ pub use zipping::Zipping;
 use std::fmt;
 use std::str::FromStr;
 
+use serde::{Deserialize, Serialize};
+
 use crate::lanes::Lanes;
 use crate::{PairScene, Sintering, SolveError};
 
@@ -102,8 +104,10 @@ pub struct RateCoefficients<L> {
     pub stretching: L,
 }
 
-/// The kinetics by name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+/// The kinetics by name; serialised as that [name](Self::name).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
 pub enum Kinetics {
     /// The paper's: adhesive contact, zipping up to the knee, then stretching ([`ThreeStage`]).
     #[default]

@@ -13,6 +13,8 @@ pub use verlet::{Verlet, verlet_batch};
 use std::fmt;
 use std::str::FromStr;
 
+use serde::{Deserialize, Serialize};
+
 use crate::kinetics::{UnknownName, WithLaw, with_law};
 use crate::{Kinetic, Kinetics, PairScene, Sintering, SolveError};
 
@@ -49,8 +51,10 @@ pub trait PairSolver {
     ) -> Result<SolveReport, SolveError>;
 }
 
-/// The solvers by name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+/// The solvers by name; serialised as that [name](Self::name).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
 pub enum SolverKind {
     /// The full discrete-element run: Newton's law by velocity Verlet.
     Verlet,
