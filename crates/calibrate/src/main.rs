@@ -4,6 +4,9 @@
 use std::io::Write as _;
 use std::process::ExitCode;
 
+#[allow(dead_code)]
+mod terminal;
+
 use clap::{CommandFactory as _, Parser as _};
 use workbench::args::{Args, Command, SHORT_HELP};
 use workbench::error::Failure;

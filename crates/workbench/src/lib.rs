@@ -37,5 +37,6 @@ pub mod text_file;
 mod toml_fields;
 pub mod validation;
 pub mod verify;
+pub mod watch;
 pub mod weighted;
 pub mod work_folder;

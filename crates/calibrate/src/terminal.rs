@@ -1,0 +1,148 @@
+//! The terminal: progress bars, notes and warnings on standard error, results on standard output, Ctrl-C.
+
+use std::io::{IsTerminal as _, Write as _};
+use std::path::Path;
+use std::sync::{Mutex, OnceLock, PoisonError};
+use std::time::Duration;
+
+use campaign::Stop;
+use indicatif::{ProgressBar, ProgressStyle};
+use smc_calib::StageRecord;
+use workbench::error::Failure;
+use workbench::output::Published;
+use workbench::watch::Watch;
+
+/// What Ctrl-C does to jobs on a cluster.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum OnInterrupt {
+    /// They run on.
+    #[default]
+    Detach,
+    /// They are ended.
+    Cancel,
+}
+
+/// Watches a job on a terminal.
+pub struct Terminal {
+    quiet: bool,
+    visible: bool,
+    bar: Mutex<ProgressBar>,
+    stop: Stop,
+}
+
+static STOP: OnceLock<Stop> = OnceLock::new();
+
+impl Terminal {
+    /// A terminal that shows progress and notes unless `quiet`. It takes over Ctrl-C, termination and hang-up: the
+    /// first asks the job to stop, a second ends the program at once.
+    pub fn new(quiet: bool, on_interrupt: OnInterrupt) -> Self {
+        let stop = STOP.get_or_init(|| {
+            let stop = Stop::new();
+            let asked = stop.clone();
+            // Without a handler the signals end the program as they always do.
+            let _ = ctrlc::set_handler(move || {
+                if asked.asked() {
+                    std::process::exit(130);
+                }
+                match on_interrupt {
+                    OnInterrupt::Detach => asked.detach(),
+                    OnInterrupt::Cancel => asked.cancel(),
+                }
+            });
+            stop
+        });
+        Self {
+            quiet,
+            visible: !quiet && std::io::stderr().is_terminal(),
+            bar: Mutex::new(ProgressBar::hidden()),
+            stop: stop.clone(),
+        }
+    }
+
+    fn bar(&self) -> ProgressBar {
+        self.bar.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Says what became of an earlier run in the folder.
+    pub fn announce(&self, published: &Published, out: &Path) {
+        let out = out.display();
+        match published {
+            Published::New => {}
+            Published::Replaced => {
+                self.note(&format!("{out}: replaced the earlier run of the same plan"));
+            }
+            Published::MovedAside { kept, same_plan } => self.note(&format!(
+                "{out}: moved the earlier run to {}, as {}",
+                kept.display(),
+                if *same_plan { "it holds other files too" } else { "its plan was another" }
+            )),
+        }
+    }
+
+    /// Warnings of a finished job that the summary, which `quiet` leaves out, would have said.
+    pub fn advise(&self, advice: &[String]) {
+        if self.quiet {
+            advice.iter().for_each(|line| self.warn(line));
+        }
+    }
+
+    /// Prints a result on standard output; `text` is asked for only where it is printed: `json` always, else unless
+    /// `quiet`.
+    pub fn print(
+        &self,
+        json: bool,
+        text: impl FnOnce() -> Result<String, Failure>,
+    ) -> Result<(), Failure> {
+        if json || !self.quiet {
+            std::io::stdout().lock().write_all(text()?.as_bytes())?;
+        }
+        Ok(())
+    }
+}
+
+impl Watch for Terminal {
+    fn stop(&self) -> &Stop {
+        &self.stop
+    }
+
+    fn begin(&self, total: u64, done: u64, what: &'static str) {
+        if !self.visible {
+            return;
+        }
+        let bar = ProgressBar::new(total);
+        let template = format!("{{bar:30}} {{pos}}/{{len}} {what}, {{eta}} left {{msg}}");
+        if let Ok(style) = ProgressStyle::with_template(&template) {
+            bar.set_style(style);
+        }
+        bar.set_position(done);
+        bar.reset_eta();
+        bar.enable_steady_tick(Duration::from_millis(200));
+        *self.bar.lock().unwrap_or_else(PoisonError::into_inner) = bar;
+    }
+
+    fn advance(&self) {
+        if self.visible {
+            self.bar().inc(1);
+        }
+    }
+
+    fn stage(&self, record: &StageRecord) {
+        if self.visible {
+            self.bar().set_message(format!("(stage {}, ESS {:.0})", record.stage, record.ess));
+        }
+    }
+
+    fn end(&self) {
+        self.bar().finish_and_clear();
+    }
+
+    fn note(&self, message: &str) {
+        if !self.quiet {
+            self.bar().suspend(|| eprintln!("note: {message}"));
+        }
+    }
+
+    fn warn(&self, message: &str) {
+        self.bar().suspend(|| eprintln!("warning: {message}"));
+    }
+}

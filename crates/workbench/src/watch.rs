@@ -1,0 +1,46 @@
+//! What a long job tells whoever runs it, and how it is asked to stop: the library itself prints nothing.
+
+use campaign::Stop;
+use smc_calib::StageRecord;
+
+/// Follows a long job, and may stop it. All methods may be called from several threads at once.
+pub trait Watch: Sync {
+    /// Asked between two pieces of work; once it is set, the job ends as soon as it can.
+    fn stop(&self) -> &Stop;
+
+    /// Work begins: `total` pieces of `what`, `done` of which were done before.
+    fn begin(&self, total: u64, done: u64, what: &'static str) {
+        let _ = (total, done, what);
+    }
+
+    /// One more piece of work is done.
+    fn advance(&self) {}
+
+    /// A stage of the sampler has ended.
+    fn stage(&self, record: &StageRecord) {
+        let _ = record;
+    }
+
+    /// The work that [`begin`](Self::begin) announced has ended.
+    fn end(&self) {}
+
+    /// Something worth knowing that does not put the result in doubt.
+    fn note(&self, message: &str) {
+        let _ = message;
+    }
+
+    /// Something that may put the result in doubt.
+    fn warn(&self, message: &str) {
+        let _ = message;
+    }
+}
+
+/// Watches nothing and never stops a job.
+#[derive(Debug, Clone, Default)]
+pub struct Unwatched(Stop);
+
+impl Watch for Unwatched {
+    fn stop(&self) -> &Stop {
+        &self.0
+    }
+}
