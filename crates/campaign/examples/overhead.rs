@@ -11,8 +11,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use campaign::{
-    Campaign, CampaignSpec, CommandSpec, Executor, Format, Interpolation, Keep, Local, OutputSpec,
-    Stop, Task,
+    Call, Campaign, CampaignSpec, CommandSpec, Executor, Format, Interpolation, Keep, Local,
+    OutputSpec, ResultSpec, Stop, Task,
 };
 
 // Only builtins, so that one run is one process.
@@ -62,22 +62,22 @@ fn bare(runs: usize, parallel: usize, dir: &Path) -> Result<f64, Box<dyn Error>>
 }
 
 fn campaign(runs: usize, parallel: usize, dir: &Path) -> Result<f64, Box<dyn Error>> {
-    let command = CommandSpec {
-        name: "nothing".into(),
+    let call = Call {
         argv: ["sh", "-c", SCRIPT, "{a}"].map(str::to_owned).to_vec(),
         environment: BTreeMap::new(),
         timeout_s: 60.0,
         retries: 0,
-        outputs: vec![OutputSpec {
-            file: "out.csv".into(),
-            format: Format::Csv,
-            value: "x".into(),
-            control: None,
-            at: vec![0.0],
-            interpolate: Interpolation::Refuse,
-        }],
         keep: Keep::Failed,
     };
+    let result = ResultSpec {
+        file: "out.csv".into(),
+        format: Format::Csv,
+        control: None,
+        value: "x".into(),
+        interpolate: Interpolation::Refuse,
+    };
+    let outputs = vec![OutputSpec { result, at: vec![0.0] }];
+    let command = CommandSpec { name: "nothing".into(), call, outputs };
     let spec = CampaignSpec { parameter_names: vec!["a".into()], commands: vec![command], seed: 1 };
     let campaign = Campaign::create(dir, &spec, &BTreeMap::new())?;
     let tasks: Vec<Task> = (0..runs as u64)

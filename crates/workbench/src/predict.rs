@@ -17,7 +17,7 @@ use crate::args::PredictArgs;
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::number::significant;
 use crate::posterior_file::{self, PosteriorFile};
-use crate::prior_file::ParameterName;
+use crate::parameter::ParameterName;
 use crate::run::read_draws;
 use crate::weighted::Weighted;
 use crate::{output, summary};

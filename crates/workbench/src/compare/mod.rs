@@ -21,7 +21,7 @@ use crate::material::Material;
 use crate::model::NeckGrowth;
 use crate::output::RunFolder;
 use crate::plan::Planned;
-use crate::prior_file::ParameterName;
+use crate::parameter::ParameterName;
 use crate::run::{NamedFigures, announce, draw_all, pool, pretty};
 use figures::{CompareFigure, NamedCurve, Role, Width};
 use report::{Comparison, Entry, Report};

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::error::{Failure, InputError, Mistake};
 use crate::posterior_file::PosteriorFile;
-use crate::prior_file::ParameterName;
+use crate::parameter::ParameterName;
 
 /// The contact ratio by whose time draws are put in order.
 const ORDER_BY: f64 = 0.4;

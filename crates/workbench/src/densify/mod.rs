@@ -21,7 +21,7 @@ use crate::interrupt;
 use crate::number::significant;
 use crate::output::RunFolder;
 use crate::posterior_file::{self, PosteriorFile};
-use crate::prior_file::ParameterName;
+use crate::parameter::ParameterName;
 use crate::run::{announce, make_room, pool, pretty, progress_bar, read_draws};
 use crate::scene_file::{self, SceneInput};
 use crate::work_folder::{WorkFolder, fingerprint};
