@@ -13,7 +13,7 @@ use crate::external::plan_file::{PlanFile, looks_like_a_plan};
 use crate::observation_table::ObservationTable;
 use crate::prior_file::{ParameterName, PriorFile};
 use crate::toml_fields::Document;
-use crate::{material::Material, scene_command, scene_file, text_file};
+use crate::{material::Material, scene_file, text_file};
 
 /// What is understood of a file: a headline, details, and warnings.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -155,7 +155,7 @@ fn of_scene(name: &str, text: &str, json: bool) -> Result<Understood, InputError
     let scene = scene_file::parse(name.to_owned(), text, json)?;
     Ok(Understood {
         headline: format!("a scene of many particles, {}", scene.file.name),
-        details: scene_command::describe(&scene),
+        details: scene.describe(),
         ..Understood::default()
     })
 }
