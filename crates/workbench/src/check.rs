@@ -9,7 +9,7 @@ use crate::parameter::ParameterName;
 use crate::plan::{Planned, Understood, looks_like_a_plan, prior_in_words, understood};
 use crate::prior_file::PriorFile;
 use crate::toml_fields::Document;
-use crate::{material::Material, record, report, scene_command, scene_file, text_file};
+use crate::{material::Material, record, report, scene, scene_file, text_file};
 
 /// Checks one file, of the kind that its name and contents say.
 ///
@@ -99,10 +99,10 @@ fn toml_kind(name: &str, text: &str) -> Result<TomlKind, InputError> {
 
 /// A scene of many particles. What it says is checked; its packing is not made.
 fn of_scene(name: &str, text: &str, json: bool) -> Result<Understood, InputError> {
-    let scene = scene_file::parse(name.to_owned(), text, json)?;
+    let file = scene_file::parse(name.to_owned(), text, json)?;
     Ok(Understood {
-        headline: format!("a scene of many particles, {}", scene.file.name),
-        details: scene_command::describe(&scene),
+        headline: format!("a scene of many particles, {}", file.file.name),
+        details: scene.describe(),
         ..Understood::default()
     })
 }

@@ -20,6 +20,7 @@ pub mod prior_file;
 pub mod product;
 pub mod record;
 pub mod report;
+pub mod run_task;
 pub mod sample_table;
 mod simulator;
 pub mod status;

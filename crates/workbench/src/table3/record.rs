@@ -4,7 +4,7 @@ use dem_core::{Kinetics, Sintering, printed};
 use serde::{Deserialize, Serialize};
 use smc_calib::{Posterior, SimError};
 
-use super::Calibrated;
+use super::calibrated::Calibrated;
 use super::readings::{self, Reading};
 use super::statements::{self, Statement};
 use super::unfitted::Unfitted;

@@ -3,14 +3,17 @@
 use serde::{Deserialize, Serialize};
 use smc_calib::LeaveOneOut;
 
-use super::verdict::{self, Strength};
-use crate::args::CompareArgs;
+use super::strength::Strength;
 use crate::plan::Plan;
 use crate::posterior_file::{FitError, PosteriorFile};
 use crate::summary::{self, INFORMED_BITS};
 
-/// Layout of `compare.json`.
+/// Version of the layout of `compare.json`.
 pub const SCHEMA_VERSION: u32 = 1;
+
+/// Range of the final contact ratio where it is calibrated: from no flattening at all to a little beyond full
+/// coalescence, the same for every material and kinetics.
+pub const PHI_RANGE: [f64; 2] = [1.0, 1.35];
 
 /// Everything that `calibrate compare` finds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -58,9 +61,6 @@ pub struct Comparison {
     pub verdict: Vec<String>,
     /// Where the prior or the method decides, and other reasons to be careful.
     pub warnings: Vec<String>,
-    /// The plan of the first kinetics.
-    #[serde(skip)]
-    pub plan: Option<Plan>,
 }
 
 /// One kinetics.
@@ -119,26 +119,10 @@ pub struct Informed {
     pub counts: bool,
 }
 
-impl Report {
-    /// From finished comparisons.
-    #[must_use]
-    pub fn new(args: &CompareArgs, comparisons: Vec<Comparison>) -> Self {
-        Self {
-            schema_version: SCHEMA_VERSION,
-            plan: ReportPlan {
-                samples: args.samples,
-                seed: args.seed,
-                phi: args.phi,
-                experiments: comparisons.iter().filter_map(|c| c.plan.clone()).collect(),
-            },
-            comparisons,
-        }
-    }
-}
-
 impl Comparison {
+    /// From the entries of all kinetics; verdict and warnings are not filled in.
     pub(super) fn new(plan: &Plan, entries: Vec<Entry>) -> Self {
-        let mut comparison = Self {
+        Self {
             name: plan.name.clone(),
             title: plan.title.clone(),
             observations: plan.experiment.time_s.len(),
@@ -147,11 +131,7 @@ impl Comparison {
             entries,
             verdict: Vec::new(),
             warnings: Vec::new(),
-            plan: Some(plan.clone()),
-        };
-        comparison.verdict = verdict::in_words(&comparison);
-        comparison.warnings = verdict::warnings(&comparison);
-        comparison
+        }
     }
 
     /// Whether phi was calibrated.

@@ -1,4 +1,4 @@
-//! What a study found, as a table.
+//! Ranks and coverages of a study, and its tables.
 
 use std::fmt::Write as _;
 
@@ -7,7 +7,7 @@ use smc_calib::sbc::{Band, Outcome, counts, coverage_score};
 /// Ranks of one quantity.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ranked {
-    /// What is ranked.
+    /// The quantity.
     pub name: String,
     /// Number of ranks not above k/100, k = 1..99.
     pub counts: Vec<usize>,
@@ -20,7 +20,7 @@ pub struct Ranked {
 /// Coverage of one interval.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Covered {
-    /// Of which parameter.
+    /// The parameter.
     pub name: String,
     /// The share that the interval should hold.
     pub nominal: f64,
@@ -30,10 +30,10 @@ pub struct Covered {
     pub score: f64,
 }
 
-/// Outcome of a whole study.
+/// Ranks and coverages over all data sets.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Report {
-    /// What was done.
+pub struct Ranks {
+    /// The plan and the size of the study.
     pub title: String,
     /// Number of data sets.
     pub data_sets: usize,
@@ -52,16 +52,16 @@ pub struct Report {
 /// Whether the sampler passed.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
-    /// It did.
+    /// Every rank and coverage is as it should be.
     Passed,
-    /// It did not, and where.
+    /// One is not, and which.
     Failed(String),
 }
 
-impl Report {
+impl Ranks {
     pub(super) fn new(
         title: String,
-        parameters: &[String],
+        parameters: &[&str],
         quantities: &[String],
         outcomes: &[Outcome],
     ) -> Self {
@@ -81,9 +81,7 @@ impl Report {
             })
             .collect();
         let mut covered = Vec::new();
-        for (j, name) in
-            parameters.iter().map(String::as_str).chain(std::iter::once("sigma")).enumerate()
-        {
+        for (j, name) in parameters.iter().copied().chain(std::iter::once("sigma")).enumerate() {
             for nominal in [0.5, 0.95] {
                 let hits = outcomes
                     .iter()
