@@ -8,12 +8,10 @@ use plotters::element::Rectangle;
 use plotters::style::{Color as _, RGBAColor};
 use rayon::prelude::*;
 
-use super::axis::{Axis, Scale};
-use super::canvas::Backdrop;
-use super::header::header;
-use super::layout::{Spec, layout};
-use super::page::Page;
-use super::{Columns, PlotError, Width};
+use crate::columns::Columns;
+use crate::drawing::{Axis, Page, Panel, Scale, Spec, header, layout, row};
+use crate::error::{Drawn, PlotError};
+use crate::picture::Width;
 
 type Vec3 = [f64; 3];
 
@@ -51,45 +49,33 @@ impl BedFigure {
     ///
     /// [`PlotError::Length`] if columns do not match.
     pub fn png(&self, width: Width) -> Result<Vec<u8>, PlotError> {
-        let columns = Columns("bed");
-        columns.need("radius_m", &self.radius_m, self.position_m.len(), "particle")?;
-        columns.need("contact_ratio", &self.contact_ratio, self.position_m.len(), "particle")?;
         let page = Page::new(width);
-        let top = header(&page, &self.title, &[])?;
+        self.draw(&page)?;
+        Ok(page.picture()?.png)
+    }
+
+    pub(crate) fn draw(&self, page: &Page) -> Drawn {
+        let columns = Columns("bed");
+        let each = (self.position_m.len(), "particle");
+        columns.need("radius_m", &self.radius_m, each)?;
+        columns.need("contact_ratio", &self.contact_ratio, each)?;
+        let top = header(page, &self.title, &[])?;
         const EDGE: f32 = 4.0;
         let view = View::of(self);
         let room = page.width - 2.0 * EDGE;
         let tallest = 1.15 * room;
         // At least wide enough to look at, at most as tall as it is wide.
         let height = (room * (view.size()[1] / view.size()[0]) as f32).clamp(0.3 * room, tallest);
-        page.set_backdrop((EDGE, top), (room, height), |across, down| {
-            let raster = self.raster(&view, across * SAMPLES, down * SAMPLES);
-            Backdrop::averaged(&raster, across, down, SAMPLES)
+        page.set_backdrop((EDGE, top), (room, height), SAMPLES, |across, down| {
+            self.raster(&view, across, down)
         });
         let [low, high] = self.range;
-        let x = Axis {
-            name: "contact ratio a/R, mean of the particle’s contacts".to_owned(),
-            unit: String::new(),
-            scale: Scale::Linear,
-            low,
-            high: if high > low { high } else { low + 1.0 },
-        };
+        let ends = [low, if high > low { high } else { low + 1.0 }];
+        let name = "contact ratio a/R, mean of the particle’s contacts";
+        let x = Axis::holding(name, "", Scale::Linear, ends, 0.0);
         let y = Axis::holding("", "", Scale::Linear, [0.0, 1.0], 0.0);
-        let spec = Spec::new(x, y).bare();
-        let panels = layout(&page, top + height + 6.0, 8.0, &[(7.0, vec![Some(spec)])])?;
-        if let Some(panel) = panels.into_iter().flatten().flatten().next() {
-            const STRIPES: usize = 128;
-            let (from, span) = (panel.x.low, panel.x.high - panel.x.low);
-            let at = |k: usize| from + span * k as f64 / STRIPES as f64;
-            for k in 0..STRIPES {
-                let ink = viridis((k as f64 + 0.5) / STRIPES as f64);
-                let [r, g, b] = ink.map(|part| (255.0 * part).round() as u8);
-                // Up to the end: seams would show between stripes.
-                let corners = [(at(k), 0.0), (panel.x.high, 1.0)];
-                panel.draw(&Rectangle::new(corners, RGBAColor(r, g, b, 1.0).filled()))?;
-            }
-        }
-        Ok(page.picture()?.png)
+        let bar = [row(7.0, [Spec::new(x, y).bare()])];
+        layout(page, top + height + 6.0, 8.0, &bar)?.iter().try_for_each(colour_bar)
     }
 
     fn colour(&self, particle: usize) -> Vec3 {
@@ -162,6 +148,21 @@ impl BedFigure {
         }
         pixels
     }
+}
+
+/// Fills a panel with the colours of its horizontal axis.
+fn colour_bar(panel: &Panel) -> Drawn {
+    const STRIPES: usize = 128;
+    let (from, span) = (panel.x.low, panel.x.high - panel.x.low);
+    for k in 0..STRIPES {
+        let ink = viridis((k as f64 + 0.5) / STRIPES as f64);
+        let [r, g, b] = ink.map(|part| (255.0 * part).round() as u8);
+        // Up to the end: seams would show between stripes.
+        let left = from + span * k as f64 / STRIPES as f64;
+        let corners = [(left, 0.0), (panel.x.high, 1.0)];
+        panel.draw(&Rectangle::new(corners, RGBAColor(r, g, b, 1.0).filled()))?;
+    }
+    Ok(())
 }
 
 /// The line in which a sphere meets another, as seen from its centre.

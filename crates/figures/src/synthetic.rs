@@ -2,9 +2,9 @@
 
 use super::{
     Axes, Band, BedFigure, CompareFigure, ConvergenceFigure, ConvergenceStage, CornerFigure,
-    CornerParameter, DensificationFigure, Figure, FitFigure, Knee, NamedCurve, RecursionFigure,
-    RecursionParameter, RegimeMapFigure, ResidualsFigure, Role, SeriesFigure, WorkPrecisionFigure,
-    WorkPrecisionGrid, WorkPrecisionSeries,
+    CornerParameter, DensificationFigure, Figure, FitFigure, Knee, NamedCurve, RankedQuantity,
+    RanksFigure, RecursionFigure, RecursionParameter, RegimeMapFigure, ResidualsFigure, Role,
+    SeriesFigure, WorkPrecisionFigure, WorkPrecisionGrid, WorkPrecisionSeries,
 };
 
 /// Numbers that look random and are the same everywhere.
@@ -45,7 +45,7 @@ fn around(values: &[f64], width: f64) -> Band {
 }
 
 /// Every figure with a name, with `n` observations over `end_s` seconds and with short or long names.
-pub(super) fn figures(
+pub(crate) fn figures(
     n: usize,
     end_s: f64,
     long_names: bool,
@@ -53,7 +53,8 @@ pub(super) fn figures(
     let data = Data::new(n, end_s, long_names);
     let mut noise = Noise(1_000 + n as u64);
     let fit = data.fit();
-    let log_fit = FitFigure { log_time: true, ..fit.clone() };
+    let log_axes = Axes { log_control: true, ..Axes::default() };
+    let log_fit = FitFigure { axes: log_axes, ..fit.clone() };
     let corner = data.corner(&mut noise);
     let corner_one =
         CornerFigure { parameters: vec![corner.parameters[1].clone()], ..corner.clone() };
@@ -77,13 +78,14 @@ pub(super) fn figures(
         ("compare", Box::new(data.compare())),
         ("series", Box::new(data.series())),
         ("densification", Box::new(data.densification())),
+        ("ranks", Box::new(data.ranks())),
         ("work-precision", Box::new(work_precision)),
         ("work-precision-grid", Box::new(grid)),
     ]
 }
 
 /// A heap of overlapping spheres in a box.
-pub(super) fn bed() -> BedFigure {
+pub(crate) fn bed() -> BedFigure {
     let mut figure = BedFigure {
         title: "27 particles".to_owned(),
         frame_m: Some([[-1e-5; 3], [5e-5; 3]]),
@@ -157,9 +159,9 @@ impl Data {
         let (grid_s, mean, end_s) = (&self.grid_s, &self.mean, self.end_s);
         FitFigure {
             title: self.title.clone(),
-            time_s: self.time_s.clone(),
-            contact_ratio: self.contact_ratio.clone(),
-            grid_s: grid_s.clone(),
+            control: self.time_s.clone(),
+            value: self.contact_ratio.clone(),
+            grid: grid_s.clone(),
             band50: around(mean, 0.01),
             band90: around(mean, 0.025),
             predictive90: around(mean, 0.06),
@@ -170,7 +172,6 @@ impl Data {
             paper_knee: Some(0.42),
             mean: mean.clone(),
             axes: Axes::default(),
-            log_time: false,
         }
     }
 
@@ -273,11 +274,10 @@ impl Data {
         let pairs = self.contact_ratio.iter().zip(&self.truth);
         ResidualsFigure {
             title: self.title.clone(),
-            time_s: self.time_s.clone(),
+            control: self.time_s.clone(),
             residual: pairs.map(|(a, b)| a - b).collect(),
             sigma: 0.03,
             axes: Axes::default(),
-            log_time: false,
         }
     }
 
@@ -309,11 +309,11 @@ impl Data {
         });
         CompareFigure {
             title: self.title.clone(),
-            time_s: self.time_s.clone(),
-            contact_ratio: self.contact_ratio.clone(),
-            grid_s: self.grid_s.clone(),
+            control: self.time_s.clone(),
+            value: self.contact_ratio.clone(),
+            grid: self.grid_s.clone(),
             curves: curves.collect(),
-            log_time: false,
+            axes: Axes::default(),
         }
     }
 
@@ -337,7 +337,6 @@ impl Data {
             title: self.title.clone(),
             quantity: self
                 .name("relative density", "relative density of the inner part of the bed"),
-            role: Role::Posterior,
             time_s: self.grid_s.clone(),
             band50: around(&median, 0.01),
             band90: around(&median, 0.03),
@@ -347,6 +346,26 @@ impl Data {
             time_to_target_s: Some(0.5 * self.end_s),
             interval_s: [Some(0.4 * self.end_s), None],
         }
+    }
+
+    fn ranks(&self) -> RanksFigure {
+        let level = grid(0.01, 0.99, 99);
+        let names = ["C_{1}", "τ_{s}", "δ_{c}", "σ", "log likelihood"];
+        let mut noise = Noise(3);
+        let mut quantity = |name: &&str| {
+            let mut ranks: Vec<f64> = (0..400).map(|_| noise.uniform()).collect();
+            ranks.sort_by(f64::total_cmp);
+            let share = |u: f64| ranks.partition_point(|r| *r <= u) as f64 / 400.0;
+            RankedQuantity {
+                name: self.name(name, &format!("{name}, ranked within a posterior of its own")),
+                difference: level.iter().map(|u| share(*u) - u).collect(),
+                p_value: noise.uniform(),
+            }
+        };
+        let quantities = names.iter().map(&mut quantity).collect();
+        let half: Vec<f64> = level.iter().map(|u| 2.8 * (u * (1.0 - u) / 400.0).sqrt()).collect();
+        let band95 = Band { lower: scaled(&half, -1.0), upper: half };
+        RanksFigure { title: self.title.clone(), level, band95, quantities }
     }
 
     fn work_precision(&self, noise: &mut Noise) -> WorkPrecisionFigure {
