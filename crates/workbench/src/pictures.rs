@@ -48,9 +48,9 @@ pub fn fit(file: &PosteriorFile, log_time: bool) -> FitFigure {
     let band = |[lower, upper]: &[Vec<f64>; 2]| Band { lower: lower.clone(), upper: upper.clone() };
     FitFigure {
         title: file.plan.title.clone(),
-        time_s: file.plan.experiment.time_s.clone(),
-        contact_ratio: file.plan.experiment.contact_ratio.clone(),
-        grid_s: curves.time_s.clone(),
+        control: file.plan.experiment.time_s.clone(),
+        value: file.plan.experiment.contact_ratio.clone(),
+        grid: curves.time_s.clone(),
         mean: curves.mean.clone(),
         band50: band(&curves.curve50),
         band90: band(&curves.curve90),
@@ -65,8 +65,7 @@ pub fn fit(file: &PosteriorFile, log_time: bool) -> FitFigure {
             upper: knee.contact_ratio.eti95[1],
         }),
         paper_knee: file.knee.as_ref().and_then(|knee| knee.contact_ratio.paper),
-        axes: Axes::default(),
-        log_time,
+        axes: Axes { log_control: log_time, ..Axes::default() },
     }
 }
 
@@ -230,11 +229,10 @@ pub(crate) fn convergence_of(
 pub fn residuals(file: &PosteriorFile, log_time: bool) -> ResidualsFigure {
     ResidualsFigure {
         title: file.plan.title.clone(),
-        time_s: file.plan.experiment.time_s.clone(),
+        control: file.plan.experiment.time_s.clone(),
         residual: file.residuals.values.clone(),
         sigma: file.sigma.map_or(file.fit.map.rmse, |sigma| sigma.median),
-        axes: Axes::default(),
-        log_time,
+        axes: Axes { log_control: log_time, ..Axes::default() },
     }
 }
 

@@ -49,7 +49,7 @@ pub fn run(args: &CompareArgs) -> Result<(), Failure> {
     let mut pictures = NamedFigures::new();
     for plans in &plans {
         let (comparison, mut figure) = pool.install(|| compare(plans))?;
-        figure.log_time = args.log_time;
+        figure.axes.log_control = args.log_time;
         if !args.quiet && !args.json {
             write!(std::io::stdout().lock(), "{}", render::terminal(&comparison))?;
         }
@@ -130,9 +130,9 @@ pub fn compare(plans: &[Planned]) -> Result<(Comparison, CompareFigure), Failure
             .ok_or_else(|| RunError::new("there is no posterior to leave observations out of"))?;
         let refitted = refit::where_unreliable(planned, &model, &posterior, &mut left_out)?;
         figure.title.clone_from(&plan.title);
-        figure.time_s.clone_from(&plan.experiment.time_s);
-        figure.contact_ratio.clone_from(&plan.experiment.contact_ratio);
-        figure.grid_s.clone_from(&file.curves.time_s);
+        figure.control.clone_from(&plan.experiment.time_s);
+        figure.value.clone_from(&plan.experiment.contact_ratio);
+        figure.grid.clone_from(&file.curves.time_s);
         figure.curves.push(NamedCurve {
             name: plan.kinetics.clone(),
             // Frenkel's curve looks the same in every figure.

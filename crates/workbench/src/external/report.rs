@@ -184,7 +184,7 @@ pub fn figures(file: &PlanPosterior, samples: &SampleColumns, log_control: bool)
         Some(_) => file.path.iter().map(|point| point.control).collect(),
         None => file.path.iter().map(|point| point.index as f64 + 1.0).collect(),
     };
-    let names = only.map(axes);
+    let names = only.map(|plan| axes(plan, log_control));
     let (name, unit) = names.as_ref().map_or(("observation", ""), |axes| {
         (axes.control_name.as_str(), axes.control_unit.as_str())
     });
@@ -205,27 +205,23 @@ pub fn figures(file: &PlanPosterior, samples: &SampleColumns, log_control: bool)
         }
         let suffix = if several { format!("-{}", found.label) } else { String::new() };
         let title = if several { format!("{title}: {}", found.label) } else { title.clone() };
-        let axes = axes(plan);
-        figures.push((
-            format!("fit{suffix}"),
-            Box::new(fit(&title, plan, found, axes.clone(), log_control)),
-        ));
+        let axes = axes(plan, log_control);
+        figures.push((format!("fit{suffix}"), Box::new(fit(&title, plan, found, axes.clone()))));
         figures.push((
             format!("residuals{suffix}"),
             Box::new(ResidualsFigure {
                 title,
-                time_s: plan.control.clone(),
+                control: plan.control.clone(),
                 residual: found.residuals.values.clone(),
                 sigma: found.sigma.map_or(found.map_error.rmse, |sigma| sigma.median),
                 axes,
-                log_time: log_control,
             }),
         ));
     }
     figures
 }
 
-fn axes(plan: &ObservablePlan) -> Axes {
+fn axes(plan: &ObservablePlan, log_control: bool) -> Axes {
     // `time_s` in seconds is the time: the unit stands behind it anyway.
     let words = |name: &str, unit: &str| {
         let suffix = format!("_{}", unit.to_lowercase());
@@ -241,16 +237,11 @@ fn axes(plan: &ObservablePlan) -> Axes {
         value_name: words(&plan.name, &plan.unit),
         value_unit: plan.unit.clone(),
         from_zero,
+        log_control,
     }
 }
 
-fn fit(
-    title: &str,
-    plan: &ObservablePlan,
-    found: &ObservableReport,
-    axes: Axes,
-    log_time: bool,
-) -> FitFigure {
+fn fit(title: &str, plan: &ObservablePlan, found: &ObservableReport, axes: Axes) -> FitFigure {
     let bands = &found.predictive;
     let band = |pick: fn(&BandPoint) -> [f64; 2]| Band {
         lower: bands.iter().map(|point| pick(point)[0]).collect(),
@@ -258,16 +249,15 @@ fn fit(
     };
     FitFigure {
         title: title.to_owned(),
-        time_s: plan.control.clone(),
-        contact_ratio: plan.values.clone(),
-        grid_s: bands.iter().map(|point| plan.control[point.index]).collect(),
+        control: plan.control.clone(),
+        value: plan.values.clone(),
+        grid: bands.iter().map(|point| plan.control[point.index]).collect(),
         mean: bands.iter().map(|point| point.mean).collect(),
         band50: band(|point| point.curve50),
         band90: band(|point| point.curve90),
         predictive90: band(|point| point.noisy90),
         map: bands.iter().map(|point| found.map[point.index]).collect(),
         axes,
-        log_time,
         ..FitFigure::default()
     }
 }

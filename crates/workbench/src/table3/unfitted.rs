@@ -175,14 +175,14 @@ pub fn predict(calibrated: &[Calibrated]) -> Result<(Unfitted, FitFigure), Failu
     let theta = &one.calibration.posterior.map.theta;
     let figure = FitFigure {
         title: "PA12 R = 30.4 µm, predicted from R = 32.1 µm".to_owned(),
-        time_s: times.clone(),
-        contact_ratio: measured.clone(),
+        control: times.clone(),
+        value: measured.clone(),
         mean: (0..GRID).map(|i| mean(&drawn, i)).collect(),
         band90: column(false),
         predictive90: column(true),
         map: single(model.sintering(theta))?,
         paper: single(Material::Pa12.table3_sintering())?,
-        grid_s,
+        grid: grid_s,
         ..FitFigure::default()
     };
     Ok((unfitted, figure))
