@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::{Args as ArgsOf, Parser as _};
+use figures::{Figure as _, Width};
 use smc_calib::sbc::{Outcome, Study, quantities};
 use smc_calib::{Noise, Settings, Simulator as _};
 
@@ -50,7 +51,7 @@ pub struct ValidateArgs {
     pub out: PathBuf,
 }
 
-/// Runs the study and writes `sbc-NAME.md`, `.csv` and `.svg`.
+/// Runs the study and writes `sbc-NAME.md`, `.csv`, `.png` and `.svg`.
 ///
 /// # Errors
 ///
@@ -70,7 +71,9 @@ pub fn run(args: &ValidateArgs) -> Result<(), Failure> {
     let text = report.markdown(seconds, pool.current_num_threads());
     write_file(&name("md"), text.as_bytes())?;
     write_file(&name("csv"), report.csv().as_bytes())?;
-    write_file(&name("svg"), figure::svg(&report).as_bytes())?;
+    let picture = figure::ranks(&report).render(Width::Full).map_err(RunError::new)?;
+    write_file(&name("png"), &picture.png)?;
+    write_file(&name("svg"), picture.svg.as_bytes())?;
     eprint!("{text}");
     match report.verdict() {
         Verdict::Passed => Ok(()),
@@ -145,6 +148,7 @@ mod tests {
             assert!(covered.score.abs() < 3.9, "{covered:?}");
         }
         assert!(report.markdown(1.0, 1).contains("| sigma |"));
-        assert!(figure::svg(&report).ends_with("</svg>\n"));
+        let picture = figure::ranks(&report).render(Width::Full).expect("a figure");
+        assert!(picture.svg.ends_with("</svg>\n") && picture.png.starts_with(b"\x89PNG"));
     }
 }
