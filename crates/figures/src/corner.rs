@@ -301,7 +301,7 @@ fn between(xs: &[f64], ys: &[f64], low: f64, high: f64) -> Option<(Vec<f64>, Vec
 fn pair(panel: &Panel, x: &Prepared, y: &Prepared, weight: impl Fn(usize) -> f64) -> Drawn {
     let (px, py) = (x.parameter, y.parameter);
     let ink = Role::Posterior.ink();
-    // Two coordinates need a wider kernel than one, and correlated ones a narrower: the rule of one is kept.
+    // Two coordinates need a wider kernel than one, correlated ones a narrower: a compromise.
     let mass = density::pair(
         (&x.pair_bins, &y.pair_bins),
         (&px.draws, &py.draws),

@@ -33,7 +33,7 @@ impl Bins {
         (first.min(last), last)
     }
 
-    /// Gaussian smoothing; what would leave the support is folded back in.
+    /// Gaussian smoothing; mass that would leave the support is folded back in.
     fn smooth(&self, values: &[f64], bandwidth: f64) -> Vec<f64> {
         let sd = bandwidth / self.width();
         let reach = ((4.0 * sd).ceil() as usize).min(self.count);
@@ -106,7 +106,7 @@ pub(crate) fn quantile_sorted(sorted: &[(f64, f64)], p: f64) -> f64 {
     sorted.last().map_or(f64::NAN, |&(x, _)| x)
 }
 
-/// Density per unit of the coordinate at the centre of each bin.
+/// Density per unit of the coordinate at the centre of each bin, smoothed.
 pub(crate) fn marginal(
     bins: &Bins,
     draws: &[f64],
@@ -128,7 +128,7 @@ pub(crate) fn marginal(
     bins.smooth(&mass, bandwidth).into_iter().map(|m| m * scale).collect()
 }
 
-/// Mass per cell of a pair, row after row of `y`.
+/// Smoothed mass per cell of a pair of coordinates, row by row of the second.
 pub(crate) fn pair(
     bins: (&Bins, &Bins),
     draws: (&[f64], &[f64]),
@@ -155,7 +155,7 @@ pub(crate) fn pair(
     mass
 }
 
-/// The level above which cells together hold a share of the mass.
+/// Level above which the cells together hold a share of the mass.
 pub(crate) fn level_holding(mass: &[f64], share: f64) -> f64 {
     let mut sorted: Vec<f64> = mass.iter().copied().filter(|m| *m > 0.0).collect();
     sorted.sort_by(|a, b| b.total_cmp(a));
@@ -177,7 +177,7 @@ pub(crate) fn contours(mass: &[f64], columns: usize, level: f64) -> Vec<Vec<(f64
     if !level.is_finite() || level <= 0.0 || rows == 0 {
         return Vec::new();
     }
-    // Outside the grid there is nothing, so every outline closes.
+    // The mass outside the grid is zero, so every outline closes.
     let value = |x: i64, y: i64| -> f64 {
         if x < 0 || y < 0 || x >= columns as i64 || y >= rows as i64 {
             0.0

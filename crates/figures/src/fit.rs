@@ -120,7 +120,7 @@ impl FitFigure {
         let curves = self.curves().into_iter().filter(|(values, ..)| !values.is_empty());
         entries.extend(curves.map(|(_, role, name)| (name, Swatch::Line(role.pen()))));
         for (_, opacity, name) in self.bands().into_iter().rev().filter(|(b, ..)| !b.is_empty()) {
-            // Bands lie on top of each other: what is seen of one is darker than the band alone.
+            // Bands lie on top of each other: they look darker than one band alone.
             entries.push((name, Swatch::Band(Role::Posterior.ink().mix(opacity).mix(1.6))));
         }
         if self.knee.is_some() {

@@ -15,7 +15,7 @@ pub struct RankedQuantity {
     pub name: String,
     /// Share of the ranks not above each level, less the level.
     pub difference: Vec<f64>,
-    /// Probability that uniform ranks stray as far (NaN if unknown).
+    /// Probability that uniform ranks stray as far, 0 to 1 (NaN if unknown: not shown).
     pub p_value: f64,
 }
 
@@ -62,7 +62,7 @@ impl Figure for RanksFigure {
         let y = Axis::holding("F(u) − u", "", Scale::Linear, [-reach, reach], 0.05);
         let (across, height) = page.of_width((2, 62.0), (3, 90.0));
         let specs = self.quantities.iter().enumerate().map(|(place, q)| {
-            let known = q.p_value.is_finite();
+            let known = (0.0..=1.0).contains(&q.p_value);
             let p = if known { format!(" (p = {:.2})", q.p_value) } else { String::new() };
             let spec = Spec::new(x.clone(), y.clone()).y_labels(place % across == 0);
             spec.named(q.name.clone(), p)

@@ -394,6 +394,21 @@ proptest! {
     }
 }
 
+/// A corner of two parameters with the same prior, one of them perhaps given by its logarithm.
+fn corner_of_two(xs: &[f64], ys: &[f64], map: f64, log10: bool) -> CornerFigure {
+    let parameter = CornerParameter {
+        log10,
+        draws: xs.to_vec(),
+        prior: xs.iter().copied().zip(ys.iter().copied()).collect(),
+        paper: ys.first().copied(),
+        map: Some(map),
+        ..Default::default()
+    };
+    let other = CornerParameter { draws: ys.to_vec(), log10: false, ..parameter.clone() };
+    let title = String::new();
+    CornerFigure { parameters: vec![parameter, other], weights: ys.to_vec(), title }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: CASES, ..ProptestConfig::default() })]
 
@@ -407,11 +422,6 @@ proptest! {
         let band = Band { lower: ys.clone(), upper: xs.clone() };
         let mut sorted = xs.clone();
         sorted.sort_by(f64::total_cmp);
-        let parameter = CornerParameter {
-            log10: log, draws: xs.clone(), prior: xs.iter().copied().zip(ys.iter().copied()).collect(),
-            paper: ys.first().copied(), map: Some(shift), ..Default::default()
-        };
-        let other = CornerParameter { draws: ys.clone(), log10: false, ..parameter.clone() };
         let recursion = RecursionParameter {
             median: ys.clone(), interval50: band.clone(), interval90: band.clone(), paper: Some(shift), log10: log,
             ..Default::default()
@@ -435,7 +445,7 @@ proptest! {
                 paper_knee: Some(shift), title: "t".into(),
                 axes: axes.clone(),
             }),
-            Box::new(CornerFigure { parameters: vec![parameter, other], weights: ys.clone(), title: String::new() }),
+            Box::new(corner_of_two(&xs, &ys, shift, log)),
             Box::new(RecursionFigure {
                 control: sorted.clone(), log_control: log, parameters: vec![recursion], ess: xs.clone(), ..Default::default()
             }),

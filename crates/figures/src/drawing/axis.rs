@@ -77,7 +77,7 @@ impl Axis {
         axis
     }
 
-    /// The same axis, starting at a value where that is below all others.
+    /// The same axis, starting at a value if that is below the upper end.
     pub(crate) fn starting_at(mut self, value: f64) -> Axis {
         if let Some(c) = self.coordinate(value).filter(|&c| c < self.high) {
             self.low = c;
@@ -85,7 +85,7 @@ impl Axis {
         self
     }
 
-    /// Position of a value along the axis in coordinates, if it has one.
+    /// Coordinate of a value, if it has one.
     pub(crate) fn coordinate(&self, value: f64) -> Option<f64> {
         match self.scale {
             Scale::Linear | Scale::Exponent | Scale::Count => {
@@ -95,19 +95,19 @@ impl Axis {
         }
     }
 
-    /// As [`Axis::coordinate`], but what lies far outside the range is moved nearer, to where rounding does no harm.
+    /// As [`Axis::coordinate`], but moved nearer where it lies so far outside the range that rounding would harm.
     pub(crate) fn near(&self, value: f64) -> Option<f64> {
         let far = 1e9 * (self.high - self.low);
         self.coordinate(value).map(|c| c.clamp(self.low - far, self.high + far))
     }
 
-    /// Whether a coordinate lies on the axis, but for rounding.
+    /// Whether a coordinate lies on the axis, up to rounding.
     pub(crate) fn holds(&self, coordinate: f64) -> bool {
         let slack = 1e-3 * (self.high - self.low);
         (self.low - slack..=self.high + slack).contains(&coordinate)
     }
 
-    /// The nearest coordinate on the axis.
+    /// Nearest coordinate on the axis.
     pub(crate) fn within(&self, coordinate: f64) -> f64 {
         coordinate.clamp(self.low, self.high)
     }

@@ -179,7 +179,7 @@ impl Panel {
         self.filled(run, ink)
     }
 
-    /// The area within (x, lower, upper), or nothing.
+    /// Fills the area within points (x, lower, upper).
     fn filled(&self, mut run: Vec<(f64, f64, f64)>, ink: RGBAColor) -> Drawn {
         if let [(x, low, high)] = run[..] {
             let half = 1.5 * (self.x.high - self.x.low) / f64::from(self.right - self.left);
