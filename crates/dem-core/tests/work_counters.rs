@@ -24,7 +24,7 @@ fn work(
 }
 
 #[test]
-fn default_runs_cost_other_steps_than_they_did() {
+fn default_runs_cost_the_steps_they_did() {
     let materials = [
         ("PS", paper::PS, &paper::PS_TABLE3, 1.08, 1.0),
         ("PA12", paper::PA12, &paper::PA12_TABLE3, 2f64.cbrt(), 15.0),

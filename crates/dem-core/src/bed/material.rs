@@ -1,5 +1,7 @@
 //! What the particles are made of, and the constants of a contact that follow from it.
 
+use serde::{Deserialize, Serialize};
+
 use super::error::{BedError, within};
 use crate::kinetics::{RateCoefficients, WithLaw, with_law};
 use crate::{ContactLaw, Damping, Kinetic, Kinetics, PairScene, PairSpec, Sintering, SolveError};
@@ -13,14 +15,26 @@ use crate::{ContactLaw, Damping, Kinetic, Kinetics, PairScene, PairSpec, Sinteri
 ///
 /// and on the slider, at that limit, the spring is shortened to fit. The limit counts from the lowest
 /// force that the contact can carry: an adhesive contact holds tangentially though nothing presses it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+///
+/// In a scene file `[friction]`.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
 pub struct Friction {
     /// Coefficient of friction mu, 0 to 10.
     pub coefficient: f64,
     /// Tangential stiffness over K1, up to 1; 2/7 gives a tangential period equal to the normal one.
+    #[serde(default = "two_sevenths")]
     pub tangential_stiffness_over_k1: f64,
     /// Tangential dissipation over the normal one, 0 to 1.
+    #[serde(default = "half")]
     pub tangential_damping_over_normal: f64,
+}
+
+fn two_sevenths() -> f64 {
+    2.0 / 7.0
+}
+fn half() -> f64 {
+    0.5
 }
 
 impl Friction {

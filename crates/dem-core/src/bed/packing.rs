@@ -8,14 +8,18 @@
 use rand::{RngExt, SeedableRng, rngs::ChaCha8Rng};
 use rand_distr::{Distribution, LogNormal};
 
+use serde::{Deserialize, Serialize};
+
 use super::error::{BedError, field, within};
 use super::neighbours::{NeighbourList, image_of, index_of, sort_and_list};
 use super::particles::Particles;
 use super::region::{Region, Wall};
 use super::vec3::{Vec3, ZERO, add, dot, norm, scale, sub};
 
-/// Where radii come from.
-#[derive(Debug, Clone, PartialEq)]
+/// Distribution of radii; in a scene file `radii = { equal = {..} }`, `{ log-normal = {..} }` or
+/// `{ histogram = {..} }`.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub enum Radii {
     /// All alike.
     Equal {
@@ -241,7 +245,7 @@ impl Soft {
             unit_m,
             walls: region.walls(),
             region,
-            particles: Particles::at_rest(position, vec![ZERO; count], radii, 1.0, false),
+            particles: Particles::new(position, vec![ZERO; count], radii, 1.0, false),
             list: NeighbourList::default(),
             listed: Vec::new(),
             force: vec![ZERO; count],

@@ -6,9 +6,10 @@ use super::engine::{Bed, Drive};
 use super::error::{BedError, field};
 use super::material::{Growing, Material};
 use super::measure::Sample;
+use super::phase::{Mode, Phase};
 use super::quasi_static::{QuasiStaticReport, QuasiStaticSettings};
 use super::region::Side;
-use super::scene::{Mode, Phase, Scene};
+use super::scene::Scene;
 use super::vec3::norm;
 
 /// What a run of a scene gives.

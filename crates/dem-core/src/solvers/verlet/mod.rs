@@ -1,12 +1,14 @@
 //! The full discrete-element run of the pair.
 
 mod batch;
+mod clock;
 mod pair;
 
 pub use batch::verlet_batch;
 
 use super::{PairSolver, SolveReport, SolverSettings};
 use crate::{Kinetic, PairScene, SolveError};
+use clock::{Clock, Stepping};
 use pair::{Pair, Scheme};
 
 /// Newton's law for the relative coordinate of the pair, by velocity Verlet, with the plastic overlap
@@ -42,10 +44,8 @@ use pair::{Pair, Scheme};
 /// wait: [`verlet_batch`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Verlet {
-    step_s: f64,
+    stepping: Stepping,
     from_contact: bool,
-    stop_when_coalesced: bool,
-    max_work: u64,
 }
 
 impl Verlet {
@@ -68,17 +68,19 @@ impl Verlet {
             return Err(SolveError::UnstableStep { step_over_collision_time, step_s, limit_s });
         }
         Ok(Self {
-            step_s,
+            stepping: Stepping {
+                step_s,
+                stop_when_coalesced: settings.stop_when_coalesced,
+                max_work: settings.max_work,
+            },
             from_contact: settings.from_contact,
-            stop_when_coalesced: settings.stop_when_coalesced,
-            max_work: settings.max_work,
         })
     }
 
     /// The time step \[s\].
     #[must_use]
     pub fn step_s(&self) -> f64 {
-        self.step_s
+        self.stepping.step_s
     }
 
     fn run<K: Kinetic>(
@@ -88,10 +90,10 @@ impl Verlet {
         times_s: &[f64],
         observe: &mut impl FnMut(usize, f64, f64),
     ) -> Result<SolveReport, SolveError> {
-        let scheme = Scheme::<f64>::new(scene, self.step_s, &law.coefficients());
+        let scheme = Scheme::<f64>::new(scene, self.step_s(), &law.coefficients());
         let mut pair = Pair::start(scene, self.from_contact);
         scheme.set_off::<K>(&mut pair);
-        let mut clock = pair::Clock::new(self, scene, times_s);
+        let mut clock = Clock::new(&self.stepping, scene, times_s);
         while let Some(steps) = clock.steps_to_event() {
             for _ in 0..steps {
                 scheme.step::<K>(&mut pair);

@@ -2,14 +2,14 @@
 
 use rayon::prelude::*;
 
-use super::contact::{Growth, LawConstants, Memory};
-use super::engine::Bed;
-use super::error::BedError;
-use super::material::ContactConstants;
-use super::neighbours::index_of;
 use super::network::{Network, Spring};
-use super::quasi_static::{QuasiStaticReport, QuasiStaticSettings};
-use super::vec3::{Vec3, ZERO, add, dot, norm, scale, sub};
+use super::settings::{QuasiStaticReport, QuasiStaticSettings};
+use crate::bed::contact::{Growth, LawConstants, Memory};
+use crate::bed::engine::Bed;
+use crate::bed::error::BedError;
+use crate::bed::material::ContactConstants;
+use crate::bed::neighbours::index_of;
+use crate::bed::vec3::{Vec3, ZERO, add, dot, norm, scale, sub};
 use crate::kinetics::RateCoefficients;
 
 /// Rate of the overlap.

@@ -17,14 +17,19 @@
 //!
 //! Contacts are made and broken between steps only. Within a step every contact carries a force that rises
 //! with its overlap, also where it opens: so there is one balance, the minimum of a convex function but for
-//! the turning of the contacts, and [Newton's method](super::balance) finds it. A step in which particles meet, or part,
+//! the turning of the contacts, and [Newton's method](balance) finds it. A step in which particles meet, or part,
 //! by more than a little is cut where they do. A new contact starts as the contact of its overlap that
 //! carries nothing. Damping, drag and friction, which act on velocities or need a history of sliding, play no part.
 //!
 //! The step is chosen so that the change of D over it, times half the growth in it, which is the error of the implicit rule,
 //! moves the contact ratios by no more than the tolerance in root mean square.
 
-use super::balance::{RateOf, Step, rate_of};
+mod balance;
+mod network;
+mod settings;
+
+pub use settings::{QuasiStaticReport, QuasiStaticSettings};
+
 use super::contact::{Grows, Memory};
 use super::engine::Bed;
 use super::error::{BedError, field, within};
@@ -32,51 +37,9 @@ use super::material::ContactConstants;
 use super::neighbours::index_of;
 use super::region::Side;
 use super::vec3::{Vec3, ZERO, dot, norm, scale, sub};
-use crate::Kinetics;
-use crate::kinetics::{Frenkel, Pokluda, RegimeMap, ThreeStage, ThreeStagePokluda};
-
-/// How the quasi-static mode goes about it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct QuasiStaticSettings {
-    /// Error of a/R (root mean square over the contacts) that one step may make.
-    pub tolerance: f64,
-    /// Largest net force on a particle that counts as balanced, over fa.
-    pub balance: f64,
-    /// Whether a box that is periodic on all sides shrinks so that it carries no pressure.
-    pub free_box: bool,
-    /// Largest number of steps.
-    pub max_work: u64,
-}
-
-impl Default for QuasiStaticSettings {
-    fn default() -> Self {
-        Self { tolerance: 1e-4, balance: 1e-4, free_box: false, max_work: 100_000 }
-    }
-}
-
-/// What a quasi-static run did.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct QuasiStaticReport {
-    /// Steps taken.
-    pub steps: u64,
-    /// Steps made again, shorter.
-    pub rejected: u64,
-    /// Newton iterations.
-    pub newton: u64,
-    /// Iterations of conjugate gradients, each about as dear as a step of the engine.
-    pub conjugate_gradients: u64,
-    /// Error of the mean contact ratio that the steps have made: the sum of their mean errors, which add up, and the root of
-    /// the sum of their mean squares, which is chance (a contact made or broken shifts the load of all).
-    pub error_estimate: f64,
-    /// Sum over the steps of the mean error of a/R, with its sign.
-    pub mean_error: f64,
-    /// Sum over the steps of the mean squared error of a/R.
-    pub squared_error: f64,
-    /// The time up to which the bed is known to be in balance \[s\].
-    pub balanced_at_s: Option<f64>,
-    /// The step that comes next, where there was one \[s\].
-    pub next_step_s: Option<f64>,
-}
+use crate::Kinetic;
+use crate::kinetics::{WithLaw, with_law};
+use balance::{RateOf, Step, rate_of};
 
 /// Overlap, in effective radii, that a contact may be made with, over the tolerance of a/R.
 const NEW_OVERLAP: f64 = 50.0;
@@ -172,13 +135,14 @@ impl Bed {
     }
 
     fn rate(&self) -> Option<RateOf> {
-        Some(match self.drive.growing?.kinetics {
-            Kinetics::ThreeStage => rate_of::<Grows<ThreeStage>>,
-            Kinetics::Frenkel => rate_of::<Grows<Frenkel>>,
-            Kinetics::Pokluda => rate_of::<Grows<Pokluda>>,
-            Kinetics::ThreeStagePokluda => rate_of::<Grows<ThreeStagePokluda>>,
-            Kinetics::RegimeMap => rate_of::<Grows<RegimeMap>>,
-        })
+        struct Rate;
+        impl WithLaw for Rate {
+            type Output = RateOf;
+            fn run<K: Kinetic>(self) -> RateOf {
+                rate_of::<Grows<K>>
+            }
+        }
+        self.drive.growing.map(|growing| with_law(growing.kinetics, Rate))
     }
 
     /// A step in which the fastest contact grows by a part of itself.

@@ -8,7 +8,7 @@
 
 use rayon::prelude::*;
 
-use super::vec3::{Vec3, ZERO, add, dot, scale, sub};
+use crate::bed::vec3::{Vec3, ZERO, add, dot, scale, sub};
 
 /// Particles of a block.
 const BLOCK: usize = 256;
