@@ -1,9 +1,9 @@
-//! The pair scene: two equal spheres, one relative coordinate, nothing else.
+//! The pair scene: two equal spheres and one relative coordinate.
 
 use crate::contact_law::ContactLaw;
 use crate::{Powder, SceneError, paper};
 
-/// How the contact dissipates. The quasi-static results do not depend on it.
+/// Dissipation of the contact. The quasi-static results do not depend on it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Damping {
     /// Coefficient of restitution e of the loading branch, in (0, 1]:
@@ -273,7 +273,7 @@ impl PairScene {
         2.0 * (self.effective_mass_kg / (self.law.k2_max * self.k1)).sqrt()
     }
 
-    /// How far the inertia of the soft contact lets the pair lag behind its equilibrium,
+    /// Time by which the inertia of the soft contact lets the pair lag behind its equilibrium,
     /// `sqrt(2 m_eff x R / fa)`: the time that fa needs to pull the pair through the overlap \[s\].
     #[must_use]
     pub fn inertial_lag_s(&self, overlap: f64) -> f64 {

@@ -1,5 +1,4 @@
-//! How much work the default runs are: an algorithm that needs more has become worse, one that needs less has
-//! another reason to be looked at.
+//! Work of the default runs: more work is a worse algorithm, and less work needs an explanation.
 
 use dem_core::printed::{PrintedTable3, from_printed};
 use dem_core::{Kinetics, PairSpec, Powder, SolverKind, SolverSettings, contact_ratios, paper};

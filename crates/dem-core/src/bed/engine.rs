@@ -26,7 +26,7 @@ use super::vec3::{Vec3, ZERO, add, norm, scale, sub};
 /// Growth, time step and mass scaling of a phase.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Drive {
-    /// How contacts grow; `None` while nothing is heated.
+    /// Growth of the contacts; `None` in a phase without heat.
     pub growing: Option<Growing>,
     /// Time step over the collision time of the smallest particles; 0.02 is usual.
     pub step_over_collision_time: f64,
@@ -289,7 +289,7 @@ impl Bed {
         &self.material
     }
 
-    /// Another material, of the same law but for its stiffness; takes effect when a phase
+    /// Replaces the material by one of another stiffness; takes effect when a phase
     /// [begins](Self::begin).
     pub(crate) fn set_material(&mut self, material: Material) {
         self.law = LawConstants::new(*material.law());

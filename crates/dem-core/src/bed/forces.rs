@@ -1,7 +1,7 @@
 //! First half of a step: the forces of the pairs.
 //!
-//! Every pair is computed once, by itself, from the positions of its two particles and its own
-//! memory, and leaves its force in its own place: whoever computes it, the bits are the same.
+//! Every pair is computed once, from the positions of its two particles and its own memory, and writes
+//! its force in its own place: the bits do not depend on the thread.
 
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -20,7 +20,7 @@ pub(crate) trait PairFeatures {
     const EQUAL: bool;
     /// Whether there is friction, and with it rotation.
     const FRICTION: bool;
-    /// How the plastic overlap grows.
+    /// Growth of the plastic overlap.
     type G: Growth;
 }
 
@@ -50,11 +50,11 @@ pub(crate) struct PairInput<'a> {
     pub(crate) law: LawConstants,
     pub(crate) k1: f64,
     pub(crate) step_s: f64,
-    /// Of all pairs, where all radii are equal.
+    /// The scheme of all pairs, where all radii are equal.
     pub(crate) scheme: Scheme,
     /// Sum of two radii, where all are equal.
     pub(crate) diameter: f64,
-    /// Of each pair, where the radii differ.
+    /// The constants of each pair, where the radii differ.
     pub(crate) constants: &'a [ContactConstants],
     pub(crate) slider: Slider,
 }

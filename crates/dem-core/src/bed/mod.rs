@@ -9,8 +9,8 @@
 //! | tables, pictures' data, restarts | [`write_csv`], [`write_vtk`], [`Bed::checkpoint`] |
 //!
 //! A contact is the pair of the calibration at the effective radius `R = 2 Ri Rj/(Ri + Rj)`; a wall has
-//! `2 Ri` and does not grow. What a scene does not have (images, unequal radii, friction and with it rotation, walls, gravity,
-//! drag, growth) is left out by the compiler; `README.md` beside this module has what each costs.
+//! `2 Ri` and does not grow. Features that a scene does not have (images, unequal radii, friction and with it rotation,
+//! walls, gravity, drag, growth) are not compiled into its step; `README.md` beside this module has the cost of each.
 //!
 //! ```
 //! use std::ops::ControlFlow;

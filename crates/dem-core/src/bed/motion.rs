@@ -1,7 +1,7 @@
 //! Second half of a step: each particle gathers its forces and moves.
 //!
 //! The forces are added in the order of the list, first of the pairs that the particle is the first of,
-//! then of those it is the second of, then of the walls: the sum does not know who computes it.
+//! then of those it is the second of, then of the walls: the bits do not depend on the thread.
 
 use std::ops::Range;
 
@@ -44,7 +44,7 @@ impl<const WALLS: bool, const GRAVITY: bool, const DRAG: bool, const FRICTION: b
 /// Particles near walls.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct WallList {
-    /// Where the walls of particle i begin.
+    /// Place of the first wall of particle i.
     pub(crate) start: Vec<u32>,
     /// The wall.
     pub(crate) wall: Vec<u8>,

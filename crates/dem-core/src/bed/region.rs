@@ -12,11 +12,11 @@ pub enum Side {
     /// No bound: particles may leave.
     #[default]
     Open,
-    /// What leaves on one side comes in on the other.
+    /// Particles that leave on one side come in on the other.
     Periodic,
     /// A wall at both ends.
     Walls,
-    /// A wall at the lower end, nothing at the upper one.
+    /// A wall at the lower end; the upper one is open.
     LowerWall,
 }
 
@@ -145,7 +145,7 @@ pub(crate) const NO_SHIFT: u32 = 13;
 pub struct Wall {
     /// 0, 1 or 2.
     pub axis: usize,
-    /// Where on the axis \[m\].
+    /// Position on the axis \[m\].
     pub position_m: f64,
     /// The direction of the axis into the box, 1 or -1.
     pub inward: f64,

@@ -8,7 +8,7 @@ use super::neighbours::{index_of, sort_and_list};
 use super::vec3::{ZERO, scale};
 
 impl Bed {
-    /// Makes the neighbour list anew; contacts keep what they remember.
+    /// Rebuilds the neighbour list; contacts keep their memory.
     pub(crate) fn rebuild(&mut self) -> Result<(), BedError> {
         self.work.rebuilds += 1;
         let old = std::mem::take(&mut self.list);

@@ -28,7 +28,7 @@ pub struct SceneFile {
     pub material: MaterialTable,
     /// The growth of contacts; left out where no phase is heated.
     pub sintering: Option<SinteringTable>,
-    /// The box; left out where there is nothing around the particles.
+    /// The box; left out in open space.
     #[serde(rename = "box")]
     pub region: Option<BoxTable>,
     /// The particles.
@@ -119,7 +119,7 @@ pub struct BoxTable {
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub enum ParticlesTable {
-    /// Each by itself.
+    /// A list.
     Table {
         /// Centres \[m\].
         positions_m: Vec<[f64; 3]>,

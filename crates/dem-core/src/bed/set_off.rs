@@ -12,7 +12,7 @@ use crate::{Kinetic, Kinetics};
 /// Forces and torques on the particles at the start of a phase.
 struct StartForces {
     force: Vec<Vec3>,
-    /// What growth adds to the mean force over the first half step, in which it may relax a contact.
+    /// Change of the mean force over the first half step by growth, which may relax a contact.
     relaxed: Vec<Vec3>,
     torque: Vec<Vec3>,
 }

@@ -1,4 +1,4 @@
-//! How long a time step of a bed may be.
+//! The largest stable time step of a bed.
 
 use super::engine::Bed;
 use super::error::BedError;

@@ -11,10 +11,10 @@ use super::vec3::{Vec3, norm};
 pub struct Surroundings {
     /// The box.
     pub region: Region,
-    /// Acceleration of gravity \[m/s2\]; `[0, 0, 0]` where there is none.
+    /// Acceleration of gravity \[m/s2\]; `[0, 0, 0]` without gravity.
     pub gravity_m_per_s2: [f64; 3],
-    /// Viscosity of a fluid that drags on each particle by Stokes' law, `-6 pi eta R v` \[Pa s\]; 0 where
-    /// there is none.
+    /// Viscosity of a fluid that drags on each particle by Stokes' law, `-6 pi eta R v` \[Pa s\]; 0 without
+    /// a fluid.
     pub drag_viscosity_pa_s: f64,
     /// Friction between particles and with walls.
     pub friction: Option<Friction>,
@@ -37,9 +37,9 @@ pub struct Start {
     pub position_m: Vec<[f64; 3]>,
     /// Radii \[m\].
     pub radius_m: Vec<f64>,
-    /// Velocities \[m/s\]; empty where all are at rest.
+    /// Velocities \[m/s\]; empty for particles at rest.
     pub velocity_m_per_s: Vec<[f64; 3]>,
-    /// Angular velocities \[1/s\]; empty where none rotates. Not used without friction.
+    /// Angular velocities \[1/s\]; empty for particles without rotation. Not used without friction.
     pub angular_velocity_per_s: Vec<[f64; 3]>,
 }
 
@@ -78,7 +78,7 @@ impl Start {
         self.check_walls(material, &around.region)
     }
 
-    /// One finite vector for each particle, or none at all.
+    /// Checks that there is one finite vector for each particle, or no vector.
     fn check_vectors(&self, name: &str, values: &[Vec3]) -> Result<(), BedError> {
         if !values.is_empty() && values.len() != self.position_m.len() {
             return Err(field(name, values.len(), "give none, or one for each particle"));
@@ -89,7 +89,7 @@ impl Start {
         }
     }
 
-    /// Walls may overlap with particles as far as an adhesive contact does.
+    /// Refuses particles that overlap with a wall by more than an adhesive contact.
     fn check_walls(&self, material: &Material, region: &Region) -> Result<(), BedError> {
         let walls = region.walls();
         for (particle, (&position_m, &radius_m)) in

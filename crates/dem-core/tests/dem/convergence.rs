@@ -1,4 +1,4 @@
-//! The solvers that step, against references that they do not share, and against each other.
+//! The solvers with steps against independent references and against each other.
 
 use crate::kinetics::reference_time;
 use crate::reference::{integrate, materials, motion};

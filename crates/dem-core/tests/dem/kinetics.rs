@@ -1,12 +1,13 @@
 //! The exact solutions against quadrature of the printed equations.
 
 use crate::reference::{materials, switch, time_between};
+use dem_core::kinetics::Regimes;
 use dem_core::{
     Kinetics, PairScene, PairSpec, Sintering, SolverSettings, contact_ratios, knee, paper,
     time_to_contact_ratio,
 };
 
-/// When the reference reaches an overlap from the adhesive contact.
+/// Time \[s\] in which the reference reaches an overlap from the adhesive contact.
 pub(crate) fn reference_time(scene: &PairScene, kinetics: Kinetics, s: &Sintering, x: f64) -> f64 {
     let rest = if kinetics == Kinetics::RegimeMap {
         // The map in explicit time leaves x0 when the first of its branches gets there.
@@ -121,5 +122,25 @@ fn regime_map_is_the_maximum_of_equations_3_4_and_5() {
         let a2 = (t / s.tau_s).sqrt();
         let expected = a1.max(a2).max(1e-3f64.sqrt()).min(2f64.cbrt());
         assert!((found - expected).abs() < 1e-14, "{t}: {found} against {expected}");
+    }
+}
+
+#[test]
+fn the_lines_of_figure_2_cross_at_p1_and_p2_and_make_the_regime_map() {
+    for (scene, s) in materials() {
+        let regimes = Regimes::new(scene.powder(), &s);
+        let (p1, p2) = (regimes.p1_s(), regimes.p2_s());
+        assert!((regimes.zipping(p1) / regimes.adhesive - 1.0).abs() < 1e-13);
+        assert!((regimes.zipping(p2) / regimes.stretching(p2) - 1.0).abs() < 1e-13);
+        let times = [0.3 * p2, p2, 1.5 * p2];
+        let mut map = [0.0; 3];
+        let settings = SolverSettings::default();
+        contact_ratios(&scene, Kinetics::RegimeMap, &s, &settings, &times, &mut map)
+            .expect("valid");
+        for (t, found) in times.into_iter().zip(map) {
+            let expected = regimes.zipping(t).max(regimes.stretching(t));
+            let held = expected.clamp(scene.start_contact_ratio(), scene.final_contact_ratio());
+            assert!((found - held).abs() < 1e-14, "{t}: {found} against {held}");
+        }
     }
 }

@@ -1,4 +1,4 @@
-//! What section 4 of the paper says about its three materials, from Table 3 as it is printed.
+//! The statements of section 4 of the paper about its three materials, from Table 3 as printed.
 
 use crate::reference::materials;
 use dem_core::printed::{PrintedTable3, from_printed, to_printed};

@@ -4,7 +4,7 @@ use dem_core::{
     Damping, Kinetics, PairScene, PairSpec, Sintering, SolverKind, SolverSettings, paper, simulate,
 };
 
-/// As good as no sintering: plastic overlap 0, stiffness K1.
+/// Negligible sintering: plastic overlap 0, stiffness K1.
 const FROZEN: Sintering = Sintering { c1: 1.0, tau_s: 1e30, delta_c: 1.0 };
 
 fn scene(damping: Damping) -> PairScene {

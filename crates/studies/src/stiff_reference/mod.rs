@@ -30,14 +30,14 @@ pub enum Equations {
     ForceBalance,
 }
 
-/// Why there is no reference.
+/// An error of a reference.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ReferenceError {
     /// The motion leaves the elastic branch of the contact law, on which alone it is integrated.
     #[error("the motion leaves the elastic branch at t = {time_s} s: compare another case")]
     OtherBranch {
-        /// When \[s\].
+        /// Time \[s\].
         time_s: f64,
     },
     /// The integrator used all the steps it was allowed.
@@ -53,9 +53,9 @@ pub enum ReferenceError {
     /// The integrator failed.
     #[error("Radau failed at t = {time_s} s: {cause}")]
     Integrator {
-        /// When \[s\].
+        /// Time \[s\].
         time_s: f64,
-        /// What it said.
+        /// Its message.
         cause: String,
     },
     /// The result still moves at the tightest tolerance.
@@ -63,7 +63,7 @@ pub enum ReferenceError {
     StillMoves {
         /// Largest change of a/R over the last two tightenings.
         movement: f64,
-        /// What was wanted.
+        /// Largest change wanted.
         wanted: f64,
     },
 }

@@ -40,7 +40,7 @@ pub(super) struct System {
     zipping: f64,
     stretching: f64,
     at_constant_volume: bool,
-    /// How long the regime map rests at its start, in units of time.
+    /// Rest of the regime map at its start, in units of time.
     pub(super) rest: f64,
 }
 

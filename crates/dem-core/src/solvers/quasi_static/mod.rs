@@ -13,7 +13,7 @@ use dormand_prince::Step;
 /// embedded Runge-Kutta pair of Dormand and Prince with dense output.
 ///
 /// The bend of the rate at the knee and the end at phi are located on the dense output and never
-/// stepped over: each smooth piece of the rate is integrated by itself, in its own time. The
+/// stepped over: each smooth piece of the rate is integrated separately, in its own time. The
 /// singular start of zipping needs no care beyond small first steps: relative to the time since the
 /// start they grow geometrically.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,17 +22,16 @@ pub struct QuasiStatic {
     max_work: u64,
 }
 
-/// Share of the wanted error of a/R that one step may have. Zipping forgets errors (its rate falls
+/// Share of the tolerance that one step may use. Zipping forgets errors (its rate falls
 /// with the overlap) and stretching adds them up over few steps.
 const STEP_SHARE: f64 = 0.5;
 
-/// By how much the embedded error estimate is enlarged, and by which share of the overlap a step may
-/// grow it at most. On the power law of zipping the embedded estimate is up to ten times too small
+/// Factor on the embedded error estimate, and the largest relative growth of the overlap in one step. On the power law of zipping the embedded estimate is up to ten times too small
 /// for steps of that length (`dx/dt = x^(-5/2)`, 8 %), and a hundred times for steps three times as long.
 const CAUTION: f64 = 10.0;
 const LARGEST_SHARE: f64 = 0.08;
 
-/// A step is at most so many times longer than the one before.
+/// Largest ratio of a step to the one before.
 const LARGEST_GROWTH: f64 = 5.0;
 
 impl QuasiStatic {
@@ -93,7 +92,7 @@ impl QuasiStatic {
             )?;
         }
         if ended && run.overlap < end {
-            // What the law only approaches counts as reached when it is too near to be seen.
+            // A limit that the law only approaches counts as reached within a thousandth of the tolerance.
             let near_limit = law.limit_overlap() - 1e-3 * self.tolerance;
             if run.overlap < near_limit {
                 ended = run.piece(

@@ -1,4 +1,4 @@
-//! Steps of a curve from observation to observation, and why it ends.
+//! Steps of a curve from observation to observation, and the reason for its end.
 
 use super::pair::Pair;
 use crate::solvers::{SolveReport, SolverKind, StopReason};

@@ -12,17 +12,17 @@ use clock::{Clock, Stepping};
 use pair::{Pair, Scheme};
 
 /// Newton's law for the relative coordinate of the pair, by velocity Verlet, with the plastic overlap
-/// integrated implicitly within each step: see the source of this module's `pair` for the scheme.
+/// integrated implicitly within each step: the scheme is written out in `pair.rs` of this module.
 ///
 /// Second order in the step where the step resolves the relaxation of the contact,
 /// `alpha/(kappa rate)`; about order 1.5 over the singular start of zipping, where no step does
-/// (1e-4 of a/R for PS at 0.02 t_c); first order once across the bend of the rate at the knee, which
-/// falls inside a step. The rate is driven by the whole contact force without adhesion,
+/// (1e-4 of a/R for PS at 0.02 t_c); of first order in the one step across the bend of the rate at the
+/// knee. The rate is driven by the whole contact force without adhesion,
 /// damping included.
 ///
-/// # What a step may do
+/// # Bounds of a step
 ///
-/// The overlap swings about its equilibrium by what inertia carries, at most as far beyond phi^2 as it came: a/R
+/// Inertia lets the overlap swing about its equilibrium, at most as far beyond phi^2 as it started below: a/R
 /// stays below `sqrt(2) phi`, and nothing is clamped. The plastic overlap falls only
 ///
 /// - on the cohesive branch;
@@ -31,7 +31,7 @@ use pair::{Pair, Scheme};
 ///   stops, the contact takes up the momentum as a spring, and in the swing back it pulls with at most
 ///   `K2 v/omega2`, that is `sqrt(kappa 2 phi^2/alpha)` times fa, for `pi/omega2 = pi/(omega sqrt(kappa))`. Stretching runs
 ///   backwards meanwhile: delta0 falls by at most `(R/tau_s) G (pi/omega) sqrt(2 phi^2/alpha)` in each swing, `omega^2 = K1/m_eff`;
-/// - after a first step that the relaxation of the contact is far shorter than. There the implicit update, linear in the
+/// - after a first step far longer than the relaxation of the contact. There the implicit update, linear in the
 ///   plastic overlap, overshoots by at most `q x0/(1 - q x0)` of x0, `q = (K2max/K1 - 1)/phi^2`: 0.6 % of x0 for full
 ///   coalescence.
 ///

@@ -153,7 +153,7 @@ impl<L: Lanes> Scheme<L> {
         let predicted = pair.stiffness * self.driving_of_force * (x1 - p)
             + (self.driving_of_force * damped + self.beta);
         let stiff = d + z;
-        // What waits for x1 comes last: the division runs beside the drift.
+        // Terms that need x1 come last, so that the division runs beside the drift.
         let share = half * hn / (d * d + half * z * (stiff * self.undamped + d));
         let change = share * stiff * predicted + share * (d * pair.driving);
 
@@ -172,7 +172,7 @@ impl<L: Lanes> Scheme<L> {
         pair.velocity = (drift + kick) * self.undamped;
         pair.drift = self.retained * drift + (one + self.retained) * kick;
 
-        // Where another branch than the elastic one holds; never in the plain run of a pair.
+        // Positive off the elastic branch, which the plain run of a pair never leaves.
         let cohesive = L::splat(0.0) - self.cohesion * x1 - force;
         let loading = x1 - p1 - self.elastic_width;
         let apart = L::splat(0.0) - x1;
@@ -218,7 +218,7 @@ impl Scheme<f64> {
     }
 }
 
-/// What to do where the elastic branch may not hold: where `excess` is positive.
+/// The end of a step off the elastic branch, where `excess` is positive.
 pub(super) trait OffElastic<L> {
     fn off_elastic(&self, excess: L, drift: L, pair: &mut Pair<L>);
 }
