@@ -19,8 +19,8 @@ use crate::model::NeckGrowth;
 use crate::plan::PairOptions;
 use crate::record::{FitError, Pair};
 use crate::watch::Watch;
-use crate::weighted::Weighted;
 use figures::{Band, FitFigure};
+use smc_calib::Weighted;
 
 /// Name of the built-in experiment that is predicted.
 pub const EXPERIMENT: &str = "pa12-r30";
