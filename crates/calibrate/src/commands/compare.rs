@@ -5,8 +5,7 @@ use std::path::PathBuf;
 use workbench::compare::{CompareOptions, Compared, RECORD, render};
 use workbench::error::Failure;
 use workbench::material::Material;
-use workbench::output::RunFolder;
-use workbench::run::{pool, pretty};
+use workbench::output::{RunFolder, pool, pretty};
 
 use crate::arguments;
 use crate::terminal::{OnInterrupt, Terminal};

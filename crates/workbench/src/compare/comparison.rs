@@ -2,11 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 use smc_calib::LeaveOneOut;
+use smc_calib::trust::limits::INFORMED_BITS;
 
 use super::strength::Strength;
+use crate::error::InputError;
 use crate::plan::Plan;
-use crate::posterior_file::{FitError, PosteriorFile};
-use crate::summary::{self, INFORMED_BITS};
+use crate::record::{FitError, Record};
 
 /// Version of the layout of `compare.json`.
 pub const SCHEMA_VERSION: u32 = 1;
@@ -121,17 +122,18 @@ pub struct Informed {
 
 impl Comparison {
     /// From the entries of all kinetics; verdict and warnings are not filled in.
-    pub(super) fn new(plan: &Plan, entries: Vec<Entry>) -> Self {
-        Self {
+    pub(super) fn new(plan: &Plan, entries: Vec<Entry>) -> Result<Self, InputError> {
+        let (pair, measured) = plan.pair()?;
+        Ok(Self {
             name: plan.name.clone(),
             title: plan.title.clone(),
-            observations: plan.experiment.time_s.len(),
-            final_contact_ratio: plan.experiment.final_contact_ratio,
-            final_contact_ratio_reason: plan.experiment.final_contact_ratio_reason.clone(),
+            observations: measured.control.len(),
+            final_contact_ratio: pair.final_contact_ratio,
+            final_contact_ratio_reason: pair.final_contact_ratio_reason.clone(),
             entries,
             verdict: Vec::new(),
             warnings: Vec::new(),
-        }
+        })
     }
 
     /// Whether phi was calibrated.
@@ -149,11 +151,12 @@ impl Comparison {
 
 impl Entry {
     pub(super) fn new(
-        file: &PosteriorFile,
+        record: &Record,
         leave_one_out: LeaveOneOut,
         refitted: Vec<usize>,
-    ) -> Self {
-        let mut informed: Vec<Informed> = file
+    ) -> Result<Self, InputError> {
+        let pair = record.pair()?;
+        let mut informed: Vec<Informed> = record
             .parameters
             .iter()
             .map(|summary| Informed {
@@ -164,7 +167,7 @@ impl Entry {
                 counts: true,
             })
             .collect();
-        if let Some(product) = &file.product {
+        if let Some(product) = &pair.neck_growth.product {
             for one in &mut informed {
                 one.counts = one.name != "c1" && one.name != "delta_c";
             }
@@ -177,25 +180,25 @@ impl Entry {
             });
         }
         let counted = informed.iter().filter(|one| one.counts && one.bits >= INFORMED_BITS).count();
-        Self {
-            kinetics: file.plan.kinetics.clone(),
-            log_evidence: file.log_evidence.value,
-            log_evidence_se: file.log_evidence.se,
+        Ok(Self {
+            kinetics: pair.plan.kinetics.name().to_owned(),
+            log_evidence: record.log_evidence.value,
+            log_evidence_se: record.log_evidence.se,
             log_bayes_factor: 0.0,
             strength: Strength::None,
-            error: file.fit.map,
+            error: pair.found.map_error,
             leave_one_out_difference: 0.0,
             leave_one_out_difference_spread: 0.0,
             leave_one_out,
             refitted,
             informed_parameters: counted,
             informed,
-            residual_lag1: file.residuals.lag1,
-            residuals_independent: file.residuals.independent,
-            ess: file.ess.importance,
-            khat: file.khat,
-            trusted: summary::trusted(file),
-        }
+            residual_lag1: pair.found.residuals.lag1,
+            residuals_independent: pair.found.residuals.independent,
+            ess: record.ess.importance,
+            khat: record.khat,
+            trusted: record.trust.is_full(),
+        })
     }
 }
 

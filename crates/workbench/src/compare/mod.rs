@@ -15,15 +15,14 @@ use std::path::PathBuf;
 use dem_core::Kinetics;
 use smc_calib::{Parameter, Prior, PriorSpec, Problem, leave_one_out};
 
-use crate::args::RunArgs;
 use crate::calibration::Calibration;
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::material::Material;
 use crate::model::NeckGrowth;
-use crate::output::{Published, RunFolder};
-use crate::plan::Planned;
-use crate::prior_file::ParameterName;
-use crate::run::{NamedFigures, draw_all, pretty};
+use crate::output::{Published, RunFolder, pretty};
+use crate::parameter::ParameterName;
+use crate::plan::{PairOptions, Planned};
+use crate::report::{NamedFigures, draw_all};
 use crate::watch::Watch;
 use comparison::{Comparison, Entry, PHI_RANGE, Report, ReportPlan, SCHEMA_VERSION};
 use figures::{CompareFigure, NamedCurve, Role, Width};
@@ -113,15 +112,16 @@ fn planned(
     material: Option<Material>,
     kinetics: Kinetics,
 ) -> Result<Planned, Failure> {
-    let mut planned = Planned::from_args(&RunArgs {
+    let mut planned = PairOptions {
         material,
         experiment: options.experiment.clone(),
         prior: options.prior.clone(),
         samples: options.samples,
         seed: options.seed,
         kinetics,
-        ..RunArgs::default()
-    })?;
+        ..PairOptions::default()
+    }
+    .plan()?;
     let name = ParameterName::Phi;
     let given = planned.plan.parameters.iter().any(|parameter| parameter.name == name.name());
     if options.phi && !given {
@@ -143,42 +143,42 @@ fn side_by_side(
     let mut densities = Vec::new();
     for (place, planned) in plans.iter().enumerate() {
         let plan = &planned.plan;
-        let Calibration { file, posterior } =
-            Calibration::run(planned, &mut (), &|| !watch.stop().asked())?;
+        let Calibration { record, posterior } = Calibration::run(planned, watch)?;
         let model = NeckGrowth::of(plan)?;
+        let pair = record.pair()?;
         let problem = Problem {
             simulator: &model,
             parameters: plan.parameters.clone(),
-            observations: plan.observations()?,
-            noise: plan.noise.clone(),
+            observations: pair.measured.observations()?,
+            noise: pair.measured.noise.clone(),
         };
         let mut left_out = leave_one_out(&problem, &posterior)
             .map_err(RunError::new)?
             .ok_or_else(|| RunError::new("there is no posterior to leave observations out of"))?;
-        let refitted = refit::where_unreliable(planned, &model, &posterior, &mut left_out)?;
+        let refitted = refit::where_unreliable(plan, &model, &posterior, &mut left_out)?;
         figure.title.clone_from(&plan.title);
-        figure.time_s.clone_from(&plan.experiment.time_s);
-        figure.contact_ratio.clone_from(&plan.experiment.contact_ratio);
-        figure.grid_s.clone_from(&file.curves.time_s);
+        figure.time_s.clone_from(&pair.measured.control);
+        figure.contact_ratio.clone_from(&pair.measured.values);
+        figure.grid_s.clone_from(&pair.neck_growth.curves.time_s);
         figure.curves.push(NamedCurve {
-            name: plan.kinetics.clone(),
+            name: pair.plan.kinetics.name().to_owned(),
             // Frenkel's curve looks the same in every figure.
-            role: match plan.kinetics()? {
+            role: match pair.plan.kinetics {
                 Kinetics::Frenkel => Role::Frenkel,
                 _ => Role::Series(place),
             },
-            curve: file.curves.map.clone(),
-            at_data: file.map.outputs.clone(),
+            curve: pair.neck_growth.curves.map.clone(),
+            at_data: pair.found.map.clone(),
         });
         densities.push(left_out.points.iter().map(|point| point.ln_density).collect::<Vec<_>>());
-        entries.push(Entry::new(&file, left_out, refitted));
+        entries.push(Entry::new(&record, left_out, refitted)?);
     }
     comparison::rank(&mut entries, &densities);
     let plan = plans
         .first()
         .map(|planned| &planned.plan)
         .ok_or_else(|| RunError::new("there is nothing to compare"))?;
-    let mut comparison = Comparison::new(plan, entries);
+    let mut comparison = Comparison::new(plan, entries)?;
     comparison.verdict = verdict::in_words(&comparison);
     comparison.warnings = verdict::warnings(&comparison);
     Ok((comparison, figure))

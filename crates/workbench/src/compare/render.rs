@@ -2,10 +2,11 @@
 
 use std::fmt::Write as _;
 
+use smc_calib::trust::limits::INFORMED_BITS;
+
 use super::comparison::{Comparison, Entry, PHI_RANGE, Report};
 use super::strength::{Strength, bayes_factor};
 use crate::number::{significant, with_error};
-use crate::summary::INFORMED_BITS;
 
 /// What makes the comparison fair, and what the columns are.
 fn preamble(report: &Report) -> String {

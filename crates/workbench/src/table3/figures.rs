@@ -7,7 +7,7 @@ use super::calibrated::Calibrated;
 use crate::error::{Failure, RunError};
 use crate::material::Material;
 use crate::model::NeckGrowth;
-use crate::pictures;
+use crate::report;
 use figures::{FitFigure, RegimeMapFigure};
 
 /// Points of the regime map.
@@ -19,20 +19,21 @@ const POINTS: usize = 241;
 ///
 /// [`Failure::Input`] for a plan that this version does not know.
 pub fn regime_map(one: &Calibrated) -> Result<RegimeMapFigure, Failure> {
-    let plan = &one.planned.plan;
-    let map = NeckGrowth::of(plan)?.sintering(&one.calibration.posterior.map.theta);
-    let lines = RegimeMap::new(&plan.scene()?, &map).map_err(RunError::new)?;
+    let pair = one.pair()?;
+    let map = NeckGrowth::of(&one.calibration.record.plan)?
+        .sintering(&one.calibration.posterior.map.theta);
+    let lines = RegimeMap::new(&pair.plan.scene()?, &map).map_err(RunError::new)?;
     let (p1, p2) = (lines.p1(), lines.p2());
-    let experiment = &plan.experiment;
-    let last = experiment.time_s.last().copied().unwrap_or(1.0);
+    let measured = pair.measured;
+    let last = measured.control.last().copied().unwrap_or(1.0);
     let first = 0.03 * p1.0;
     let ratio = (3.0 * last / first).ln();
     let grid_s: Vec<f64> =
         (0..POINTS).map(|k| first * (ratio * k as f64 / (POINTS - 1) as f64).exp()).collect();
-    let (data_time_s, data_ratio) = experiment
-        .time_s
+    let (data_time_s, data_ratio) = measured
+        .control
         .iter()
-        .zip(&experiment.contact_ratio)
+        .zip(&measured.values)
         .filter(|(time, value)| **time > 0.0 && **value > 0.0)
         .unzip();
     Ok(RegimeMapFigure {
@@ -42,7 +43,7 @@ pub fn regime_map(one: &Calibrated) -> Result<RegimeMapFigure, Failure> {
         a2: grid_s.iter().map(|time| lines.stretching_contact_ratio(*time)).collect(),
         p1: Some(p1),
         p2: Some(p2),
-        final_ratio: Some(experiment.final_contact_ratio),
+        final_ratio: Some(pair.plan.final_contact_ratio),
         data_time_s,
         data_ratio,
         grid_s,
@@ -51,13 +52,13 @@ pub fn regime_map(one: &Calibrated) -> Result<RegimeMapFigure, Failure> {
 
 /// Figures 4, 5 and 6: measurements, posterior bands, MAP, the paper's curve and the best Frenkel curve.
 #[must_use]
-pub fn sintering_curve(one: &Calibrated) -> (&'static str, FitFigure) {
+pub fn sintering_curve(one: &Calibrated) -> Option<(&'static str, FitFigure)> {
     let name = match one.material {
         Material::Ps => "figure4",
         Material::Pa12 => "figure5",
         Material::Peek => "figure6",
     };
-    (name, pictures::fit(&one.calibration.file, false))
+    Some((name, report::fit(&one.calibration.record, false)?))
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{InputError, Mistake};
 use crate::experiment::Experiment;
 use crate::material::Material;
-use crate::posterior_file::FitError;
+use crate::record::FitError;
 
 /// The eight numbers of section 4 that a reading must give: material, quantity, number.
 pub const STATED: [(Material, Quantity, f64); 8] = [

@@ -149,8 +149,8 @@ pub fn all(calibrated: &[Calibrated]) -> Result<Vec<Statement>, Failure> {
         let Some(one) = calibrated.iter().find(|one| one.material == claim.material) else {
             continue;
         };
-        let plan = &one.planned.plan;
-        let (scene, model) = (plan.scene()?, NeckGrowth::of(plan)?);
+        let scene = one.pair()?.plan.scene()?;
+        let model = NeckGrowth::of(&one.calibration.record.plan)?;
         let posterior = &one.calibration.posterior;
         let of = |theta: &[f64]| (claim.of)(&scene, &model.sintering(theta));
         let found = estimate(posterior, of);
