@@ -34,16 +34,18 @@ impl<'t> DataTable<'t> {
     /// [`InputError`] with line, value and remedy.
     pub fn parse(name: &'t str, text: &'t str, example: &str) -> Result<Self, InputError> {
         let table =
-            Self::of_format(name, text, Format::guess(text)).map_err(|error| match error.mistake {
-                Mistake::Empty => {
-                    let indented = example.replace('\n', "\n          ");
-                    error.help(format_args!("the shortest table is\n          {indented}"))
+            Self::of_format(name, text, Format::guess(text)).map_err(|error| {
+                match error.mistake {
+                    Mistake::Empty => {
+                        let indented = example.replace('\n', "\n          ");
+                        error.help(format_args!("the shortest table is\n          {indented}"))
+                    }
+                    Mistake::MissingColumn => {
+                        let names = example.lines().next().unwrap_or_default();
+                        error.help(format_args!("put the line \"{names}\" above the first row"))
+                    }
+                    _ => error,
                 }
-                Mistake::MissingColumn => {
-                    let names = example.lines().next().unwrap_or_default();
-                    error.help(format_args!("put the line \"{names}\" above the first row"))
-                }
-                _ => error,
             })?;
         match table.table.line(MOST_ROWS) {
             Some(line) => Err(InputError::new(name, Mistake::TooLarge)

@@ -197,8 +197,8 @@ fn contact_ratios(table: &DataTable<'_>) -> Result<Vec<f64>, InputError> {
             .expected("a number >= 0")
             .help("a neck cannot be negative; set it to 0 or remove the row"));
     }
-    let error = mistake(Mistake::OutOfRange)
-        .expected("a/R between 0 and 2 (merged spheres have 1.26)");
+    let error =
+        mistake(Mistake::OutOfRange).expected("a/R between 0 and 2 (merged spheres have 1.26)");
     Err(if (10.0..=100.0 * LARGEST_CONTACT_RATIO).contains(&ratios[row]) {
         error.help("in percent? divide by 100; in micrometres? divide by the particle radius")
     } else {

@@ -46,18 +46,18 @@ impl SampleTable {
     ///
     /// [`InputError`] with line, column, value and remedy.
     pub fn parse(name: &str, text: &str) -> Result<Self, InputError> {
-        const HEADER: &str =
-            "the first line reads: !OMP_NUM_THREADS description key NAME NAME ...";
+        const HEADER: &str = "the first line reads: !OMP_NUM_THREADS description key NAME NAME ...";
         let without_comments: String = text
             .lines()
             .flat_map(|line| [line.split('#').next().unwrap_or_default(), "\n"])
             .collect();
-        let table = DataTable::of_format(name, &without_comments, Format::Whitespace).map_err(
-            |error| match error.mistake {
-                Mistake::Empty | Mistake::MissingColumn => error.help(HEADER),
-                _ => error,
-            },
-        )?;
+        let table =
+            DataTable::of_format(name, &without_comments, Format::Whitespace).map_err(|error| {
+                match error.mistake {
+                    Mistake::Empty | Mistake::MissingColumn => error.help(HEADER),
+                    _ => error,
+                }
+            })?;
         let is_parameter =
             |title: &str| !title.starts_with('!') && title != "description" && title != "key";
         let (places, parameters): (Vec<usize>, Vec<String>) = (0..)

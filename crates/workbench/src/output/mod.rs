@@ -16,10 +16,10 @@ use crate::error::{InputError, Mistake, RunError};
 /// Folder of the runs of programs, in the folder of a calibration.
 pub const CAMPAIGN: &str = "campaign";
 
-/// Takes a file name and its bytes.
+/// A function that writes a file of a run: its name and its bytes.
 pub type WriteFile<'a> = dyn Fn(&str, &[u8]) -> Result<(), RunError> + Sync + 'a;
 
-/// What to do about results that cannot be written.
+/// Adds the remedy to an error of results that could not be written.
 #[must_use]
 pub fn make_room(error: RunError) -> RunError {
     error.help("make room on the disk, or choose another folder with --out")
@@ -38,7 +38,7 @@ pub fn pretty(value: &impl Serialize) -> Result<String, RunError> {
     Ok(text)
 }
 
-/// A pool of the asked number of threads, or of all cores.
+/// A pool of so many threads; of all cores where no number is given.
 ///
 /// # Errors
 ///

@@ -9,7 +9,7 @@
 //! - a run of another plan: it is kept as `ps.1`, `ps.2`, ...;
 //! - anything else: refused before the run starts.
 //!
-//! A run of ours is recognised by its record, a JSON file with an object `plan`.
+//! A run of this program is recognised by its record, a JSON file with an object `plan`.
 
 use std::fs;
 use std::io;
@@ -34,7 +34,7 @@ pub struct RunFolder {
     record: &'static str,
 }
 
-/// What became of the folder.
+/// How the results came into place.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Published {
     /// There was nothing before.
@@ -205,7 +205,7 @@ pub struct Staging {
 }
 
 impl Staging {
-    /// Where to write the files.
+    /// The hidden folder, to write the files into.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
@@ -350,7 +350,7 @@ impl Drop for Staging {
     }
 }
 
-/// The plan in the record of a run, or why it is none.
+/// The plan in the record of a run; the error says why the folder is not that of a run.
 fn recorded_plan(folder: &Path, record: &str) -> Result<Value, String> {
     #[derive(serde::Deserialize)]
     struct Record {

@@ -150,11 +150,7 @@ pub fn parse_samples(
 /// # Errors
 ///
 /// [`InputError`] with line and column for a file that is cut off or not a table of draws.
-pub fn parse_draws(
-    name: &str,
-    text: &str,
-    parameters: usize,
-) -> Result<Vec<Vec<f64>>, InputError> {
+pub fn parse_draws(name: &str, text: &str, parameters: usize) -> Result<Vec<Vec<f64>>, InputError> {
     columns(name, text, parameters, None)
 }
 

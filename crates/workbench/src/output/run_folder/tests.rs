@@ -2,7 +2,6 @@ use super::*;
 use crate::output::check_file;
 use crate::record::FILE_NAME;
 
-
 fn run(target: &Path, plan: &str, files: &[&str]) -> Published {
     let folder = RunFolder::prepare(target, FILE_NAME).expect("can be written");
     let staging = folder.stage().expect("staged");
@@ -79,8 +78,7 @@ fn a_place_that_cannot_be_written_is_refused_before_the_run() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let file = folder.path().join("file");
     fs::write(&file, "").expect("written");
-    let mut places =
-        vec![file.clone(), file.join("results"), PathBuf::from("/"), PathBuf::new()];
+    let mut places = vec![file.clone(), file.join("results"), PathBuf::from("/"), PathBuf::new()];
     if cfg!(target_os = "linux") {
         places.push(PathBuf::from("/proc/results"));
     }
@@ -147,4 +145,3 @@ fn folders_of_killed_runs_are_removed_when_old_and_ignored_before() {
     assert_eq!(run(&target, "1", &[]), Published::New);
     assert!(!dead.exists() && recent.exists() && living.exists() && other.exists());
 }
-
