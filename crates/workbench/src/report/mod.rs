@@ -21,7 +21,7 @@ use crate::sample_table;
 
 pub use details::{details, understood};
 pub use pictures::{fit, pictures};
-pub use samples::{SampleColumns, read_draws, read_samples};
+pub use samples::{SampleColumns, parse_draws, parse_samples, read_draws, read_samples};
 pub use summary::{json, text};
 pub use tables::{csv, markdown};
 
