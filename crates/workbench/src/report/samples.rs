@@ -6,7 +6,7 @@ use std::path::Path;
 use campaign::Format;
 use smc_calib::{Parameter, ParameterSummary, Posterior};
 
-use super::quoted;
+use super::tables::quoted;
 use crate::checksums;
 use crate::data_table::DataTable;
 use crate::error::{InputError, Mistake};
