@@ -89,17 +89,17 @@ fn read_plan(
             .expected("a table for each parameter")
             .help("add [parameters.NAME] with unit, distribution and its numbers"));
     };
+    let tables = some_tables(&parameters_table, "no parameters", "at least one [parameters.NAME]")?;
+    let parameters = tables
+        .iter()
+        .map(|(name, table)| parameter(&parameters_table, *name, table))
+        .collect::<Result<Vec<_>, _>>()?;
     let Some(experiments_table) = experiments_table else {
         return Err(fields
             .missing("experiments")
             .expected("at least one experiment")
             .help("add [experiments.NAME] with a simulator and observables"));
     };
-    let tables = some_tables(&parameters_table, "no parameters", "at least one [parameters.NAME]")?;
-    let parameters = tables
-        .iter()
-        .map(|(name, table)| parameter(&parameters_table, *name, table))
-        .collect::<Result<Vec<_>, _>>()?;
     let experiments =
         experiments(folder_of(path), &experiments_table, (&tables, &parameters), warnings)?;
     let commands = experiments.iter().any(|e| matches!(e.simulator, SimulatorPlan::Command(_)));
