@@ -1,4 +1,4 @@
-//! What a step of a bed costs: `bed_cost SCENE PARTICLES STEPS THREADS`.
+//! Cost of a step of a bed: `bed_cost SCENE PARTICLES STEPS THREADS`.
 //!
 //! Prints particle steps per second, contacts per particle and bytes per particle. Under
 //! `valgrind --tool=callgrind`, two runs of different numbers of steps give the instructions per

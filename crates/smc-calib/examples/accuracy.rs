@@ -76,17 +76,10 @@ impl Case {
         }
     }
 
-    #[allow(clippy::too_many_arguments)]
-    fn neck(
-        name: &str,
-        text: &str,
-        radius: f64,
-        young: f64,
-        gamma: f64,
-        phi: f64,
-        c1: (f64, f64),
-        tau: (f64, f64),
-    ) -> Self {
+    /// Radius, Young's modulus, surface energy and phi, and the ranges of C1 and tau.
+    fn neck(name: &str, text: &str, material: [f64; 4], ranges: [(f64, f64); 2]) -> Self {
+        let [radius, young, gamma, phi] = material;
+        let [c1, tau] = ranges;
         let rows: Vec<(f64, f64)> = text
             .lines()
             .filter(|l| !l.starts_with('#') && !l.starts_with("time"))
@@ -139,7 +132,7 @@ fn main() {
     ] {
         if asked(name) {
             let text = std::fs::read_to_string(format!("{}/{file}", args[1])).unwrap();
-            cases.push(Case::neck(name, &text, r, e, g, phi, c1, tau));
+            cases.push(Case::neck(name, &text, [r, e, g, phi], [c1, tau]));
         }
     }
     for (name, reference) in [

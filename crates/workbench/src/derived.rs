@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use smc_calib::Posterior;
 
-use crate::weighted::Weighted;
+use smc_calib::Weighted;
 
 /// Median and 95 % interval of a quantity, and how far the next seed may be from them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -39,6 +39,5 @@ mod toml_fields;
 pub mod validation;
 pub mod verify;
 pub mod watch;
-pub mod weighted;
 pub mod work_folder;
 mod worker;

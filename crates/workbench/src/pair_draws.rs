@@ -64,7 +64,7 @@ impl PairDraws {
             final_contact_ratio: pair.final_contact_ratio,
             parameters: record.plan.parameters.clone(),
             columns,
-            trusted: record.trust.is_full(),
+            trusted: record.trust.converged(),
             advice,
             model: NeckGrowth::of(&record.plan)?,
         })

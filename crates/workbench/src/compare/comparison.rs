@@ -197,7 +197,7 @@ impl Entry {
             residuals_independent: pair.found.residuals.independent,
             ess: record.ess.importance,
             khat: record.khat,
-            trusted: record.trust.is_full(),
+            trusted: record.trust.converged(),
         })
     }
 }

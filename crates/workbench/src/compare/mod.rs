@@ -76,7 +76,7 @@ impl Compared {
         let mut figures = NamedFigures::new();
         for plans in &plans {
             let (comparison, mut figure) = side_by_side(plans, watch)?;
-            figure.log_time = log_time;
+            figure.axes.log_control = log_time;
             figures.push((format!("compare-{}", comparison.name), Box::new(figure)));
             report.comparisons.push(comparison);
         }
@@ -137,9 +137,9 @@ fn side_by_side(
             .ok_or_else(|| RunError::new("there is no posterior to leave observations out of"))?;
         let refitted = refit::where_unreliable(plan, &model, &posterior, &mut left_out)?;
         figure.title.clone_from(&plan.title);
-        figure.time_s.clone_from(&pair.measured.control);
-        figure.contact_ratio.clone_from(&pair.measured.values);
-        figure.grid_s.clone_from(&pair.neck_growth.curves.time_s);
+        figure.control.clone_from(&pair.measured.control);
+        figure.value.clone_from(&pair.measured.values);
+        figure.grid.clone_from(&pair.neck_growth.curves.time_s);
         figure.curves.push(NamedCurve {
             name: pair.plan.kinetics.name().to_owned(),
             // Frenkel's curve looks the same in every figure.

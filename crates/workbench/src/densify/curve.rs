@@ -6,7 +6,7 @@ use dem_core::bed::Sample;
 use serde::Serialize;
 
 use crate::scene::NECKS_MEET;
-use crate::weighted::Weighted;
+use smc_calib::Weighted;
 
 /// A level whose time is wanted.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]

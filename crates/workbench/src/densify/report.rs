@@ -12,7 +12,7 @@ use super::draws::Draw;
 use super::spread::{Spread, divide};
 use crate::number::significant;
 use crate::scene::NECKS_MEET;
-use figures::{DensificationFigure, Role};
+use figures::DensificationFigure;
 
 /// Version of the layout of `densify.json`.
 const SCHEMA_VERSION: u32 = 1;
@@ -260,7 +260,6 @@ impl Report {
         DensificationFigure {
             title: format!("{}, draws of {}", self.plan.scene_name, self.plan.posterior_name),
             quantity: target.name().to_owned(),
-            role: Role::Posterior,
             time_s: bands.iter().map(|(time, _)| *time).collect(),
             median: column(&|band| band.median),
             band50: figures::Band {

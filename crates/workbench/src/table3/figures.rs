@@ -1,10 +1,9 @@
 //! Figures 2, 4, 5 and 6 of the paper, redone.
 
-use dem_core::Kinetic as _;
-use dem_core::kinetics::RegimeMap;
+use dem_core::kinetics::Regimes;
 
 use super::calibrated::Calibrated;
-use crate::error::{Failure, RunError};
+use crate::error::Failure;
 use crate::material::Material;
 use crate::model::NeckGrowth;
 use crate::report;
@@ -22,11 +21,11 @@ pub fn regime_map(one: &Calibrated) -> Result<RegimeMapFigure, Failure> {
     let pair = one.pair()?;
     let map = NeckGrowth::of(&one.calibration.record.plan)?
         .sintering(&one.calibration.posterior.map.theta);
-    let lines = RegimeMap::new(&pair.plan.scene()?, &map).map_err(RunError::new)?;
-    let (p1, p2) = (lines.p1(), lines.p2());
+    let lines = Regimes::new(pair.plan.scene()?.powder(), &map);
+    let (p1_s, p2_s) = (lines.p1_s(), lines.p2_s());
     let measured = pair.measured;
     let last = measured.control.last().copied().unwrap_or(1.0);
-    let first = 0.03 * p1.0;
+    let first = 0.03 * p1_s;
     let ratio = (3.0 * last / first).ln();
     let grid_s: Vec<f64> =
         (0..POINTS).map(|k| first * (ratio * k as f64 / (POINTS - 1) as f64).exp()).collect();
@@ -38,11 +37,11 @@ pub fn regime_map(one: &Calibrated) -> Result<RegimeMapFigure, Failure> {
         .unzip();
     Ok(RegimeMapFigure {
         title: format!("Regime map, {}", one.material.title()),
-        a0: p1.1,
-        a1: grid_s.iter().map(|time| lines.zipping_contact_ratio(*time)).collect(),
-        a2: grid_s.iter().map(|time| lines.stretching_contact_ratio(*time)).collect(),
-        p1: Some(p1),
-        p2: Some(p2),
+        a0: lines.adhesive,
+        a1: grid_s.iter().map(|time| lines.zipping(*time)).collect(),
+        a2: grid_s.iter().map(|time| lines.stretching(*time)).collect(),
+        p1: Some((p1_s, lines.adhesive)),
+        p2: Some((p2_s, lines.stretching(p2_s))),
         final_ratio: Some(pair.plan.final_contact_ratio),
         data_time_s,
         data_ratio,

@@ -188,7 +188,7 @@ fn material(one: &Calibrated) -> Result<MaterialReport, Failure> {
         log_evidence: [record.log_evidence.value, record.log_evidence.se],
         ess: record.ess.importance,
         khat: record.khat,
-        trusted: record.trust.is_full(),
+        trusted: record.trust.converged(),
         advice: record.advice.clone(),
     })
 }

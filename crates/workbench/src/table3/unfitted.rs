@@ -19,8 +19,8 @@ use crate::model::NeckGrowth;
 use crate::plan::PairOptions;
 use crate::record::{FitError, Pair};
 use crate::watch::Watch;
-use crate::weighted::Weighted;
 use figures::{Band, FitFigure};
+use smc_calib::Weighted;
 
 /// Name of the built-in experiment that is predicted.
 pub const EXPERIMENT: &str = "pa12-r30";
@@ -189,14 +189,14 @@ impl Predicted<'_> {
         };
         Ok(FitFigure {
             title: "PA12 R = 30.4 µm, predicted from R = 32.1 µm".to_owned(),
-            time_s: times.to_vec(),
-            contact_ratio: self.measured.to_vec(),
+            control: times.to_vec(),
+            value: self.measured.to_vec(),
             mean: curves.means(),
             band90: band(false),
             predictive90: band(true),
             map: single(self.model.sintering(&self.one.calibration.posterior.map.theta))?,
             paper: single(Material::Pa12.table3_sintering())?,
-            grid_s,
+            grid: grid_s,
             ..FitFigure::default()
         })
     }

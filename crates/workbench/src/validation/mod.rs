@@ -9,6 +9,7 @@ mod ranks;
 use std::fs;
 use std::path::Path;
 
+use figures::{Figure as _, Width};
 use smc_calib::sbc::{self, Study, quantities};
 use smc_calib::{CalibrateError, Noise, Settings};
 
@@ -80,7 +81,7 @@ pub fn study(plan: &Plan, size: Size, watch: &dyn Watch) -> Result<Ranks, Failur
     ))
 }
 
-/// Writes `sbc-NAME.md`, `.csv` and `.svg` into a folder; `text` is the table.
+/// Writes `sbc-NAME.md`, `.csv`, `.png` and `.svg` into a folder; `text` is the table.
 ///
 /// # Errors
 ///
@@ -94,7 +95,9 @@ pub fn write(ranks: &Ranks, text: &str, folder: &Path, name: &str) -> Result<(),
     let file = |ending: &str| folder.join(format!("sbc-{name}.{ending}"));
     write_file(&file("md"), text.as_bytes())?;
     write_file(&file("csv"), ranks.csv().as_bytes())?;
-    write_file(&file("svg"), figure::svg(ranks).as_bytes())?;
+    let picture = figure::figure(ranks).render(Width::Full).map_err(RunError::new)?;
+    write_file(&file("png"), &picture.png)?;
+    write_file(&file("svg"), picture.svg.as_bytes())?;
     Ok(())
 }
 
@@ -119,6 +122,7 @@ mod tests {
             assert!(covered.score.abs() < 3.9, "{covered:?}");
         }
         assert!(ranks.markdown(1.0, 1).contains("| sigma |"));
-        assert!(figure::svg(&ranks).ends_with("</svg>\n"));
+        let picture = figure::figure(&ranks).render(Width::Full).expect("a figure");
+        assert!(picture.svg.ends_with("</svg>\n") && picture.png.starts_with(b"\x89PNG"));
     }
 }
