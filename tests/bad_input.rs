@@ -112,7 +112,10 @@ fn files_that_are_not_there() {
 fn unknown_materials_fields_and_names() {
     let ps = "material = \"ps\"\ntable = \"t.csv\"\n";
     let unknown = "material = \"pa21\"\ntable = \"t.csv\"\n";
-    description_is_refused(unknown, &["my.toml, line 1, field material: found \"pa21\"", "pa12?"]);
+    description_is_refused(
+        unknown,
+        &["my.toml, line 1, field material: found \"pa21\"", "\"pa12\"?"],
+    );
     description_is_refused(
         &format!("{ps}titel = \"x\"\n"),
         &["line 3, field titel", "mean title?"],

@@ -1,4 +1,4 @@
-//! `SHA256SUMS` beside the files of a run: what is read again is held against what was written.
+//! `SHA256SUMS` beside the files of a run: a file that is read again is compared with what was written.
 //!
 //! The format is that of `sha256sum`, so that `sha256sum -c SHA256SUMS` checks a folder without this program.
 
@@ -21,7 +21,7 @@ const LARGEST_BYTES: u64 = 2 << 30;
 ///
 /// # Errors
 ///
-/// What `write` says.
+/// Those of `write`.
 pub fn write_all(files: &[(&str, String)], write: &WriteFile<'_>) -> Result<(), RunError> {
     let mut sums = String::new();
     for (name, text) in files {
@@ -31,8 +31,8 @@ pub fn write_all(files: &[(&str, String)], write: &WriteFile<'_>) -> Result<(), 
     write(FILE_NAME, sums.as_bytes())
 }
 
-/// Reads a file of a run, understands it by `parse` (given its name and text), and holds it against the
-/// `SHA256SUMS` beside it, where there is one that lists it.
+/// Reads a file of a run by `parse` (given its name and text), and compares it with the `SHA256SUMS` beside it, where
+/// that lists it.
 ///
 /// # Errors
 ///
@@ -44,10 +44,10 @@ pub fn read_as<T>(
 ) -> Result<T, InputError> {
     let text = text_file::read_up_to(path, LARGEST_BYTES)?;
     let name = path.display().to_string();
-    let understood = parse(&name, &text)?;
+    let parsed = parse(&name, &text)?;
     let sums = path.with_file_name(FILE_NAME);
     if !sums.exists() {
-        return Ok(understood);
+        return Ok(parsed);
     }
     let listed = text_file::read(&sums)?;
     let own = path.file_name().and_then(|name| name.to_str());
@@ -60,7 +60,7 @@ pub fn read_as<T>(
                 "the file was damaged or edited: run the calibration again or copy the folder again; \
                  to read it as it is, remove its line from SHA256SUMS",
             )),
-        _ => Ok(understood),
+        _ => Ok(parsed),
     }
 }
 

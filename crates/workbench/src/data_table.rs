@@ -1,183 +1,219 @@
-//! A table of numbers with named columns: measurements of any kind, as CSV, separated by blanks, or as GrainLearning
-//! writes them.
+//! A table of numbers with named columns, as people and runs write them.
 //!
-//! The header is the first line that is no comment. Where that line holds numbers only, the header is the first line
-//! of the file behind its `#`, as in GrainLearning's observation files:
+//! [`campaign::table`] reads it; here its errors get the file's name and what to do. Cells are separated by commas,
+//! semicolons, tabs or blanks, decimals have a point. The names are in the first line that is not a comment (`#`), or,
+//! where that line holds only numbers, in a comment above it, as in GrainLearning's observation files:
 //!
 //! ```text
 //! # u f
 //! 0.0 0.00
 //! 0.1 4.98
 //! ```
-//!
-//! Separators, comments and line ends are those of the [observation table](crate::observation_table). A column is read
-//! when it is asked for: others may hold text.
 
-use std::path::Path;
+use campaign::table::{Format, Row, Table, TableError};
 
 use crate::error::{InputError, Mistake, nearest};
-use crate::observation_table::{MOST_ROWS, Separator, rows};
-use crate::text_file;
 
-/// A table whose header has been read.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct DataTable {
+/// Largest number of rows in a user's table.
+pub const MOST_ROWS: usize = 1_000_000;
+
+/// A table, and what errors call it. Cells are read when they are asked for, so that other columns may hold text.
+#[derive(Debug, Clone)]
+pub struct DataTable<'t> {
     /// The file, as errors call it.
-    pub name: String,
-    /// Names of the columns.
-    pub columns: Vec<String>,
-    header_line: usize,
-    rows: Vec<(usize, Vec<String>)>,
+    pub name: &'t str,
+    table: Table<'t>,
 }
 
-impl DataTable {
-    /// Reads a file.
+impl<'t> DataTable<'t> {
+    /// Reads a user's table of at least one row and at most [`MOST_ROWS`]. `name` is what errors call it, and `example`
+    /// is a table of two lines for their help.
     ///
     /// # Errors
     ///
     /// [`InputError`] with line, value and remedy.
-    pub fn read(path: &Path) -> Result<Self, InputError> {
-        Self::parse(&path.display().to_string(), &text_file::read(path)?)
+    pub fn parse(name: &'t str, text: &'t str, example: &str) -> Result<Self, InputError> {
+        let table =
+            Self::of_format(name, text, Format::guess(text)).map_err(|error| {
+                match error.mistake {
+                    Mistake::Empty => {
+                        let indented = example.replace('\n', "\n          ");
+                        error.help(format_args!("the shortest table is\n          {indented}"))
+                    }
+                    Mistake::MissingColumn => {
+                        let names = example.lines().next().unwrap_or_default();
+                        error.help(format_args!("put the line \"{names}\" above the first row"))
+                    }
+                    _ => error,
+                }
+            })?;
+        match table.table.line(MOST_ROWS) {
+            Some(line) => Err(InputError::new(name, Mistake::TooLarge)
+                .at_line(line)
+                .found(format_args!("more than {MOST_ROWS} rows"))
+                .help("keep every n-th row")),
+            None => Ok(table),
+        }
     }
 
-    /// Reads text; `name` is what errors call it.
+    /// Reads a table of a known format and any length.
     ///
     /// # Errors
     ///
-    /// [`InputError`] with line, value and remedy.
-    pub fn parse(name: &str, text: &str) -> Result<Self, InputError> {
-        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-        let mut lines = rows(text).peekable();
-        let Some(&(first_line, first)) = lines.peek() else {
-            return Err(InputError::new(name, Mistake::Empty)
-                .found("an empty table")
-                .expected("a header and at least one row"));
-        };
-        let (header_line, header) = match grain_learning_header(text, first) {
-            Some(header) => (1, header),
-            None => {
-                lines.next();
-                (first_line, first)
-            }
-        };
-        let separator = Separator::of(header);
-        let columns: Vec<String> = separator.split(header).into_iter().map(str::to_owned).collect();
-        if columns.iter().all(|column| column.parse::<f64>().is_ok()) {
-            return Err(InputError::new(name, Mistake::MissingColumn)
-                .at_line(header_line)
-                .found("numbers")
-                .expected("a header with the names of the columns")
-                .help("put a line with the names above the first row, as in \"time_s,force_n\" or \"# u f\""));
-        }
-        for (place, column) in columns.iter().enumerate() {
-            if columns[..place].contains(column) {
-                return Err(InputError::new(name, Mistake::Duplicate)
-                    .at_line(header_line)
-                    .in_column(column)
-                    .found("the column twice")
-                    .help("rename one of them"));
-            }
-        }
-        let separator = if header_line == first_line { separator } else { Separator::of(first) };
-        let mut table = Self { name: name.to_owned(), columns, header_line, rows: Vec::new() };
-        for (line, row) in lines {
-            let fields: Vec<String> = separator.split(row).into_iter().map(str::to_owned).collect();
-            if fields.len() != table.columns.len() {
-                return Err(InputError::new(name, Mistake::Syntax)
-                    .at_line(line)
-                    .found(format_args!("{} values", fields.len()))
-                    .expected(format_args!("{} as in the header", table.columns.len()))
-                    .help("give every row a value for every column"));
-            }
-            if table.rows.len() == MOST_ROWS {
-                return Err(InputError::new(name, Mistake::TooLarge)
-                    .at_line(line)
-                    .found(format_args!("more than {MOST_ROWS} rows"))
-                    .help("keep every n-th row"));
-            }
-            table.rows.push((line, fields));
-        }
-        if table.rows.is_empty() {
-            return Err(InputError::new(name, Mistake::Empty)
-                .at_line(header_line)
-                .found("a header without rows")
-                .expected("at least one observation"));
-        }
-        Ok(table)
+    /// [`InputError`] with line and value.
+    pub fn of_format(name: &'t str, text: &'t str, format: Format) -> Result<Self, InputError> {
+        let table = Table::parse(text, format).map_err(|error| refused(name, &error))?;
+        table.check_names().map_err(|error| refused(name, &error))?;
+        Ok(Self { name, table })
     }
 
-    /// Number of rows, at least 1.
+    /// Names of the columns, in order.
     #[must_use]
-    pub fn len(&self) -> usize {
-        self.rows.len()
+    pub fn columns(&self) -> &[String] {
+        self.table.names()
     }
 
-    /// Never true of a table that was read.
+    /// Line of the names, from 1.
     #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.rows.is_empty()
+    pub fn names_line(&self) -> usize {
+        self.table.names_line().unwrap_or(1)
     }
 
     /// Line of a row, from 1.
     #[must_use]
     pub fn line_of(&self, row: usize) -> usize {
-        self.rows.get(row).map_or(self.header_line, |(line, _)| *line)
+        self.table.line(row).unwrap_or_else(|| self.names_line())
     }
 
-    /// A column of finite numbers.
+    /// The rows, in order.
+    pub fn rows(&self) -> impl Iterator<Item = Row<'_>> {
+        self.table.rows()
+    }
+
+    /// Place of the column with this name, from 0.
     ///
     /// # Errors
     ///
-    /// [`InputError`] for a column that is not there, or a value that is no finite number.
+    /// [`InputError`] for a column that is not there, with the nearest one that is.
+    pub fn place(&self, column: &str) -> Result<usize, InputError> {
+        self.table.place(column).map_err(|error| self.refused(&error))
+    }
+
+    /// The finite numbers of the column with this name.
+    ///
+    /// # Errors
+    ///
+    /// [`InputError`] for a column that is not there, or a cell that does not hold a finite number.
     pub fn column(&self, column: &str) -> Result<Vec<f64>, InputError> {
-        let Some(place) = self.columns.iter().position(|name| name == column) else {
-            return Err(InputError::new(&self.name, Mistake::MissingColumn)
-                .at_line(self.header_line)
-                .in_column(column)
-                .found("missing")
-                .expected(format_args!("one of {}", self.columns.join(", ")))
-                .help_if(
-                    nearest(column, self.columns.iter().map(String::as_str))
-                        .map(|near| format!("did you mean {near}?")),
-                ));
-        };
-        self.rows
-            .iter()
-            .map(|(line, fields)| {
-                let text = &fields[place];
-                let refused = |mistake| {
-                    InputError::new(&self.name, mistake)
-                        .at_line(*line)
-                        .in_column(column)
-                        .found(format_args!("\"{text}\""))
-                        .expected("a finite number")
-                };
-                match text.parse::<f64>() {
-                    Ok(value) if value.is_finite() => Ok(value),
-                    Ok(_) => {
-                        Err(refused(Mistake::NotFinite)
-                            .help("remove the row if nothing was measured"))
-                    }
-                    Err(_) => Err(refused(Mistake::WrongType)),
-                }
-            })
-            .collect()
+        Ok(self.columns_at(&[self.place(column)?])?.pop().unwrap_or_default())
+    }
+
+    /// The finite numbers of the columns at these places, from 0; nothing where there is no such column.
+    ///
+    /// # Errors
+    ///
+    /// [`InputError`] for a cell that does not hold a finite number.
+    pub fn columns_at(&self, places: &[usize]) -> Result<Vec<Vec<f64>>, InputError> {
+        let columns = self.table.columns_at(places).map_err(|error| self.refused(&error))?;
+        for (&place, column) in places.iter().zip(&columns) {
+            if let Some(row) = column.iter().position(|value| !value.is_finite()) {
+                return Err(self.not_finite(row, &self.columns()[place]));
+            }
+        }
+        Ok(columns)
+    }
+
+    /// A mistake in a cell, with the cell's text as what was found.
+    #[must_use]
+    pub fn mistake_in(&self, row: usize, column: &str, mistake: Mistake) -> InputError {
+        let text = self.table.place(column).ok().and_then(|place| {
+            let row = self.rows().nth(row)?;
+            row.cells.get(place).map(|cell| cell.to_string())
+        });
+        InputError::new(self.name, mistake)
+            .at_line(self.line_of(row))
+            .in_column(column)
+            .found(text.unwrap_or_default())
+    }
+
+    /// The mistake of a cell that holds NaN or an infinity.
+    pub(crate) fn not_finite(&self, row: usize, column: &str) -> InputError {
+        self.mistake_in(row, column, Mistake::NotFinite)
+            .expected("a finite number")
+            .help("remove the row if nothing was measured")
+    }
+
+    /// What the reader of tables found wrong, with the name of the file and a remedy.
+    pub(crate) fn refused(&self, error: &TableError) -> InputError {
+        refused(self.name, error)
     }
 }
 
-/// The first line of the file behind its `#`, where the first row is numbers already.
-fn grain_learning_header<'t>(text: &'t str, first_row: &str) -> Option<&'t str> {
-    let fields = Separator::of(first_row).split(first_row);
-    if !fields.iter().all(|field| field.parse::<f64>().is_ok()) {
-        return None;
+fn refused(name: &str, error: &TableError) -> InputError {
+    let input = |mistake| {
+        let mut input = InputError::new(name, mistake);
+        input.line = error.line();
+        match error.column() {
+            Some(column) => input.in_column(column),
+            None => input,
+        }
+    };
+    match error {
+        TableError::Empty => input(Mistake::Empty)
+            .found("an empty table")
+            .expected("the names of the columns and at least one row"),
+        TableError::NoRows { .. } => {
+            input(Mistake::Empty).found("a header without rows").expected("at least one row")
+        }
+        TableError::NoNames { .. } => input(Mistake::MissingColumn)
+            .found("numbers")
+            .expected("a header with the names of the columns"),
+        TableError::Ragged { found, expected, decimal_commas, .. } => input(Mistake::Syntax)
+            .found(format_args!("{found} values"))
+            .expected(format_args!("{expected} as in the header"))
+            .help(if *decimal_commas {
+                "decimal commas? write 0.5, not 0,5"
+            } else {
+                "give every row a value for every column"
+            }),
+        TableError::DuplicateName { .. } => {
+            input(Mistake::Duplicate).found("the column twice").help("rename or remove one of them")
+        }
+        TableError::EmptyName { number, .. } => input(Mistake::Syntax)
+            .found(format_args!("column {number} without a name"))
+            .help("give it a name or remove it"),
+        TableError::MissingColumn { column, names, .. } => {
+            let near = nearest(column, names.iter().map(String::as_str));
+            input(Mistake::MissingColumn)
+                .found("missing")
+                .help_if(near.map(|near| format!("did you mean {near}?")))
+                .help(format_args!("the table has {}", names.join(", ")))
+        }
+        TableError::NotANumber { found, with_point, .. } => {
+            let input = input(Mistake::WrongType).expected("a finite number");
+            match with_point {
+                _ if found.is_empty() => {
+                    input.found("nothing").help("remove the row if nothing was measured")
+                }
+                Some(number) => input
+                    .found(format_args!("\"{found}\""))
+                    .help(format_args!("write decimals with a point: {number}")),
+                None => input.found(format_args!("\"{found}\"")).help(
+                    "give the bare number, without unit; start comments with # on a line of their own",
+                ),
+            }
+        }
+        other => input(Mistake::Syntax).found(other),
     }
-    let header = text.lines().next()?.trim().strip_prefix('#')?.trim();
-    (Separator::of(header).split(header).len() == fields.len()).then_some(header)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn parse(text: &str) -> Result<DataTable<'_>, InputError> {
+        DataTable::parse("t", text, "u,f\n0.1,4.98")
+    }
 
     #[test]
     fn every_dialect_reads_to_the_same_columns() {
@@ -190,8 +226,8 @@ mod tests {
             "#u f\n# made by hand\n0 0\n0.1 4.98\n",
             "# u,f\n0,0\n0.1,4.98\n",
         ] {
-            let table = DataTable::parse("t", text).unwrap_or_else(|e| panic!("{text}: {e}"));
-            assert_eq!(table.columns, ["u", "f"], "{text}");
+            let table = parse(text).unwrap_or_else(|e| panic!("{text}: {e}"));
+            assert_eq!(table.columns(), ["u", "f"], "{text}");
             assert_eq!(table.column("u").expect("u"), [0.0, 0.1], "{text}");
             assert_eq!(table.column("f").expect("f"), [0.0, 4.98], "{text}");
         }
@@ -199,17 +235,17 @@ mod tests {
 
     #[test]
     fn each_mistake_names_its_line_and_column() {
-        let error = DataTable::parse("t", "1 2\n3 4\n").expect_err("no header");
+        let error = parse("1 2\n3 4\n").expect_err("no header");
         assert_eq!((error.mistake, error.line), (Mistake::MissingColumn, Some(1)));
-        let error = DataTable::parse("t", "# u\n1 2\n3 4\n").expect_err("short header");
+        let error = parse("# u\n1 2\n3 4\n").expect_err("short header");
         assert_eq!(error.mistake, Mistake::MissingColumn);
-        let error = DataTable::parse("t", "u f\n1 2\n3\n").expect_err("short row");
+        let error = parse("u f\n1 2\n3\n").expect_err("short row");
         assert_eq!((error.mistake, error.line), (Mistake::Syntax, Some(3)));
-        let error = DataTable::parse("t", "u u\n1 2\n").expect_err("twice");
+        let error = parse("u u\n1 2\n").expect_err("twice");
         assert_eq!(error.mistake, Mistake::Duplicate);
-        assert_eq!(DataTable::parse("t", "u f\n").expect_err("none").mistake, Mistake::Empty);
-        assert_eq!(DataTable::parse("t", " \n").expect_err("none").mistake, Mistake::Empty);
-        let table = DataTable::parse("t", "force,note\n1,a\nnan,b\n").expect("a table");
+        assert_eq!(parse("u f\n").expect_err("none").mistake, Mistake::Empty);
+        assert_eq!(parse(" \n").expect_err("none").mistake, Mistake::Empty);
+        let table = parse("force,note\n1,a\nnan,b\n").expect("a table");
         let error = table.column("force").expect_err("NaN");
         assert_eq!((error.mistake, error.line), (Mistake::NotFinite, Some(3)));
         assert_eq!(table.column("note").expect_err("text").mistake, Mistake::WrongType);

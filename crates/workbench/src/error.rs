@@ -27,11 +27,11 @@ pub enum Mistake {
     MissingColumn,
     /// A field or an option that must be there is not.
     MissingField,
-    /// A field or column nobody asked for, most likely misspelt.
+    /// An unknown field or column, most likely misspelt.
     UnknownField,
     /// A name that is not one of a closed list.
     UnknownName,
-    /// Text (or another type) where something else belongs.
+    /// A value of the wrong type, such as text in place of a number.
     WrongType,
     /// Not a number, or infinite.
     NotFinite,
@@ -157,7 +157,7 @@ impl InputError {
     }
 }
 
-/// User text goes into a message on one line of bearable length, without control characters.
+/// A user's text for a message: one line, at most 120 characters, no control characters.
 fn shortened(text: &str) -> String {
     const LONGEST: usize = 120;
     let mut short: String =
@@ -200,7 +200,7 @@ pub struct RunError {
 }
 
 impl RunError {
-    /// A failed run and why.
+    /// A failed run with its cause.
     #[must_use]
     pub fn new(cause: impl fmt::Display) -> Self {
         Self { cause: cause.to_string(), help: Vec::new() }
@@ -224,7 +224,7 @@ impl fmt::Display for RunError {
     }
 }
 
-/// How the command can end other than well.
+/// Why a command ended without success.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Failure {
     /// The user's mistake: exit 2.
@@ -242,7 +242,7 @@ pub enum Failure {
     /// The reader of standard output went away (`calibrate simulate ... | head`): exit 0, no message.
     #[error("standard output was closed")]
     OutputClosed,
-    /// Everything was said already, as by `check` over several files: exit 2, no message.
+    /// The mistakes were printed already, as by `check` over several files: exit 2, no message.
     #[error("mistakes were reported")]
     InputReported,
 }
@@ -272,7 +272,7 @@ impl From<std::io::Error> for Failure {
     }
 }
 
-/// The name nearest to a misspelt one, if any is near enough to be what was meant.
+/// The choice most like a misspelt name, if one is near enough.
 #[must_use]
 pub fn nearest<'a>(name: &str, choices: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let lower = name.to_lowercase();

@@ -1,5 +1,5 @@
-//! JSON as the same tree that TOML is read into, so that a plan may be written in either and every mistake has its
-//! line and field.
+//! JSON read into the same tree as TOML, so that a plan may be written in either and every mistake has its line and
+//! field.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -12,7 +12,7 @@ use toml::de::{DeArray, DeTable, DeValue};
 
 use crate::error::{InputError, Mistake};
 
-/// What is wrong with a text that should be JSON, and where.
+/// A mistake in JSON and its place in the text.
 pub(crate) struct Refused {
     pub(crate) offset: usize,
     pub(crate) error: InputError,

@@ -39,7 +39,7 @@ impl Material {
         Self::ALL.into_iter().find(|material| material.name() == name)
     }
 
-    /// The name in a heading.
+    /// The name for a heading.
     #[must_use]
     pub fn title(self) -> &'static str {
         match self {
@@ -85,7 +85,7 @@ impl Material {
         printed::from_printed(&self.table3(), self.powder().radius_m)
     }
 
-    /// The same for a pair of another radius \[m\]: tau_s moves in proportion.
+    /// The same for a pair of another radius \[m\]: tau_s is proportional to it.
     #[must_use]
     pub fn table3_sintering_at(self, radius_m: f64) -> Sintering {
         self.table3_sintering().at_radius(self.powder().radius_m, radius_m)

@@ -1,6 +1,6 @@
 //! Numbers and their units as a person reads them.
 
-/// A unit as it stands behind a number: nothing for pure numbers.
+/// The unit to print after a number; empty for pure numbers.
 #[must_use]
 pub fn shown_unit(unit: &str) -> &str {
     if unit == "1" { "" } else { unit }
@@ -27,8 +27,8 @@ pub fn significant(value: f64, digits: usize) -> String {
     }
 }
 
-/// Decimals so that a standard error shows its first two digits: `86.3368` with an error of 0.0012; at least
-/// `least` of them.
+/// A number with as many decimals as show the first two digits of its standard error (`86.3368` with an error of
+/// 0.0012), and at least `least`.
 #[must_use]
 pub fn with_error(value: f64, error: f64, least: usize) -> String {
     let decimals = if error > 0.0 && error.is_finite() {
@@ -39,7 +39,7 @@ pub fn with_error(value: f64, error: f64, least: usize) -> String {
     format!("{value:.*}", decimals.max(least))
 }
 
-/// A percentile as a person writes it: `1st`, `22nd`, `13th`; below the first and above the last in words.
+/// A percentile in words: `1st percentile`, `22nd percentile`, `below the 1st percentile`.
 #[must_use]
 pub fn percentile(value: f64) -> String {
     if value < 0.5 {

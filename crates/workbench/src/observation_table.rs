@@ -8,23 +8,23 @@
 //! | `contact_ratio` | required | a/R, neck radius over particle radius | 0 to 2 |
 //! | `sigma` | optional | standard deviation of `contact_ratio` | > 0; used by `--noise fixed:table` |
 //!
-//! Columns are separated by commas, semicolons, tabs or spaces (the header decides), decimals by a
-//! point. Blank lines and lines that start with `#` are comments; line ends may be LF or CRLF, a byte order mark is
-//! skipped. At least one row, at most a million.
+//! How it is written is free as in any [data table](crate::data_table): separators, comments (`#`), line ends, a byte
+//! order mark. At least one row, at most a million.
 
 use std::fmt::Write as _;
 use std::path::Path;
 
+use crate::data_table::DataTable;
 use crate::error::{InputError, Mistake, nearest};
 use crate::text_file;
-
-/// Most rows that are read.
-pub const MOST_ROWS: usize = 1_000_000;
 
 /// Largest believable contact ratio: two equal spheres that have merged have 1.26.
 pub const LARGEST_CONTACT_RATIO: f64 = 2.0;
 
 const COLUMNS: [&str; 3] = ["time_s", "contact_ratio", "sigma"];
+
+/// The shortest table.
+const SHORTEST: &str = "time_s,contact_ratio\n0.5,0.41";
 
 /// Observations in time order. All columns have the same length, at least 1.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,72 +53,22 @@ impl ObservationTable {
     ///
     /// [`InputError`] with line, column, value and remedy.
     pub fn parse(name: &str, text: &str) -> Result<Self, InputError> {
-        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-        let mut lines = rows(text);
-        let Some((header_line, header)) = lines.next() else {
-            return Err(InputError::new(name, Mistake::Empty)
-                .found("an empty table")
-                .expected("a header and at least one row")
-                .help(
-                    "the shortest table is\n          time_s,contact_ratio\n          0.5,0.41",
-                ));
-        };
-        let separator = Separator::of(header);
-        let columns = Columns::from_header(name, header_line, &separator.split(header))?;
-
-        let mut table = Self {
-            time_s: Vec::new(),
-            contact_ratio: Vec::new(),
-            sigma: columns.sigma.map(|_| Vec::new()),
-        };
-        let mut last_line = header_line;
-        for (line, row) in lines {
-            let fields = separator.split(row);
-            let cell = |name_of: &'static str, value| Cell {
-                source: name,
-                line,
-                column: name_of,
-                text: value,
-                separator,
-            };
-            if fields.len() != columns.count {
-                let error = InputError::new(name, Mistake::Syntax)
-                    .at_line(line)
-                    .found(format_args!("{} values", fields.len()))
-                    .expected(format_args!("{} as in the header", columns.count));
-                return Err(
-                    if separator == Separator::Comma && fields.len() == 2 * columns.count {
-                        error.help("decimal commas? write 0.5, not 0,5")
-                    } else {
-                        error.help("give every row a value for every column")
-                    },
-                );
-            }
-            if table.time_s.len() == MOST_ROWS {
-                return Err(InputError::new(name, Mistake::TooLarge)
-                    .at_line(line)
-                    .found(format_args!("more than {MOST_ROWS} rows"))
-                    .help("keep every n-th row"));
-            }
-            let time = cell("time_s", fields[columns.time_s]).not_negative()?;
-            if let Some(&previous) = table.time_s.last() {
-                cell("time_s", fields[columns.time_s]).after(time, previous, last_line)?;
-            }
-            let ratio = cell("contact_ratio", fields[columns.contact_ratio]).contact_ratio()?;
-            if let (Some(column), Some(sigma)) = (columns.sigma, &mut table.sigma) {
-                sigma.push(cell("sigma", fields[column]).positive()?);
-            }
-            table.time_s.push(time);
-            table.contact_ratio.push(ratio);
-            last_line = line;
+        let table = DataTable::parse(name, text, SHORTEST)?;
+        if let Some(unknown) = table.columns().iter().find(|name| !COLUMNS.contains(&name.as_str()))
+        {
+            return Err(unknown_column(&table, unknown));
         }
-        if table.time_s.is_empty() {
-            return Err(InputError::new(name, Mistake::Empty)
-                .at_line(header_line)
-                .found("a header without rows")
-                .expected("at least one observation"));
+        for column in ["time_s", "contact_ratio"] {
+            table.place(column).map_err(|error| {
+                error.help("the columns are time_s, contact_ratio and, if you have it, sigma")
+            })?;
         }
-        Ok(table)
+        let with_sigma = table.columns().iter().any(|name| name == "sigma");
+        Ok(Self {
+            time_s: times(&table)?,
+            contact_ratio: contact_ratios(&table)?,
+            sigma: with_sigma.then(|| sigmas(&table)).transpose()?,
+        })
     }
 
     /// Number of observations.
@@ -127,7 +77,7 @@ impl ObservationTable {
         self.time_s.len()
     }
 
-    /// Never true of a table that was read.
+    /// Whether there are no observations, as in a window between two of them.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.time_s.is_empty()
@@ -142,7 +92,7 @@ impl ObservationTable {
         }
     }
 
-    /// The observations with `start <= time <= end`; may be none.
+    /// The observations with `start <= time <= end`; there may be none.
     #[must_use]
     pub fn within(&self, [start, end]: [f64; 2]) -> Self {
         let keep: Vec<bool> = self.time_s.iter().map(|&t| start <= t && t <= end).collect();
@@ -173,148 +123,27 @@ impl ObservationTable {
     }
 }
 
-/// A list of times \[s\], for curves: a table with the one column `time_s` (others are ignored when
-/// they are those of an observation table).
+/// A list of times \[s\] for curves: a table with the one column `time_s`, or an observation table, whose times are taken.
 ///
 /// # Errors
 ///
 /// [`InputError`] with line, column, value and remedy.
 pub fn parse_times(name: &str, text: &str) -> Result<Vec<f64>, InputError> {
-    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-    let mut lines = rows(text);
-    match lines.next() {
-        Some((_, header)) if unquoted(header) == "time_s" => {}
-        _ => return ObservationTable::parse(name, text).map(|table| table.time_s),
-    }
-    let mut times: Vec<f64> = Vec::new();
-    let mut last_line = 0;
-    for (line, row) in lines {
-        let cell = Cell {
-            source: name,
-            line,
-            column: "time_s",
-            text: unquoted(row),
-            separator: Separator::Comma,
-        };
-        let time = cell.not_negative()?;
-        if let Some(&previous) = times.last() {
-            cell.after(time, previous, last_line)?;
-        }
-        if times.len() == MOST_ROWS {
-            return Err(InputError::new(name, Mistake::TooLarge)
-                .at_line(line)
-                .found(format_args!("more than {MOST_ROWS} times")));
-        }
-        times.push(time);
-        last_line = line;
-    }
-    if times.is_empty() {
-        return Err(InputError::new(name, Mistake::Empty)
-            .found("a header without rows")
-            .expected("at least one time"));
-    }
-    Ok(times)
-}
-
-/// Lines with something in them, numbered from 1.
-pub(crate) fn rows(text: &str) -> impl Iterator<Item = (usize, &str)> {
-    // A lone CR (old spreadsheets) ends a line as well.
-    let lines = text.split('\n').flat_map(|line| {
-        let line = line.strip_suffix('\r').unwrap_or(line);
-        line.split('\r')
-    });
-    (1..).zip(lines.map(str::trim)).filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
-}
-
-fn unquoted(field: &str) -> &str {
-    let field = field.trim();
-    field.strip_prefix('"').and_then(|field| field.strip_suffix('"')).unwrap_or(field).trim()
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Separator {
-    Comma,
-    Semicolon,
-    Tab,
-    Spaces,
-}
-
-impl Separator {
-    pub(crate) fn of(header: &str) -> Self {
-        if header.contains(';') {
-            Self::Semicolon
-        } else if header.contains(',') {
-            Self::Comma
-        } else if header.contains('\t') {
-            Self::Tab
-        } else {
-            Self::Spaces
-        }
-    }
-
-    pub(crate) fn split(self, row: &str) -> Vec<&str> {
-        match self {
-            Self::Comma => row.split(',').map(unquoted).collect(),
-            Self::Semicolon => row.split(';').map(unquoted).collect(),
-            Self::Tab => row.split('\t').map(unquoted).collect(),
-            Self::Spaces => row.split_whitespace().map(unquoted).collect(),
-        }
+    let table = DataTable::parse(name, text, SHORTEST)?;
+    if table.columns() == ["time_s"] {
+        times(&table)
+    } else {
+        ObservationTable::parse(name, text).map(|table| table.time_s)
     }
 }
 
-/// Where in a row each column is.
-struct Columns {
-    count: usize,
-    time_s: usize,
-    contact_ratio: usize,
-    sigma: Option<usize>,
-}
-
-impl Columns {
-    fn from_header(name: &str, line: usize, header: &[&str]) -> Result<Self, InputError> {
-        if header.iter().all(|field| field.parse::<f64>().is_ok()) {
-            return Err(InputError::new(name, Mistake::MissingColumn)
-                .at_line(line)
-                .found("numbers")
-                .expected("a header with the names of the columns")
-                .help("put the line \"time_s,contact_ratio\" above the first row"));
-        }
-        for (place, field) in header.iter().enumerate() {
-            if header[..place].contains(field) {
-                return Err(InputError::new(name, Mistake::Duplicate)
-                    .at_line(line)
-                    .in_column(field)
-                    .found("the column twice")
-                    .help("remove one of them"));
-            }
-        }
-        let place = |column: &str| header.iter().position(|field| *field == column);
-        if let Some(unknown) = header.iter().find(|field| !COLUMNS.contains(field)) {
-            return Err(unknown_column(name, line, unknown, header));
-        }
-        let missing = |column: &str| {
-            InputError::new(name, Mistake::MissingColumn)
-                .at_line(line)
-                .in_column(column)
-                .found("missing")
-                .help("the columns are time_s, contact_ratio and, if you have it, sigma")
-        };
-        Ok(Self {
-            count: header.len(),
-            time_s: place("time_s").ok_or_else(|| missing("time_s"))?,
-            contact_ratio: place("contact_ratio").ok_or_else(|| missing("contact_ratio"))?,
-            sigma: place("sigma"),
-        })
-    }
-}
-
-fn unknown_column(name: &str, line: usize, column: &str, header: &[&str]) -> InputError {
-    let error = InputError::new(name, Mistake::UnknownField)
-        .at_line(line)
+fn unknown_column(table: &DataTable<'_>, column: &str) -> InputError {
+    let error = InputError::new(table.name, Mistake::UnknownField)
+        .at_line(table.names_line())
         .in_column(column)
         .found("unknown column");
     let lower = column.to_lowercase();
-    let absent = |wanted: &str| !header.contains(&wanted);
+    let absent = |wanted: &str| !table.columns().iter().any(|name| name == wanted);
     if absent("time_s") && (lower.contains("time") || lower == "t" || lower.starts_with("t [")) {
         error.help("give times in seconds, in a column called time_s")
     } else if absent("contact_ratio")
@@ -329,112 +158,63 @@ fn unknown_column(name: &str, line: usize, column: &str, header: &[&str]) -> Inp
     }
 }
 
-/// One value of the table and its place.
-struct Cell<'a> {
-    source: &'a str,
-    line: usize,
-    column: &'a str,
-    text: &'a str,
-    separator: Separator,
+/// The times: not negative, each later than the one before.
+fn times(table: &DataTable<'_>) -> Result<Vec<f64>, InputError> {
+    let times = table.column("time_s")?;
+    for (row, &time) in times.iter().enumerate() {
+        let mistake = |mistake| table.mistake_in(row, "time_s", mistake);
+        if time < 0.0 {
+            return Err(mistake(Mistake::Negative)
+                .expected("a number >= 0")
+                .help("times count from first contact; remove or shift what comes before it"));
+        }
+        if row == 0 || time > times[row - 1] {
+            continue;
+        }
+        let (previous, line) = (times[row - 1], table.line_of(row - 1));
+        return Err(if time == previous {
+            mistake(Mistake::Duplicate)
+                .found(format_args!("{time}, the same as in line {line}"))
+                .expected("a later time")
+                .help("average repeated measurements, or put each pair into a table of its own")
+        } else {
+            mistake(Mistake::Unsorted)
+                .expected(format_args!("a time after the {previous} of line {line}"))
+                .help("sort the rows by time")
+        });
+    }
+    Ok(times)
 }
 
-impl Cell<'_> {
-    fn error(&self, mistake: Mistake) -> InputError {
-        InputError::new(self.source, mistake).at_line(self.line).in_column(self.column)
+/// The contact ratios: 0 to [`LARGEST_CONTACT_RATIO`].
+fn contact_ratios(table: &DataTable<'_>) -> Result<Vec<f64>, InputError> {
+    let ratios = table.column("contact_ratio")?;
+    let wrong = |ratio: &f64| !(0.0..=LARGEST_CONTACT_RATIO).contains(ratio);
+    let Some(row) = ratios.iter().position(wrong) else { return Ok(ratios) };
+    let mistake = |mistake| table.mistake_in(row, "contact_ratio", mistake);
+    if ratios[row] < 0.0 {
+        return Err(mistake(Mistake::Negative)
+            .expected("a number >= 0")
+            .help("a neck cannot be negative; set it to 0 or remove the row"));
     }
+    let error =
+        mistake(Mistake::OutOfRange).expected("a/R between 0 and 2 (merged spheres have 1.26)");
+    Err(if (10.0..=100.0 * LARGEST_CONTACT_RATIO).contains(&ratios[row]) {
+        error.help("in percent? divide by 100; in micrometres? divide by the particle radius")
+    } else {
+        error.help("contact_ratio is neck radius over particle radius, not over diameter")
+    })
+}
 
-    fn number(&self, expected: &str) -> Result<f64, InputError> {
-        let Ok(value) = self.text.parse::<f64>() else {
-            if self.text.is_empty() {
-                return Err(self
-                    .error(Mistake::WrongType)
-                    .found("nothing")
-                    .expected(expected)
-                    .help("remove the row if nothing was measured"));
-            }
-            let error = self
-                .error(Mistake::WrongType)
-                .found(format_args!("\"{}\"", self.text))
-                .expected(expected);
-            let point = self.text.replace(',', ".");
-            return Err(if self.separator != Separator::Comma && point.parse::<f64>().is_ok() {
-                error.help(format_args!("write decimals with a point: {point}"))
-            } else {
-                error.help("give the bare number, without unit; start comments with # on a line of their own")
-            });
-        };
-        if value.is_finite() {
-            Ok(value)
-        } else {
-            Err(self
-                .error(Mistake::NotFinite)
-                .found(self.text)
-                .expected(expected)
-                .help("remove the row if nothing was measured"))
-        }
-    }
-
-    fn not_negative(&self) -> Result<f64, InputError> {
-        let expected = "a number >= 0";
-        let value = self.number(expected)?;
-        if value < 0.0 {
-            let error = self.error(Mistake::Negative).found(self.text).expected(expected);
-            return Err(if self.column == "time_s" {
-                error.help("times count from first contact; remove or shift what comes before it")
-            } else {
-                error.help("a neck cannot be negative; set it to 0 or remove the row")
-            });
-        }
-        Ok(value)
-    }
-
-    fn positive(&self) -> Result<f64, InputError> {
-        let expected = "a number > 0";
-        let value = self.number(expected)?;
-        if value > 0.0 {
-            return Ok(value);
-        }
-        let mistake = if value < 0.0 { Mistake::Negative } else { Mistake::OutOfRange };
-        Err(self
-            .error(mistake)
-            .found(self.text)
-            .expected(expected)
-            .help("sigma is the standard deviation of contact_ratio; no measurement is exact"))
-    }
-
-    fn after(&self, time: f64, previous: f64, previous_line: usize) -> Result<(), InputError> {
-        if time > previous {
-            Ok(())
-        } else if time == previous {
-            Err(self
-                .error(Mistake::Duplicate)
-                .found(format_args!("{time}, the same as in line {previous_line}"))
-                .expected("a later time")
-                .help("average repeated measurements, or put each pair into a table of its own"))
-        } else {
-            Err(self
-                .error(Mistake::Unsorted)
-                .found(time)
-                .expected(format_args!("a time after the {previous} of line {previous_line}"))
-                .help("sort the rows by time"))
-        }
-    }
-
-    fn contact_ratio(&self) -> Result<f64, InputError> {
-        let value = self.not_negative()?;
-        if value <= LARGEST_CONTACT_RATIO {
-            return Ok(value);
-        }
-        let error = self
-            .error(Mistake::OutOfRange)
-            .found(self.text)
-            .expected("a/R between 0 and 2 (merged spheres have 1.26)");
-        Err(if (10.0..=100.0 * LARGEST_CONTACT_RATIO).contains(&value) {
-            error.help("in percent? divide by 100; in micrometres? divide by the particle radius")
-        } else {
-            error.help("contact_ratio is neck radius over particle radius, not over diameter")
-        })
-    }
+/// The standard deviations: above zero.
+fn sigmas(table: &DataTable<'_>) -> Result<Vec<f64>, InputError> {
+    let sigmas = table.column("sigma")?;
+    let Some(row) = sigmas.iter().position(|&sigma| sigma <= 0.0) else { return Ok(sigmas) };
+    let mistake = if sigmas[row] < 0.0 { Mistake::Negative } else { Mistake::OutOfRange };
+    Err(table
+        .mistake_in(row, "sigma", mistake)
+        .expected("a number > 0")
+        .help("sigma is the standard deviation of contact_ratio; no measurement is exact"))
 }
 
 #[cfg(test)]

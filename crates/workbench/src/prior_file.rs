@@ -26,7 +26,7 @@ use std::path::Path;
 use dem_core::Kinetics;
 use smc_calib::{Parameter, Prior, PriorError, PriorSpec};
 
-use crate::error::{InputError, Mistake, nearest};
+use crate::error::{InputError, Mistake};
 use crate::experiment::is_toml;
 use crate::material::Material;
 use crate::parameter::ParameterName;
@@ -134,8 +134,7 @@ impl PriorFile {
     ) -> Result<Vec<(ParameterName, Parameter)>, InputError> {
         let mut parameters = Vec::new();
         for parameter in ParameterName::ALL {
-            let of_stage_2 = matches!(parameter, ParameterName::C1 | ParameterName::DeltaC);
-            if of_stage_2 && !kinetics.uses_c1_delta_c() {
+            if !parameter.is_used_by(kinetics) {
                 continue;
             }
             match self.get(parameter) {
@@ -170,8 +169,40 @@ fn missing(file: &str, parameter: ParameterName) -> InputError {
         .help(format_args!("add {name} = {{ distribution = \"log-uniform\", {example} }}"))
 }
 
-const DISTRIBUTIONS: [&str; 5] =
-    ["log-uniform", "uniform", "log-normal", "normal", "truncated-normal"];
+/// A family of priors.
+#[derive(Debug, Clone, Copy)]
+enum Distribution {
+    LogUniform,
+    Uniform,
+    LogNormal,
+    Normal,
+    TruncatedNormal,
+}
+
+/// The families by the names that a user types, in the order of the variants.
+const DISTRIBUTIONS: [(&str, Distribution); 5] = [
+    ("log-uniform", Distribution::LogUniform),
+    ("uniform", Distribution::Uniform),
+    ("log-normal", Distribution::LogNormal),
+    ("normal", Distribution::Normal),
+    ("truncated-normal", Distribution::TruncatedNormal),
+];
+
+impl Distribution {
+    fn name(self) -> &'static str {
+        DISTRIBUTIONS[self as usize].0
+    }
+
+    /// The fields that decide it.
+    fn given_by(self) -> &'static str {
+        match self {
+            Self::LogUniform | Self::Uniform => "lower and upper",
+            Self::LogNormal => "median and sd_log10",
+            Self::Normal => "mean and sd",
+            Self::TruncatedNormal => "mean, sd, lower and upper",
+        }
+    }
+}
 
 fn prior(parameter: ParameterName, fields: &Fields<'_>) -> Result<Prior, InputError> {
     let prior = any_prior(fields)?;
@@ -179,67 +210,54 @@ fn prior(parameter: ParameterName, fields: &Fields<'_>) -> Result<Prior, InputEr
     Ok(prior)
 }
 
-/// A prior of any parameter, from a table whose other fields have been asked for already.
+/// A prior of any parameter. Fields of the table that belong to something else must have been asked for before.
 pub(crate) fn any_prior(fields: &Fields<'_>) -> Result<Prior, InputError> {
-    let Some(At { value: distribution, line }) = fields.text("distribution")? else {
+    let Some(At { value: distribution, .. }) = fields.choice("distribution", &DISTRIBUTIONS)?
+    else {
+        let names = DISTRIBUTIONS.map(|(name, _)| name).join(", ");
         return Err(fields
             .missing("distribution")
-            .expected(format_args!("one of {}", DISTRIBUTIONS.join(", ")))
+            .expected(format_args!("one of {names}"))
             .help("add distribution = \"log-uniform\""));
     };
     let number = |key: &'static str| {
         fields.number(key)?.map(|at| at.value).ok_or_else(|| {
-            fields.missing(key).expected(format_args!(
-                "a number, as {distribution} is given by {}",
-                match distribution {
-                    "log-uniform" | "uniform" => "lower and upper",
-                    "log-normal" => "median and sd_log10",
-                    "normal" => "mean and sd",
-                    _ => "mean, sd, lower and upper",
-                }
-            ))
+            let (name, given_by) = (distribution.name(), distribution.given_by());
+            let expected = format!("a number, as {name} is given by {given_by}");
+            fields.missing(key).expected(expected)
         })
     };
     let spec = match distribution {
-        "log-uniform" => PriorSpec::LogUniform { lower: number("lower")?, upper: number("upper")? },
-        "uniform" => PriorSpec::Uniform { lower: number("lower")?, upper: number("upper")? },
-        "log-normal" => {
+        Distribution::LogUniform => {
+            PriorSpec::LogUniform { lower: number("lower")?, upper: number("upper")? }
+        }
+        Distribution::Uniform => {
+            PriorSpec::Uniform { lower: number("lower")?, upper: number("upper")? }
+        }
+        Distribution::LogNormal => {
             PriorSpec::LogNormal { median: number("median")?, sd_log10: number("sd_log10")? }
         }
-        "normal" => PriorSpec::Normal { mean: number("mean")?, sd: number("sd")? },
-        "truncated-normal" => PriorSpec::TruncatedNormal {
+        Distribution::Normal => PriorSpec::Normal { mean: number("mean")?, sd: number("sd")? },
+        Distribution::TruncatedNormal => PriorSpec::TruncatedNormal {
             mean: number("mean")?,
             sd: number("sd")?,
             lower: number("lower")?,
             upper: number("upper")?,
         },
-        _ => {
-            return Err(fields
-                .error("distribution", line, Mistake::UnknownName)
-                .found(format_args!("\"{distribution}\""))
-                .expected(format_args!("one of {}", DISTRIBUTIONS.join(", ")))
-                .help_if(
-                    nearest(distribution, DISTRIBUTIONS)
-                        .map(|near| format!("did you mean \"{near}\"?")),
-                ));
-        }
     };
     fields.finish()?;
     Prior::new(spec).map_err(|error| refused(fields, &error))
 }
 
-/// The line of a field that was read.
-fn line(fields: &Fields<'_>, key: &'static str) -> Option<usize> {
-    fields.number(key).ok().flatten().map(|at| at.line)
+/// A mistake in a field, at its line or, where it is not there, at that of its table.
+fn mistake_in(fields: &Fields<'_>, key: &str, mistake: Mistake) -> InputError {
+    let mut input = fields.table_error(mistake).in_field(fields.path_of(key));
+    input.line = fields.line_of(key).or(input.line);
+    input
 }
 
 fn refused(fields: &Fields<'_>, error: &PriorError) -> InputError {
-    let at = |key: &'static str, mistake| {
-        let mut input = fields.table_error(mistake);
-        input.field = None;
-        input.line = line(fields, key).or(input.line);
-        input.in_field(fields.path_of(key))
-    };
+    let at = |key: &str, mistake| mistake_in(fields, key, mistake);
     match error {
         PriorError::NotFinite { field, value } => {
             at(field, Mistake::NotFinite).found(value).expected("a finite number")
@@ -269,11 +287,7 @@ pub(crate) fn check_support(
     spec: &PriorSpec,
 ) -> Result<(), InputError> {
     let name = parameter.name();
-    let at = |key: &'static str, mistake| {
-        let mut input = fields.table_error(mistake).in_field(fields.path_of(key));
-        input.line = line(fields, key).or(input.line);
-        input
-    };
+    let at = |key: &str, mistake| mistake_in(fields, key, mistake);
     let bounds = match *spec {
         PriorSpec::Uniform { lower, upper }
         | PriorSpec::LogUniform { lower, upper }
@@ -311,180 +325,4 @@ pub(crate) fn check_support(
 }
 
 #[cfg(test)]
-mod tests {
-    use proptest::prelude::*;
-
-    use super::*;
-
-    const TAU: &str = "tau_s = { distribution = \"log-uniform\", lower = 0.5, upper = 50 }\n";
-
-    #[test]
-    fn default_priors_are_the_documented_ones() {
-        let bounds = |lower, upper| PriorSpec::LogUniform { lower, upper };
-        for (material, c1, tau_s) in [
-            (Material::Ps, bounds(1e-6, 1e-1), bounds(1e-2, 1.0)),
-            (Material::Pa12, bounds(1e-8, 1e-2), bounds(0.5, 50.0)),
-            (Material::Peek, bounds(1e-9, 1e-3), bounds(3.0, 300.0)),
-        ] {
-            let priors = PriorFile::of_material(material).expect("built in");
-            let parameters = priors.parameters(Kinetics::ThreeStage).expect("complete");
-            let specs: Vec<_> =
-                parameters.iter().map(|(_, parameter)| parameter.prior.spec().clone()).collect();
-            assert_eq!(specs, [c1, tau_s, bounds(1e-8, 3e-6)]);
-            let names: Vec<_> = parameters.iter().map(|(name, _)| name.name()).collect();
-            assert_eq!(names, ["c1", "tau_s", "delta_c"]);
-        }
-    }
-
-    #[test]
-    fn kinetics_ask_only_for_the_priors_they_use() {
-        let priors = PriorFile::parse("p.toml", TAU).expect("valid");
-        assert_eq!(priors.parameters(Kinetics::Frenkel).expect("tau_s").len(), 1);
-        let error = priors.parameters(Kinetics::ThreeStage).expect_err("no c1");
-        assert_eq!(error.mistake, Mistake::MissingField);
-        assert!(error.to_string().contains("[c1]"), "{error}");
-        let with_phi =
-            format!("{TAU}[phi]\ndistribution = \"uniform\"\nlower = 1.0\nupper = 1.35\n");
-        let priors = PriorFile::parse("p.toml", &with_phi).expect("valid");
-        let names: Vec<_> = priors
-            .parameters(Kinetics::Pokluda)
-            .expect("both")
-            .iter()
-            .map(|(name, _)| name.name())
-            .collect();
-        assert_eq!(names, ["tau_s", "phi"]);
-    }
-
-    #[test]
-    fn every_distribution_is_read() {
-        for (fields, spec) in [
-            ("\"uniform\", lower = 1, upper = 2", PriorSpec::Uniform { lower: 1.0, upper: 2.0 }),
-            ("\"normal\", mean = 9, sd = 1", PriorSpec::Normal { mean: 9.0, sd: 1.0 }),
-            (
-                "\"log-normal\", median = 3, sd_log10 = 0.5",
-                PriorSpec::LogNormal { median: 3.0, sd_log10: 0.5 },
-            ),
-            (
-                "\"truncated-normal\", mean = 1, sd = 2, lower = 0, upper = 9",
-                PriorSpec::TruncatedNormal { mean: 1.0, sd: 2.0, lower: 0.0, upper: 9.0 },
-            ),
-        ] {
-            let text =
-                format!("[tau_s]\n{}\n", format!("distribution = {fields}").replace(", ", "\n"));
-            let priors = PriorFile::parse("p.toml", &text).expect(fields);
-            assert_eq!(priors.tau_s.spec(), &spec);
-        }
-    }
-
-    #[test]
-    fn each_mistake_names_its_line_and_field() {
-        let tau = |fields: &str| format!("[tau_s]\n{fields}\n");
-        for (text, kind, line, says) in [
-            (String::new(), Mistake::MissingField, None, "tau_s = {"),
-            (tau(""), Mistake::MissingField, Some(1), "tau_s.distribution"),
-            (
-                tau("distribution = \"loguniform\""),
-                Mistake::UnknownName,
-                Some(2),
-                "mean \"log-uniform\"?",
-            ),
-            (
-                tau("distribution = \"uniform\"\nlower = 1"),
-                Mistake::MissingField,
-                Some(1),
-                "tau_s.upper",
-            ),
-            (
-                tau("distribution = \"uniform\"\nlower = 2\nupper = 1"),
-                Mistake::Bounds,
-                Some(3),
-                "swap",
-            ),
-            (
-                tau("distribution = \"uniform\"\nlower = 2\nupper = 2"),
-                Mistake::Bounds,
-                Some(3),
-                "widen",
-            ),
-            (
-                tau("distribution = \"log-uniform\"\nlower = 0\nupper = 1"),
-                Mistake::OutOfRange,
-                Some(3),
-                "tau_s.lower",
-            ),
-            (
-                tau("distribution = \"uniform\"\nlower = -1\nupper = 1"),
-                Mistake::Negative,
-                Some(3),
-                "tau_s.lower",
-            ),
-            (
-                tau("distribution = \"normal\"\nmean = 1\nsd = 1"),
-                Mistake::Negative,
-                Some(3),
-                "log-normal",
-            ),
-            (
-                tau("distribution = \"normal\"\nmean = 1\nsd = 0"),
-                Mistake::OutOfRange,
-                Some(4),
-                "tau_s.sd",
-            ),
-            (
-                tau("distribution = \"uniform\"\nlower = 1\nupper = inf"),
-                Mistake::NotFinite,
-                Some(4),
-                "tau_s.upper",
-            ),
-            (
-                tau("distribution = \"uniform\"\nlower = 1\nuper = 3\nupper = 2"),
-                Mistake::UnknownField,
-                Some(4),
-                "did you mean tau_s.upper?",
-            ),
-            (
-                format!("{TAU}[tau_c]\ndistribution = \"uniform\"\n"),
-                Mistake::UnknownField,
-                Some(2),
-                "did you mean tau_s?",
-            ),
-            (
-                format!("{TAU}[phi]\ndistribution = \"uniform\"\nlower = 1\nupper = 5\n"),
-                Mistake::OutOfRange,
-                Some(5),
-                "phi.upper",
-            ),
-            ("tau_s = 3\n".to_owned(), Mistake::WrongType, Some(1), "a table [tau_s]"),
-        ] {
-            let error = PriorFile::parse("p.toml", &text).expect_err(&text);
-            assert_eq!((error.mistake, error.line), (kind, line), "{text}\n{error}");
-            assert!(error.to_string().contains(says), "{text}\n{error}");
-        }
-    }
-
-    proptest! {
-        #[test]
-        fn arbitrary_prior_files_never_panic(text in ".*") {
-            let _ = PriorFile::parse("p.toml", &text);
-        }
-
-        #[test]
-        fn any_numbers_are_a_prior_or_a_mistake(
-            kind in proptest::sample::select(DISTRIBUTIONS.to_vec()),
-            numbers in proptest::array::uniform7(any::<f64>()),
-        ) {
-            let [lower, upper, mean, sd, median, sd_log10, _] = numbers;
-            let mut text = format!("[tau_s]\ndistribution = \"{kind}\"\n");
-            let fields: &[(&str, f64)] = match kind {
-                "log-uniform" | "uniform" => &[("lower", lower), ("upper", upper)],
-                "log-normal" => &[("median", median), ("sd_log10", sd_log10)],
-                "normal" => &[("mean", mean), ("sd", sd)],
-                _ => &[("mean", mean), ("sd", sd), ("lower", lower), ("upper", upper)],
-            };
-            for (name, value) in fields {
-                text.push_str(&format!("{name} = {value:e}\n"));
-            }
-            let _ = PriorFile::parse("p.toml", &text);
-        }
-    }
-}
+mod tests;

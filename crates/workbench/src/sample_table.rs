@@ -12,6 +12,9 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use campaign::table::{Format, TableError};
+
+use crate::data_table::DataTable;
 use crate::error::{InputError, Mistake, nearest};
 use crate::text_file;
 
@@ -43,72 +46,56 @@ impl SampleTable {
     ///
     /// [`InputError`] with line, column, value and remedy.
     pub fn parse(name: &str, text: &str) -> Result<Self, InputError> {
-        let mut lines = (1..)
-            .zip(text.lines())
-            .map(|(line, row)| (line, row.split('#').next().unwrap_or_default()))
-            .map(|(line, row)| (line, row.split_whitespace().collect::<Vec<_>>()))
-            .filter(|(_, fields)| !fields.is_empty());
-        let Some((header_line, header)) = lines.next() else {
-            return Err(InputError::new(name, Mistake::Empty)
-                .found("an empty file")
-                .expected("a sample table: !OMP_NUM_THREADS description key and the parameters"));
-        };
+        const HEADER: &str = "the first line reads: !OMP_NUM_THREADS description key NAME NAME ...";
+        let without_comments: String = text
+            .lines()
+            .flat_map(|line| [line.split('#').next().unwrap_or_default(), "\n"])
+            .collect();
+        let table =
+            DataTable::of_format(name, &without_comments, Format::Whitespace).map_err(|error| {
+                match error.mistake {
+                    Mistake::Empty | Mistake::MissingColumn => error.help(HEADER),
+                    _ => error,
+                }
+            })?;
         let is_parameter =
             |title: &str| !title.starts_with('!') && title != "description" && title != "key";
-        let places: Vec<usize> =
-            (0..header.len()).filter(|&place| is_parameter(header[place])).collect();
-        let parameters: Vec<String> =
-            places.iter().map(|&place| header[place].trim_end_matches('!').to_owned()).collect();
+        let (places, parameters): (Vec<usize>, Vec<String>) = (0..)
+            .zip(table.columns())
+            .filter(|(_, title)| is_parameter(title))
+            .map(|(place, title)| (place, title.trim_end_matches('!').to_owned()))
+            .unzip();
         if parameters.is_empty() || parameters.iter().any(|title| title.parse::<f64>().is_ok()) {
             return Err(InputError::new(name, Mistake::MissingColumn)
-                .at_line(header_line)
-                .found(header.join(" "))
+                .at_line(table.names_line())
+                .found(table.columns().join(" "))
                 .expected("a header that names the parameters")
-                .help("the first line reads: !OMP_NUM_THREADS description key NAME NAME ..."));
+                .help(HEADER));
         }
         for (place, title) in parameters.iter().enumerate() {
             if parameters[..place].contains(title) {
-                return Err(InputError::new(name, Mistake::Duplicate)
-                    .at_line(header_line)
-                    .in_column(title)
-                    .found("the column twice"));
+                let (line, column) = (Some(table.names_line()), title.clone());
+                return Err(table.refused(&TableError::DuplicateName { line, column }));
             }
         }
-        let mut table =
-            Self { parameters, rows: Vec::new(), name: name.to_owned(), lines: Vec::new() };
-        for (line, fields) in lines {
-            if fields.len() != header.len() {
-                return Err(InputError::new(name, Mistake::Syntax)
-                    .at_line(line)
-                    .found(format_args!("{} values", fields.len()))
-                    .expected(format_args!("{} as in the header", header.len()))
-                    .help("values are separated by blanks; none may hold one"));
-            }
-            let mut row = Vec::with_capacity(places.len());
+        let mut sets: Vec<Vec<f64>> = Vec::new();
+        let mut lines = Vec::new();
+        for row in table.rows() {
+            let mut set = Vec::with_capacity(places.len());
             for (column, &place) in places.iter().enumerate() {
-                let text = fields[place];
-                let value = match (text, table.rows.last()) {
-                    ("=", Some(above)) => Some(above[column]),
-                    _ => text.parse::<f64>().ok().filter(|value| value.is_finite()),
+                let value = match sets.last() {
+                    Some(above) if row.cells[place] == "=" => above[column],
+                    _ => row.number(place).map_err(|error| table.refused(&error))?,
                 };
-                row.push(value.ok_or_else(|| {
-                    InputError::new(name, Mistake::WrongType)
-                        .at_line(line)
-                        .in_column(&table.parameters[column])
-                        .found(format_args!("\"{text}\""))
-                        .expected("a finite number")
-                })?);
+                if !value.is_finite() {
+                    return Err(table.not_finite(sets.len(), &table.columns()[place]));
+                }
+                set.push(value);
             }
-            table.rows.push(row);
-            table.lines.push(line);
+            sets.push(set);
+            lines.push(row.line);
         }
-        if table.rows.is_empty() {
-            return Err(InputError::new(name, Mistake::Empty)
-                .at_line(header_line)
-                .found("a header without rows")
-                .expected("at least one parameter set"));
-        }
-        Ok(table)
+        Ok(Self { parameters, rows: sets, name: name.to_owned(), lines })
     }
 
     /// The rows with their columns in the order of `names`; every name must be there, and no other.
@@ -216,7 +203,7 @@ mod tests {
             ("1 2\n3 4\n", Mistake::MissingColumn, Some(1)),
             ("a a\n1 2\n", Mistake::Duplicate, Some(1)),
             ("a b\n1\n", Mistake::Syntax, Some(2)),
-            ("a b\n1 nan\n", Mistake::WrongType, Some(2)),
+            ("a b\n1 nan\n", Mistake::NotFinite, Some(2)),
             ("a b\n= 1\n", Mistake::WrongType, Some(2)),
         ] {
             let error = SampleTable::parse("t", text).expect_err(text);

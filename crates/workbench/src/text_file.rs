@@ -1,4 +1,4 @@
-//! User files as text: bounded, UTF-8, with or without a byte order mark, any line ending.
+//! Text files of users: bounded in size, UTF-8, with or without a byte order mark.
 
 use std::fs::File;
 use std::io::Read;
@@ -77,7 +77,7 @@ pub fn decode(name: &str, bytes: Vec<u8>) -> Result<String, InputError> {
     Ok(text)
 }
 
-/// A file of nearly the same name beside the one that is not there.
+/// The name of a file like the missing one, in words for its help.
 fn similar_file(path: &Path) -> Option<String> {
     let wanted = path.file_name()?.to_str()?;
     let folder = match path.parent() {

@@ -1,4 +1,4 @@
-//! TOML read field by field, each mistake with its line and field.
+//! The fields of a TOML or JSON file: each mistake with its line and field.
 
 use std::cell::RefCell;
 
@@ -7,6 +7,9 @@ use toml::de::{DeTable, DeValue};
 
 use crate::error::{InputError, Mistake, nearest};
 use crate::json_document;
+
+/// What is expected where another type stands.
+const TEXT: &str = "text in quotes";
 
 /// A parsed file, and the way to say where in it something is wrong.
 pub(crate) struct Document<'i> {
@@ -213,27 +216,25 @@ impl<'d> Fields<'d> {
                 .expected("some text")
                 .help("leave the field out if there is nothing to say")),
             Some(text) => Ok(Some(At { value: text, line: at.line })),
-            None => Err(self.wrong_type(key, at, "text in quotes")),
+            None => Err(self.wrong_type(key, at, TEXT)),
         }
     }
 
     /// A table in this one, if it is there.
     pub(crate) fn table(&self, key: &'static str) -> Result<Option<Fields<'d>>, InputError> {
-        let Some(at) = self.get(key) else { return Ok(None) };
-        match at.value.as_table() {
-            Some(table) => Ok(Some(Fields {
-                name: self.name,
-                text: self.text,
-                path: self.path_of(key),
-                line: Some(at.line),
-                table,
-                known: RefCell::new(Vec::new()),
-            })),
-            None => Err(self.wrong_type(key, at, &format!("a table [{}]", self.path_of(key)))),
-        }
+        self.get(key).map(|at| self.as_table(key, at)).transpose()
     }
 
-    /// The rest of the table, but for `taken`, as a value that knows its fields itself.
+    fn as_table(&self, key: &str, at: At<&'d DeValue<'d>>) -> Result<Fields<'d>, InputError> {
+        let path = self.path_of(key);
+        let Some(table) = at.value.as_table() else {
+            return Err(self.wrong_type(key, at, &format!("a table [{path}]")));
+        };
+        let (line, known) = (Some(at.line), RefCell::new(Vec::new()));
+        Ok(Fields { name: self.name, text: self.text, path, line, table, known })
+    }
+
+    /// All fields but those in `taken`, read by serde.
     pub(crate) fn rest<T: serde::de::DeserializeOwned>(
         &self,
         taken: &[&str],
@@ -290,47 +291,32 @@ impl<'d> Fields<'d> {
         self.line
     }
 
+    /// The fields with the names that the user chose, in the file's order, each at the line of its name.
+    fn entries(&self) -> Vec<(&'d str, At<&'d DeValue<'d>>)> {
+        let mut entries: Vec<_> = self.table.iter().collect();
+        entries.sort_by_key(|(key, _)| key.span().start);
+        let entry = |(key, value): (&'d Spanned<_>, &'d Spanned<_>)| {
+            let line = line_of(self.text, key.span().start);
+            (AsRef::<str>::as_ref(key.get_ref()), At { value: value.get_ref(), line })
+        };
+        entries.into_iter().map(entry).collect()
+    }
+
     /// Every field as a table of its own, with the name that the user chose, in the file's order.
     pub(crate) fn named_tables(&self) -> Result<Vec<(At<&'d str>, Fields<'d>)>, InputError> {
-        let mut tables = Vec::new();
-        for (key, value) in self.table {
-            let name = key.get_ref().as_ref();
-            let at = At { value: value.get_ref(), line: line_of(self.text, key.span().start) };
-            let Some(table) = at.value.as_table() else {
-                let expected = format!("a table [{}]", self.path_of(name));
-                return Err(self.wrong_type(name, at, &expected));
-            };
-            let fields = Fields {
-                name: self.name,
-                text: self.text,
-                path: self.path_of(name),
-                line: Some(at.line),
-                table,
-                known: RefCell::new(Vec::new()),
-            };
-            tables.push((key.span().start, (At { value: name, line: at.line }, fields)));
-        }
-        tables.sort_by_key(|(start, _)| *start);
-        Ok(tables.into_iter().map(|(_, table)| table).collect())
+        let named = |(name, at): (&'d str, At<_>)| {
+            Ok((At { value: name, line: at.line }, self.as_table(name, at)?))
+        };
+        self.entries().into_iter().map(named).collect()
     }
 
     /// Every field as text, under the name that the user chose, in the file's order.
     pub(crate) fn named_texts(&self) -> Result<Vec<(At<&'d str>, &'d str)>, InputError> {
-        let mut texts = Vec::new();
-        for (key, value) in self.table {
-            let name = key.get_ref().as_ref();
-            let line = line_of(self.text, key.span().start);
-            let Some(text) = value.get_ref().as_str() else {
-                return Err(self.wrong_type(
-                    name,
-                    At { value: value.get_ref(), line },
-                    "text in quotes",
-                ));
-            };
-            texts.push((key.span().start, (At { value: name, line }, text)));
-        }
-        texts.sort_by_key(|(start, _)| *start);
-        Ok(texts.into_iter().map(|(_, text)| text).collect())
+        let named = |(name, at): (&'d str, At<&'d DeValue<'d>>)| {
+            let text = at.value.as_str().ok_or_else(|| self.wrong_type(name, at, TEXT))?;
+            Ok((At { value: name, line: at.line }, text))
+        };
+        self.entries().into_iter().map(named).collect()
     }
 
     /// A whole number from `least` to `most`, if it is there.
@@ -370,18 +356,12 @@ impl<'d> Fields<'d> {
         let Some(array) = at.value.as_array() else {
             return Err(self.wrong_type(key, at, expected));
         };
-        let mut texts = Vec::new();
-        for item in array.iter() {
-            let Some(text) = item.get_ref().as_str() else {
-                let line = line_of(self.text, item.span().start);
-                return Err(self.wrong_type(
-                    key,
-                    At { value: item.get_ref(), line },
-                    "text in quotes",
-                ));
-            };
-            texts.push(text);
-        }
+        let text = |item: &'d Spanned<DeValue<'d>>| {
+            let line = line_of(self.text, item.span().start);
+            let at = At { value: item.get_ref(), line };
+            at.value.as_str().ok_or_else(|| self.wrong_type(key, at, TEXT))
+        };
+        let texts = array.iter().map(text).collect::<Result<Vec<_>, _>>()?;
         Ok(Some(At { value: texts, line: at.line }))
     }
 
@@ -408,7 +388,7 @@ impl<'d> Fields<'d> {
         }
     }
 
-    /// Refuses whatever was never asked for.
+    /// Refuses a field that was never asked for.
     pub(crate) fn finish(&self) -> Result<(), InputError> {
         let known = self.known.borrow();
         let unknown = self

@@ -2,20 +2,21 @@
 //!
 //! ```text
 //! cargo install cargo-fuzz
-//! cd crates/calibrate && cargo fuzz run parsers --sanitizer none -- -max_total_time=300
+//! cd crates/workbench && cargo fuzz run parsers --sanitizer none -- -max_total_time=300
 //! ```
 //!
 //! The first byte says which parser reads the rest.
 
 #![no_main]
 
-use workbench::error::{InputError, Mistake};
+use libfuzzer_sys::fuzz_target;
+use workbench::data_table::DataTable;
+use workbench::error::InputError;
 use workbench::experiment::Experiment;
 use workbench::observation_table::{self, ObservationTable};
 use workbench::prior_file::PriorFile;
-use workbench::{posterior_file, tables, text_file};
-use dem_core::bed::SceneFile;
-use libfuzzer_sys::fuzz_target;
+use workbench::sample_table::SampleTable;
+use workbench::{record, report, scene_file, text_file};
 
 /// What was refused says so in words.
 fn refused<T>(outcome: Result<T, InputError>) -> Option<T> {
@@ -31,7 +32,7 @@ fn refused<T>(outcome: Result<T, InputError>) -> Option<T> {
 fuzz_target!(|bytes: &[u8]| {
     let Some((&which, rest)) = bytes.split_first() else { return };
     let Some(text) = refused(text_file::decode("fuzz", rest.to_vec())) else { return };
-    match which % 8 {
+    match which % 10 {
         0 => {
             if let Some(table) = refused(ObservationTable::parse("fuzz.csv", &text)) {
                 // What is read is a table, and what is written reads back.
@@ -53,19 +54,26 @@ fuzz_target!(|bytes: &[u8]| {
             refused(PriorFile::parse("fuzz.toml", &text));
         }
         4 => {
-            refused(posterior_file::parse("posterior.json", &text));
+            refused(record::parse("posterior.json", &text));
         }
         5 => {
-            refused(tables::read_sample_columns("samples.csv", &text, 3));
+            refused(report::parse_samples("samples.csv", &text, 3));
         }
         6 => {
-            refused(tables::read_parameters("draws.csv", &text, 3));
+            refused(report::parse_draws("draws.csv", &text, 3));
+        }
+        7 => {
+            refused(SampleTable::parse("fuzz.txt", &text));
+        }
+        8 => {
+            if let Some(table) = refused(DataTable::parse("fuzz.csv", &text, "u,f\n0.1,4.98")) {
+                for column in table.columns() {
+                    refused(table.column(column));
+                }
+            }
         }
         _ => {
-            if let Err(error) = SceneFile::parse(&text, "fuzz.toml").and_then(|scene| scene.outline()) {
-                let error = InputError::new("fuzz.toml", Mistake::Syntax).found(error);
-                assert!(error.to_string().len() > 10);
-            }
+            refused(scene_file::parse("fuzz.toml".to_owned(), &text, false));
         }
     }
 });

@@ -8,6 +8,7 @@ use smc_calib::{FixedSigma, Noise};
 use super::types::ObservablePlan;
 use crate::data_table::DataTable;
 use crate::error::{InputError, Mistake};
+use crate::text_file;
 use crate::toml_fields::{At, Fields};
 
 /// Reads an observable of a command; `folder` is that of the plan.
@@ -40,8 +41,10 @@ pub(super) fn observable(
     let result_table = fields.table("result")?;
     fields.finish()?;
 
-    let table = DataTable::read(&folder.join(table_field.value))
-        .map_err(|error| error.named_in(fields, "table", table_field.line))?;
+    let path = folder.join(table_field.value);
+    let (name, text) = (path.display().to_string(), text_file::read(&path));
+    let text = text.map_err(|error| error.named_in(fields, "table", table_field.line))?;
+    let table = DataTable::parse(&name, &text, "time_s,force_n\n0.5,4.98")?;
     measurements(&mut observable, fields, &table, sigma_column.as_deref())?;
     let Some(noise_table) = noise_table else {
         return Err(fields
@@ -74,19 +77,16 @@ pub(super) fn observable(
 fn measurements(
     observable: &mut ObservablePlan,
     fields: &Fields<'_>,
-    table: &DataTable,
+    table: &DataTable<'_>,
     sigma_column: Option<&str>,
 ) -> Result<(), InputError> {
-    let at = |row: usize, column: &str, mistake| {
-        InputError::new(&table.name, mistake).at_line(table.line_of(row)).in_column(column)
-    };
     let values = table.column(&observable.value_column)?;
     let sigma = sigma_column.map(|column| table.column(column)).transpose()?;
     if let (Some(column), Some(sigma)) = (sigma_column, &sigma)
         && let Some(row) = sigma.iter().position(|sigma| *sigma <= 0.0)
     {
-        return Err(at(row, column, Mistake::OutOfRange)
-            .found(sigma[row])
+        return Err(table
+            .mistake_in(row, column, Mistake::OutOfRange)
             .expected("a standard deviation > 0"));
     }
     let control = match &observable.control_column {
@@ -96,7 +96,8 @@ fn measurements(
     if let Some(column) = &observable.control_column
         && let Some(row) = (1..control.len()).find(|&row| control[row] < control[row - 1])
     {
-        return Err(at(row, column, Mistake::Unsorted)
+        return Err(table
+            .mistake_in(row, column, Mistake::Unsorted)
             .found(format_args!("{} after {}", control[row], control[row - 1]))
             .expected("values that do not go back")
             .help(

@@ -3,10 +3,12 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use campaign::Format;
 use smc_calib::{Parameter, ParameterSummary, Posterior};
 
-use super::quoted;
+use super::tables::quoted;
 use crate::checksums;
+use crate::data_table::DataTable;
 use crate::error::{InputError, Mistake};
 use crate::record::Record;
 
@@ -102,110 +104,15 @@ fn numbers<'a>(text: &mut String, values: impl Iterator<Item = &'a f64>) {
     }
 }
 
-/// The parameter columns \[SI\] of a `draws.csv`, one draw per row.
-///
-/// # Errors
-///
-/// [`InputError`] with line and column for a file that is cut off or not a table of draws.
-fn read_parameters(name: &str, text: &str, dimensions: usize) -> Result<Vec<Vec<f64>>, InputError> {
-    let mut lines = text.lines().enumerate();
-    let width = match lines.next() {
-        Some((_, header)) if !header.is_empty() => header.split(',').count(),
-        _ => return Err(InputError::new(name, Mistake::Empty).found("an empty file")),
-    };
-    let mut columns = vec![Vec::new(); dimensions];
-    for (line, row) in lines {
-        let fields = row_of(name, line, row, width)?;
-        for (place, column) in columns.iter_mut().enumerate() {
-            column.push(number_at(name, line, &fields, place)?);
-        }
-    }
-    if columns.first().is_none_or(Vec::is_empty) {
-        return Err(InputError::new(name, Mistake::Empty)
-            .found("a table without draws")
-            .help("run the calibration again"));
-    }
-    Ok(columns)
-}
-
-/// The fields of a row that has as many as the header.
-fn row_of<'a>(
-    name: &str,
-    line: usize,
-    row: &'a str,
-    width: usize,
-) -> Result<Vec<&'a str>, InputError> {
-    let fields: Vec<&str> = row.split(',').collect();
-    if fields.len() == width {
-        return Ok(fields);
-    }
-    Err(InputError::new(name, Mistake::Syntax)
-        .at_line(line + 1)
-        .found(format_args!("{} columns", fields.len()))
-        .expected(width)
-        .help("the file is cut off or edited; run the calibration again"))
-}
-
-fn number_at(name: &str, line: usize, fields: &[&str], place: usize) -> Result<f64, InputError> {
-    let refused = || {
-        InputError::new(name, Mistake::WrongType)
-            .at_line(line + 1)
-            .found(format_args!("\"{}\"", fields.get(place).copied().unwrap_or_default()))
-            .expected("a finite number")
-    };
-    let number = fields.get(place).and_then(|field| field.parse::<f64>().ok());
-    number.filter(|number| number.is_finite()).ok_or_else(refused)
-}
-
-/// The columns that the corner plot needs, from the text of a `samples.csv`.
-///
-/// # Errors
-///
-/// [`InputError`] with line and column for a file that is cut off or not a table of samples.
-fn read_sample_columns(
-    name: &str,
-    text: &str,
-    dimensions: usize,
-) -> Result<SampleColumns, InputError> {
-    let mut lines = text.lines().enumerate();
-    let (_, header) = lines.next().ok_or_else(|| {
-        InputError::new(name, Mistake::Empty).found("an empty file").expected("a samples.csv")
-    })?;
-    let width = header.split(',').count();
-    let Some(weight_place) = header.split(',').position(|column| column == "weight") else {
-        return Err(InputError::new(name, Mistake::MissingColumn)
-            .at_line(1)
-            .expected("a column weight")
-            .help("name a samples.csv written by this program"));
-    };
-    let mut columns =
-        SampleColumns { parameters: vec![Vec::new(); dimensions], weights: Vec::new() };
-    for (line, row) in lines {
-        let fields = row_of(name, line, row, width)?;
-        for (place, column) in columns.parameters.iter_mut().enumerate() {
-            column.push(number_at(name, line, &fields, place)?);
-        }
-        columns.weights.push(number_at(name, line, &fields, weight_place)?);
-    }
-    Ok(columns)
-}
-
 /// Reads the samples beside a `posterior.json`.
 ///
 /// # Errors
 ///
 /// [`InputError`] for a file that is missing or cut off.
 pub fn read_samples(record: &Record, folder: &Path) -> Result<SampleColumns, InputError> {
-    let path = folder.join("samples.csv");
-    checksums::read_as(&path, |name, text| {
-        let samples = read_sample_columns(name, text, record.parameters.len())?;
+    checksums::read_as(&folder.join("samples.csv"), |name, text| {
+        let samples = parse_samples(name, text, record.parameters.len())?;
         complete(name, samples.weights.len(), record.counters.simulations, "samples")?;
-        if samples.weights.is_empty() {
-            return Err(InputError::new(name, Mistake::Empty)
-                .found("a table without samples")
-                .expected("the samples of the run")
-                .help("run the calibration again"));
-        }
         Ok(samples)
     })
 }
@@ -216,11 +123,59 @@ pub fn read_samples(record: &Record, folder: &Path) -> Result<SampleColumns, Inp
 ///
 /// [`InputError`] for a file that is missing or cut off.
 pub fn read_draws(record: &Record, folder: &Path) -> Result<Vec<Vec<f64>>, InputError> {
-    let path = folder.join("draws.csv");
-    checksums::read_as(&path, |name, text| {
-        let draws = read_parameters(name, text, record.parameters.len())?;
+    checksums::read_as(&folder.join("draws.csv"), |name, text| {
+        let draws = parse_draws(name, text, record.parameters.len())?;
         complete(name, draws.first().map_or(0, Vec::len), record.plan.sampler.draws, "draws")?;
         Ok(draws)
+    })
+}
+
+/// Reads the text of a `samples.csv` of so many parameters; `name` is what errors call it.
+///
+/// # Errors
+///
+/// [`InputError`] with line and column for a file that is cut off or not a table of samples.
+pub fn parse_samples(
+    name: &str,
+    text: &str,
+    parameters: usize,
+) -> Result<SampleColumns, InputError> {
+    let mut columns = columns(name, text, parameters, Some("weight"))?;
+    let weights = columns.pop().unwrap_or_default();
+    Ok(SampleColumns { parameters: columns, weights })
+}
+
+/// Reads the columns of the parameters from the text of a `draws.csv`; `name` is what errors call it.
+///
+/// # Errors
+///
+/// [`InputError`] with line and column for a file that is cut off or not a table of draws.
+pub fn parse_draws(name: &str, text: &str, parameters: usize) -> Result<Vec<Vec<f64>>, InputError> {
+    columns(name, text, parameters, None)
+}
+
+/// The columns of the parameters, which come first, and one more by its name.
+fn columns(
+    name: &str,
+    text: &str,
+    parameters: usize,
+    last: Option<&str>,
+) -> Result<Vec<Vec<f64>>, InputError> {
+    let read = || {
+        let table = DataTable::of_format(name, text, Format::Csv)?;
+        if table.columns().len() < parameters {
+            return Err(InputError::new(name, Mistake::MissingColumn)
+                .at_line(table.names_line())
+                .found(format_args!("{} columns", table.columns().len()))
+                .expected(format_args!("one for each of {parameters} parameters")));
+        }
+        let last = last.map(|column| table.place(column)).transpose()?;
+        let places: Vec<usize> = (0..parameters).chain(last).collect();
+        table.columns_at(&places)
+    };
+    read().map_err(|error| InputError {
+        help: vec!["the file is cut off or edited; run the calibration again".to_owned()],
+        ..error
     })
 }
 

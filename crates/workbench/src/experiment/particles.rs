@@ -1,0 +1,142 @@
+//! The particles of an experiment: a built-in material or a powder of the user's own.
+
+use dem_core::{Powder, paper};
+
+use crate::error::{InputError, Mistake};
+use crate::material::Material;
+use crate::toml_fields::{At, Fields};
+
+/// Reads the material or the powder.
+pub(super) fn particles(fields: &Fields<'_>) -> Result<(Option<Material>, Powder), InputError> {
+    let named =
+        fields.choice("material", &Material::ALL.map(|m| (m.name(), m))).map_err(|error| {
+            match error.mistake {
+                Mistake::UnknownName => error.help("or give a table [powder] with your own values"),
+                _ => error,
+            }
+        })?;
+    let own = fields.table("powder")?;
+    let radius_m = radius(fields, "radius_m")?;
+    match (named, own) {
+        (Some(At { line, .. }), Some(_)) => Err(fields
+            .error("material", line, Mistake::Conflict)
+            .found("both material and [powder]")
+            .help("keep material for the values of the paper, or [powder] for your own")),
+        (None, None) => Err(fields
+            .missing("material")
+            .expected("a material or a table [powder]")
+            .help(format_args!(
+                "add material = \"pa12\" (built in: {})",
+                Material::NAMES.join(", ")
+            ))
+            .help(
+                "or a table [powder] with radius_m, youngs_modulus_pa and surface_tension_n_per_m",
+            )),
+        (Some(At { value: material, .. }), None) => {
+            let powder = material.powder();
+            Ok((Some(material), Powder { radius_m: radius_m.unwrap_or(powder.radius_m), ..powder }))
+        }
+        (None, Some(own)) => {
+            if radius_m.is_some() {
+                return Err(fields
+                    .table_error(Mistake::Conflict)
+                    .in_field("radius_m")
+                    .found("a radius outside [powder]")
+                    .help("move radius_m into the table [powder]"));
+            }
+            let missing = |key: &str, example: &str| {
+                own.missing(key).expected("a number").help(format_args!("add {key} = {example}"))
+            };
+            let radius_m = radius(&own, "radius_m")?.ok_or_else(|| missing("radius_m", "30e-6"))?;
+            let youngs_modulus_pa = scaled(&own, YOUNGS_MODULUS)?
+                .ok_or_else(|| missing("youngs_modulus_pa", "1.6e9"))?;
+            let surface_tension_n_per_m = scaled(&own, SURFACE_TENSION)?
+                .ok_or_else(|| missing("surface_tension_n_per_m", "0.035"))?;
+            let density_kg_per_m3 = scaled(&own, DENSITY)?.unwrap_or(paper::DENSITY_KG_PER_M3);
+            own.finish().map_err(misplaced)?;
+            Ok((
+                None,
+                Powder { radius_m, youngs_modulus_pa, surface_tension_n_per_m, density_kg_per_m3 },
+            ))
+        }
+    }
+}
+
+/// Explains a field of the top that stands below `[powder]`: in TOML it then belongs to that table.
+fn misplaced(error: InputError) -> InputError {
+    const TOP: [&str; 11] = [
+        "name",
+        "title",
+        "material",
+        "table",
+        "measured_radius_m",
+        "temperature_k",
+        "final_contact_ratio",
+        "final_contact_ratio_reason",
+        "window_s",
+        "source",
+        "powder",
+    ];
+    let field = error.field.as_deref().and_then(|field| field.strip_prefix("field powder."));
+    match field.filter(|field| TOP.contains(field)).map(str::to_owned) {
+        Some(field) => InputError {
+            help: vec![format!(
+                "move {field} above the line [powder]: what follows that belongs to it"
+            )],
+            ..error
+        },
+        None => error,
+    }
+}
+
+/// A quantity, its range among powders, and the units that are given by mistake.
+struct Quantity {
+    key: &'static str,
+    unit: &'static str,
+    range: [f64; 2],
+    mistaken: &'static [(&'static str, f64)],
+}
+
+const YOUNGS_MODULUS: Quantity = Quantity {
+    key: "youngs_modulus_pa",
+    unit: "Pa",
+    range: [1e3, 1e13],
+    mistaken: &[("GPa", 1e9), ("MPa", 1e6)],
+};
+const SURFACE_TENSION: Quantity = Quantity {
+    key: "surface_tension_n_per_m",
+    unit: "N/m",
+    range: [1e-4, 10.0],
+    mistaken: &[("mN/m", 1e-3)],
+};
+const DENSITY: Quantity = Quantity {
+    key: "density_kg_per_m3",
+    unit: "kg/m3",
+    range: [10.0, 1e5],
+    mistaken: &[("g/cm3", 1e3)],
+};
+
+/// Particle radii: a nanometre to a centimetre.
+const fn radius_quantity(key: &'static str) -> Quantity {
+    Quantity { key, unit: "m", range: [1e-9, 1e-2], mistaken: &[("um", 1e-6), ("mm", 1e-3)] }
+}
+
+pub(super) fn radius(fields: &Fields<'_>, key: &'static str) -> Result<Option<f64>, InputError> {
+    scaled(fields, radius_quantity(key))
+}
+
+fn scaled(fields: &Fields<'_>, quantity: Quantity) -> Result<Option<f64>, InputError> {
+    let Quantity { key, unit, range: [low, high], mistaken } = quantity;
+    let Some(At { value, line }) = fields.positive(key, unit)? else { return Ok(None) };
+    if (low..=high).contains(&value) {
+        return Ok(Some(value));
+    }
+    let meant = mistaken.iter().find(|(_, scale)| (low..=high).contains(&(value * scale)));
+    Err(fields
+        .error(key, line, Mistake::OutOfRange)
+        .found(value)
+        .expected(format_args!("{low:e} to {high:e} {unit}"))
+        .help_if(meant.map(|(wrong, scale)| {
+            format!("is that in {wrong}? write {key} = {value}e{}", scale.log10().round())
+        })))
+}

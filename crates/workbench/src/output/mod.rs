@@ -1,0 +1,52 @@
+//! Results on disk: whole or not at all.
+//!
+//! A command that writes many files fills a [`RunFolder`]; one that writes a single file uses [`write_file`].
+
+mod exchange;
+mod file;
+mod run_folder;
+
+use serde::Serialize;
+
+pub use file::{check_file, write_file};
+pub use run_folder::{Published, RunFolder, Staging};
+
+use crate::error::{InputError, Mistake, RunError};
+
+/// Folder of the runs of programs, in the folder of a calibration.
+pub const CAMPAIGN: &str = "campaign";
+
+/// A function that writes a file of a run: its name and its bytes.
+pub type WriteFile<'a> = dyn Fn(&str, &[u8]) -> Result<(), RunError> + Sync + 'a;
+
+/// Adds the remedy to an error of results that could not be written.
+#[must_use]
+pub fn make_room(error: RunError) -> RunError {
+    error.help("make room on the disk, or choose another folder with --out")
+}
+
+/// JSON as it is written to files.
+///
+/// # Errors
+///
+/// [`RunError`] for a value that JSON cannot hold.
+pub fn pretty(value: &impl Serialize) -> Result<String, RunError> {
+    let mut text = serde_json::to_string_pretty(value).map_err(|error| {
+        RunError::new(format_args!("the result cannot be written as JSON: {error}"))
+    })?;
+    text.push('\n');
+    Ok(text)
+}
+
+/// A pool of so many threads; of all cores where no number is given.
+///
+/// # Errors
+///
+/// [`InputError`] for more threads than the machine can start.
+pub fn pool(threads: Option<usize>) -> Result<rayon::ThreadPool, InputError> {
+    rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build().map_err(|error| {
+        InputError::new("--threads", Mistake::OutOfRange)
+            .found(threads.map_or_else(|| "all cores".to_owned(), |n| n.to_string()))
+            .expected(format_args!("as many threads as the machine can start ({error})"))
+    })
+}
