@@ -26,27 +26,26 @@ pub struct DataTable<'t> {
 }
 
 impl<'t> DataTable<'t> {
-    /// Reads a user's table of at least one row and at most [`MOST_ROWS`]. `name` is what errors call it, and `example`
+    /// Reads a user's table of at least one row and at most [`MOST_ROWS`], with a name of its own for each column. `name` is what errors call it, and `example`
     /// is a table of two lines for their help.
     ///
     /// # Errors
     ///
     /// [`InputError`] with line, value and remedy.
     pub fn parse(name: &'t str, text: &'t str, example: &str) -> Result<Self, InputError> {
-        let table =
-            Self::of_format(name, text, Format::guess(text)).map_err(|error| {
-                match error.mistake {
-                    Mistake::Empty => {
-                        let indented = example.replace('\n', "\n          ");
-                        error.help(format_args!("the shortest table is\n          {indented}"))
-                    }
-                    Mistake::MissingColumn => {
-                        let names = example.lines().next().unwrap_or_default();
-                        error.help(format_args!("put the line \"{names}\" above the first row"))
-                    }
-                    _ => error,
-                }
-            })?;
+        let read = Self::of_format(name, text, Format::guess(text));
+        let table = read.map_err(|error| match error.mistake {
+            Mistake::Empty => {
+                let indented = example.replace('\n', "\n          ");
+                error.help(format_args!("the shortest table is\n          {indented}"))
+            }
+            Mistake::MissingColumn => {
+                let names = example.lines().next().unwrap_or_default();
+                error.help(format_args!("put the line \"{names}\" above the first row"))
+            }
+            _ => error,
+        })?;
+        table.table.check_names().map_err(|error| table.refused(&error))?;
         match table.table.line(MOST_ROWS) {
             Some(line) => Err(InputError::new(name, Mistake::TooLarge)
                 .at_line(line)
@@ -56,14 +55,13 @@ impl<'t> DataTable<'t> {
         }
     }
 
-    /// Reads a table of a known format and any length.
+    /// Reads a table of a known format and any length, whose names are not checked.
     ///
     /// # Errors
     ///
     /// [`InputError`] with line and value.
     pub fn of_format(name: &'t str, text: &'t str, format: Format) -> Result<Self, InputError> {
         let table = Table::parse(text, format).map_err(|error| refused(name, &error))?;
-        table.check_names().map_err(|error| refused(name, &error))?;
         Ok(Self { name, table })
     }
 
@@ -204,6 +202,16 @@ fn refused(name: &str, error: &TableError) -> InputError {
             }
         }
         other => input(Mistake::Syntax).found(other),
+    }
+}
+
+/// Text as a cell of a CSV table, in quotes where it needs them.
+#[must_use]
+pub fn quoted(text: &str) -> String {
+    if text.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
     }
 }
 

@@ -19,21 +19,12 @@ use crate::output::{WriteFile, pretty};
 use crate::record::{self, FILE_NAME, Record};
 use crate::sample_table;
 
+pub use crate::data_table::quoted;
 pub use details::{details, understood};
 pub use pictures::{fit, pictures};
 pub use samples::{SampleColumns, parse_draws, parse_samples, read_draws, read_samples};
 pub use summary::{json, text};
 pub use tables::{csv, markdown};
-
-/// Text as a CSV field.
-#[must_use]
-pub fn quoted(text: &str) -> String {
-    if text.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", text.replace('"', "\"\""))
-    } else {
-        text.to_owned()
-    }
-}
 
 /// Figures by the names of their files.
 pub type NamedFigures = Vec<(String, Box<dyn Figure + Send + Sync>)>;

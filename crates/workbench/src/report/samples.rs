@@ -6,9 +6,8 @@ use std::path::Path;
 use campaign::Format;
 use smc_calib::{Parameter, ParameterSummary, Posterior};
 
-use super::quoted;
 use crate::checksums;
-use crate::data_table::DataTable;
+use crate::data_table::{DataTable, quoted};
 use crate::error::{InputError, Mistake};
 use crate::record::Record;
 
