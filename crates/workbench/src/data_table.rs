@@ -26,8 +26,8 @@ pub struct DataTable<'t> {
 }
 
 impl<'t> DataTable<'t> {
-    /// Reads a user's table of at least one row and at most [`MOST_ROWS`], with a name of its own for each column. `name` is what errors call it, and `example`
-    /// is a table of two lines for their help.
+    /// Reads a user's table: every column has a name of its own, and there are 1 to [`MOST_ROWS`] rows. `name` is what
+    /// errors call it, and `example` is a table of two lines for their help.
     ///
     /// # Errors
     ///
