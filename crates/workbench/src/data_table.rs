@@ -12,7 +12,7 @@
 
 use campaign::table::{Format, Row, Table, TableError};
 
-use crate::error::{InputError, Mistake, nearest};
+use crate::error::{InputError, Mistake};
 
 /// Largest number of rows in a user's table.
 pub const MOST_ROWS: usize = 1_000_000;
@@ -180,13 +180,10 @@ fn refused(name: &str, error: &TableError) -> InputError {
         TableError::EmptyName { number, .. } => input(Mistake::Syntax)
             .found(format_args!("column {number} without a name"))
             .help("give it a name or remove it"),
-        TableError::MissingColumn { column, names, .. } => {
-            let near = nearest(column, names.iter().map(String::as_str));
-            input(Mistake::MissingColumn)
-                .found("missing")
-                .help_if(near.map(|near| format!("did you mean {near}?")))
-                .help(format_args!("the table has {}", names.join(", ")))
-        }
+        TableError::MissingColumn { column, names, .. } => input(Mistake::MissingColumn)
+            .found("missing")
+            .did_you_mean(column, names.iter().map(String::as_str))
+            .help(format_args!("the table has {}", names.join(", "))),
         TableError::NotANumber { found, with_point, .. } => {
             let input = input(Mistake::WrongType).expected("a finite number");
             match with_point {
