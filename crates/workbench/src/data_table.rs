@@ -12,7 +12,7 @@
 
 use campaign::table::{Format, Row, Table, TableError};
 
-use crate::error::{InputError, Mistake, nearest};
+use crate::error::{InputError, Mistake};
 
 /// Largest number of rows in a user's table.
 pub const MOST_ROWS: usize = 1_000_000;
@@ -26,27 +26,26 @@ pub struct DataTable<'t> {
 }
 
 impl<'t> DataTable<'t> {
-    /// Reads a user's table of at least one row and at most [`MOST_ROWS`]. `name` is what errors call it, and `example`
-    /// is a table of two lines for their help.
+    /// Reads a user's table: every column has a name of its own, and there are 1 to [`MOST_ROWS`] rows. `name` is what
+    /// errors call it, and `example` is a table of two lines for their help.
     ///
     /// # Errors
     ///
     /// [`InputError`] with line, value and remedy.
     pub fn parse(name: &'t str, text: &'t str, example: &str) -> Result<Self, InputError> {
-        let table =
-            Self::of_format(name, text, Format::guess(text)).map_err(|error| {
-                match error.mistake {
-                    Mistake::Empty => {
-                        let indented = example.replace('\n', "\n          ");
-                        error.help(format_args!("the shortest table is\n          {indented}"))
-                    }
-                    Mistake::MissingColumn => {
-                        let names = example.lines().next().unwrap_or_default();
-                        error.help(format_args!("put the line \"{names}\" above the first row"))
-                    }
-                    _ => error,
-                }
-            })?;
+        let read = Self::of_format(name, text, Format::guess(text));
+        let table = read.map_err(|error| match error.mistake {
+            Mistake::Empty => {
+                let indented = example.replace('\n', "\n          ");
+                error.help(format_args!("the shortest table is\n          {indented}"))
+            }
+            Mistake::MissingColumn => {
+                let names = example.lines().next().unwrap_or_default();
+                error.help(format_args!("put the line \"{names}\" above the first row"))
+            }
+            _ => error,
+        })?;
+        table.table.check_names().map_err(|error| table.refused(&error))?;
         match table.table.line(MOST_ROWS) {
             Some(line) => Err(InputError::new(name, Mistake::TooLarge)
                 .at_line(line)
@@ -56,14 +55,13 @@ impl<'t> DataTable<'t> {
         }
     }
 
-    /// Reads a table of a known format and any length.
+    /// Reads a table of a known format and any length, whose names are not checked.
     ///
     /// # Errors
     ///
     /// [`InputError`] with line and value.
     pub fn of_format(name: &'t str, text: &'t str, format: Format) -> Result<Self, InputError> {
         let table = Table::parse(text, format).map_err(|error| refused(name, &error))?;
-        table.check_names().map_err(|error| refused(name, &error))?;
         Ok(Self { name, table })
     }
 
@@ -182,13 +180,10 @@ fn refused(name: &str, error: &TableError) -> InputError {
         TableError::EmptyName { number, .. } => input(Mistake::Syntax)
             .found(format_args!("column {number} without a name"))
             .help("give it a name or remove it"),
-        TableError::MissingColumn { column, names, .. } => {
-            let near = nearest(column, names.iter().map(String::as_str));
-            input(Mistake::MissingColumn)
-                .found("missing")
-                .help_if(near.map(|near| format!("did you mean {near}?")))
-                .help(format_args!("the table has {}", names.join(", ")))
-        }
+        TableError::MissingColumn { column, names, .. } => input(Mistake::MissingColumn)
+            .found("missing")
+            .did_you_mean(column, names.iter().map(String::as_str))
+            .help(format_args!("the table has {}", names.join(", "))),
         TableError::NotANumber { found, with_point, .. } => {
             let input = input(Mistake::WrongType).expected("a finite number");
             match with_point {
@@ -204,6 +199,16 @@ fn refused(name: &str, error: &TableError) -> InputError {
             }
         }
         other => input(Mistake::Syntax).found(other),
+    }
+}
+
+/// Text as a cell of a CSV table, in quotes where it needs them.
+#[must_use]
+pub fn quoted(text: &str) -> String {
+    if text.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
     }
 }
 

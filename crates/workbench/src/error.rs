@@ -155,6 +155,12 @@ impl InputError {
             None => self,
         }
     }
+
+    /// Offers the choice most like a misspelt name, if one is near enough.
+    #[must_use]
+    pub fn did_you_mean<'a>(self, name: &str, choices: impl IntoIterator<Item = &'a str>) -> Self {
+        self.help_if(nearest(name, choices).map(|near| format!("did you mean {near}?")))
+    }
 }
 
 /// A user's text for a message: one line, at most 120 characters, no control characters.

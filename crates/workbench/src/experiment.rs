@@ -35,7 +35,7 @@ use std::path::{Path, PathBuf};
 use dem_core::Powder;
 
 use self::particles::{particles, radius};
-use crate::error::{InputError, Mistake, nearest};
+use crate::error::{InputError, Mistake};
 use crate::material::Material;
 use crate::observation_table::ObservationTable;
 use crate::text_file;
@@ -111,9 +111,7 @@ impl Experiment {
             return Err(InputError::new("--experiment", Mistake::UnknownName)
                 .found(format_args!("\"{name}\""))
                 .expected(format_args!("one of {}", BUILT_IN_NAMES.join(", ")))
-                .help_if(
-                    nearest(name, BUILT_IN_NAMES).map(|near| format!("did you mean {near}?")),
-                ));
+                .did_you_mean(name, BUILT_IN_NAMES));
         };
         let description = format!("built-in experiments/{name}.toml");
         Self::parse(&description, name, built_in.description, |table| {

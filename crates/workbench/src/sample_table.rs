@@ -15,7 +15,7 @@ use std::path::Path;
 use campaign::table::{Format, TableError};
 
 use crate::data_table::DataTable;
-use crate::error::{InputError, Mistake, nearest};
+use crate::error::{InputError, Mistake};
 use crate::text_file;
 
 /// Parameter sets by name of the parameter.
@@ -104,36 +104,23 @@ impl SampleTable {
     ///
     /// [`InputError`] for a parameter too many or too few.
     pub fn in_order(&self, names: &[String]) -> Result<Vec<Vec<f64>>, InputError> {
-        let missing = |column: &str, choices: &[String], found: &str, expected: String| {
+        let mistake = |column: &str, choices: &[String]| {
             InputError::new(&self.name, Mistake::MissingColumn)
                 .in_column(column)
-                .found(found)
-                .expected(expected)
-                .help_if(
-                    nearest(column, choices.iter().map(String::as_str))
-                        .map(|near| format!("did you mean {near}?")),
-                )
+                .did_you_mean(column, choices.iter().map(String::as_str))
         };
-        let places = names
-            .iter()
-            .map(|name| {
-                self.parameters.iter().position(|title| title == name).ok_or_else(|| {
-                    missing(
-                        name,
-                        &self.parameters,
-                        "missing",
-                        "a column for every parameter of the plan".to_owned(),
-                    )
-                })
+        let place = |name: &String| {
+            self.parameters.iter().position(|title| title == name).ok_or_else(|| {
+                mistake(name, &self.parameters)
+                    .found("missing")
+                    .expected("a column for every parameter of the plan")
             })
-            .collect::<Result<Vec<_>, _>>()?;
+        };
+        let places = names.iter().map(place).collect::<Result<Vec<_>, _>>()?;
         if let Some(extra) = self.parameters.iter().find(|title| !names.contains(title)) {
-            return Err(missing(
-                extra,
-                names,
-                "a parameter that the plan does not have",
-                format!("only {}", names.join(", ")),
-            ));
+            return Err(mistake(extra, names)
+                .found("a parameter that the plan does not have")
+                .expected(format_args!("only {}", names.join(", "))));
         }
         Ok(self.rows.iter().map(|row| places.iter().map(|&place| row[place]).collect()).collect())
     }

@@ -19,12 +19,13 @@ use crate::output::{WriteFile, pretty};
 use crate::record::{self, FILE_NAME, Record};
 use crate::sample_table;
 
+pub use crate::data_table::quoted;
 pub use details::{details, understood};
 pub use drawing::{NamedFigures, draw_all};
 pub use pictures::{fit, pictures};
 pub use samples::{SampleColumns, parse_draws, parse_samples, read_draws, read_samples};
 pub use summary::{json, text};
-pub use tables::{csv, markdown, quoted};
+pub use tables::{csv, markdown};
 
 /// The text of a record, which reads back as what it was.
 ///

@@ -6,9 +6,8 @@ use std::path::Path;
 use campaign::Format;
 use smc_calib::{Parameter, ParameterSummary, Posterior};
 
-use super::tables::quoted;
 use crate::checksums;
-use crate::data_table::DataTable;
+use crate::data_table::{DataTable, quoted};
 use crate::error::{InputError, Mistake};
 use crate::record::Record;
 
@@ -188,4 +187,37 @@ fn complete(name: &str, found: usize, wanted: usize, what: &str) -> Result<(), I
         .found(format_args!("{found} {what}"))
         .expected(format_args!("{wanted}, as posterior.json says"))
         .help("the file is cut off or belongs to another run: run the calibration again"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SAMPLES: &str =
+        "x [N;m],z_x [1],log_likelihood,weight\n1e0,0.5,,0.25\n2e0,-1,-3.5,0.75\n";
+
+    #[test]
+    fn the_parameters_come_first_and_the_weight_by_its_name() {
+        let samples = parse_samples("samples.csv", SAMPLES, 1).expect("samples");
+        assert_eq!((samples.parameters, samples.weights), (vec![vec![1.0, 2.0]], vec![0.25, 0.75]));
+        assert_eq!(parse_draws("draws.csv", SAMPLES, 2).expect("draws")[1], [0.5, -1.0]);
+    }
+
+    #[test]
+    fn a_table_that_is_cut_off_or_edited_is_refused_with_its_line_and_a_remedy() {
+        for (text, mistake, line) in [
+            (String::new(), Mistake::Empty, None),
+            (SAMPLES.lines().take(1).collect(), Mistake::Empty, Some(1)),
+            (SAMPLES[..SAMPLES.len() - 7].to_owned(), Mistake::Syntax, Some(3)),
+            (SAMPLES.replace("2e0", "nan"), Mistake::NotFinite, Some(3)),
+            (SAMPLES.replace("2e0", "2e"), Mistake::WrongType, Some(3)),
+            (SAMPLES.replace("weight", "wait"), Mistake::MissingColumn, Some(1)),
+        ] {
+            let error = parse_samples("samples.csv", &text, 1).expect_err(&text);
+            assert_eq!((error.mistake, error.line), (mistake, line), "{text}: {error}");
+            assert!(error.to_string().contains("run the calibration again"), "{error}");
+        }
+        let few = parse_draws("draws.csv", SAMPLES, 5).expect_err("too few columns");
+        assert_eq!((few.mistake, few.line), (Mistake::MissingColumn, Some(1)));
+    }
 }

@@ -5,19 +5,10 @@ use std::fmt::Write as _;
 use smc_calib::{Coordinate, SigmaSummary};
 
 use super::summary::{is_uninformed, neck_growth, paper_place};
+use crate::data_table::quoted;
 use crate::number::{shown_unit, significant, with_error};
 use crate::plan::SimulatorPlan;
 use crate::record::Record;
-
-/// Text as a CSV field.
-#[must_use]
-pub fn quoted(text: &str) -> String {
-    if text.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", text.replace('"', "\"\""))
-    } else {
-        text.to_owned()
-    }
-}
 
 /// One line of the posterior table.
 struct Row {
