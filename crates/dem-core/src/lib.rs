@@ -40,8 +40,6 @@ pub mod printed;
 mod scene;
 mod sintering;
 pub mod solvers;
-#[cfg(feature = "stiff-reference")]
-pub mod stiff_reference;
 
 pub use contact_law::{Branch, ContactLaw};
 pub use error::{SceneError, SolveError};

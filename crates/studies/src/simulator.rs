@@ -1,13 +1,12 @@
 //! Time per curve against error of a/R, for every solver and a sweep of its control.
 //!
 //! Two errors are kept apart, each the largest over the observation times and against a reference that
-//! shares no code with the solvers ([`dem_core::stiff_reference`]): against the quasi-static limit, which is what
+//! shares no code with the solvers ([`studies::stiff_reference`]): against the quasi-static limit, which is what
 //! is calibrated, and against the equations of motion, which shows the error of the time step alone.
 
 use std::fmt::Write as _;
 use std::time::{Duration, Instant};
 
-use dem_core::stiff_reference::{Equations, Reference, settled};
 use dem_core::{
     Kinetics, PairScene, PairSpec, Sintering, SolveError, SolverKind, SolverSettings,
     contact_ratios, verlet_batch,
@@ -19,6 +18,7 @@ use super::report::{self, Header, Table};
 use super::timing::{Clock, Method, Timing, interleaved};
 use crate::args::SimulatorArgs;
 use figures::{Band, Role, WorkPrecisionFigure, WorkPrecisionSeries};
+use studies::stiff_reference::{Equations, Problem, Reference};
 use workbench::error::{Failure, InputError, Mistake, RunError};
 use workbench::experiment::Experiment;
 use workbench::material::Material;
@@ -40,7 +40,7 @@ const MOST_STEPS: u64 = 5_000_000;
 
 pub(super) fn run(args: &SimulatorArgs) -> Result<(), Failure> {
     report::folder(&args.out)?;
-    let header = Header::now("cargo run --release --features stiff-reference -- bench simulator");
+    let header = Header::now("cargo run --release -p studies -- simulator");
     let mut table = Table::new(&[
         "material",
         "parameters",
@@ -140,11 +140,16 @@ impl Case {
             Equations::Motion => [MOTION_SETTLED, 100.0 * MOTION_SETTLED],
             Equations::ForceBalance => [BALANCE_SETTLED, 100.0 * BALANCE_SETTLED],
         };
-        let run = |wanted| {
-            settled(equations, &self.scene, KINETICS, s, &self.times_s, wanted, MOST_STEPS)
+        let problem = Problem {
+            equations,
+            scene: &self.scene,
+            kinetics: KINETICS,
+            sintering: s,
+            times_s: &self.times_s,
         };
-        run(wanted[0])
-            .or_else(|_| run(wanted[1]))
+        problem
+            .settled(wanted[0], MOST_STEPS)
+            .or_else(|_| problem.settled(wanted[1], MOST_STEPS))
             .map_err(|error| RunError::new(format_args!("{}: {error}", self.material)))
     }
 
@@ -474,9 +479,15 @@ fn order(findings: &mut String) -> Result<(), Failure> {
     let case = Case::of(Material::Pa12)?;
     let s = case.material.table3_sintering();
     let times_s: Vec<f64> = (1..=20).map(|i| 0.02 * s.tau_s * f64::from(i) / 20.0).collect();
+    let smooth = Problem {
+        equations: Equations::Motion,
+        scene: &case.scene,
+        kinetics: Kinetics::Frenkel,
+        sintering: &s,
+        times_s: &times_s,
+    };
     let truth =
-        settled(Equations::Motion, &case.scene, Kinetics::Frenkel, &s, &times_s, 1e-9, MOST_STEPS)
-            .map_err(|error| RunError::new(error.to_string()))?;
+        smooth.settled(1e-9, MOST_STEPS).map_err(|error| RunError::new(error.to_string()))?;
     let steps = [0.1, 0.05, 0.025, 0.0125];
     let mut errors = Vec::new();
     for step in steps {

@@ -11,12 +11,12 @@
 
 use std::path::Path;
 
-use dem_core::stiff_reference::{Equations, settled};
 use dem_core::{Kinetics, PairSpec, Sintering, SolverKind, SolverSettings, contact_ratios};
 use rayon::prelude::*;
 
 use super::report::{self, Header, Table};
 use figures::{Band, Role, WorkPrecisionFigure, WorkPrecisionSeries};
+use studies::stiff_reference::{Equations, Problem};
 use workbench::error::{Failure, RunError};
 use workbench::experiment::full_coalescence;
 use workbench::material::Material;
@@ -41,7 +41,7 @@ struct Found {
 }
 
 pub(super) fn run(out: &Path) -> Result<(), Failure> {
-    let header = Header::now("cargo run --release --features stiff-reference -- bench simulator");
+    let header = Header::now("cargo run --release -p studies -- simulator");
     let material = Material::Pa12;
     let scene = PairSpec::new(material.powder(), full_coalescence())
         .build()
@@ -72,15 +72,14 @@ pub(super) fn run(out: &Path) -> Result<(), Failure> {
                 Some(found)
             };
             let fine = run(&verlet(FINE));
-            let settled = settled(
-                Equations::Motion,
-                &scene,
-                Kinetics::ThreeStage,
-                &s,
-                &times_s,
-                1e-8,
-                5_000_000,
-            );
+            let problem = Problem {
+                equations: Equations::Motion,
+                scene: &scene,
+                kinetics: Kinetics::ThreeStage,
+                sintering: &s,
+                times_s: &times_s,
+            };
+            let settled = problem.settled(1e-8, 5_000_000);
             let truth = match &settled {
                 Ok(reference) => &reference.contact_ratio,
                 Err(_) => fine.as_ref()?,

@@ -1,7 +1,7 @@
 //! The solvers that step, against references that they do not share, and against each other.
 
-use crate::kinetics::{materials, reference_time};
-use crate::reference::{integrate, motion};
+use crate::kinetics::reference_time;
+use crate::reference::{integrate, materials, motion};
 use dem_core::{
     Damping, Kinetics, PairScene, PairSpec, Sintering, SolverKind, SolverSettings, StopReason,
     contact_ratios, paper, simulate, verlet_batch,

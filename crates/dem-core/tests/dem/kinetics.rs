@@ -1,23 +1,10 @@
 //! The exact solutions against quadrature of the printed equations.
 
-use crate::reference::{switch, time_between};
-use dem_core::printed::from_printed;
+use crate::reference::{materials, switch, time_between};
 use dem_core::{
-    Kinetics, PairScene, PairSpec, Powder, Sintering, SolverSettings, contact_ratios, knee, paper,
+    Kinetics, PairScene, PairSpec, Sintering, SolverSettings, contact_ratios, knee, paper,
     time_to_contact_ratio,
 };
-
-pub(crate) fn materials() -> [(PairScene, Sintering); 3] {
-    let material = |powder: Powder, table, phi| {
-        let scene = PairSpec::new(powder, phi).build().expect("the paper's powders");
-        (scene, from_printed(table, powder.radius_m))
-    };
-    [
-        material(paper::PS, &paper::PS_TABLE3, 1.08),
-        material(paper::PA12, &paper::PA12_TABLE3, 2f64.cbrt()),
-        material(paper::PEEK_450PF, &paper::PEEK_450PF_TABLE3, 2f64.cbrt()),
-    ]
-}
 
 /// When the reference reaches an overlap from the adhesive contact.
 pub(crate) fn reference_time(scene: &PairScene, kinetics: Kinetics, s: &Sintering, x: f64) -> f64 {

@@ -8,4 +8,3 @@ mod names;
 mod paper_statements;
 mod reference;
 mod restitution;
-mod stiff;

@@ -1,6 +1,6 @@
 //! What section 4 of the paper says about its three materials, from Table 3 as it is printed.
 
-use crate::kinetics::materials;
+use crate::reference::materials;
 use dem_core::printed::{PrintedTable3, from_printed, to_printed};
 use dem_core::{Kinetics, Sintering, knee, time_to_contact_ratio};
 use proptest::prelude::*;

@@ -1,8 +1,23 @@
 //! References that share no code with the solvers: rates written out from the paper, quadrature of
 //! `dt = dx/rate`, and extrapolation of the midpoint rule for the equations of motion.
 
-use dem_core::{Kinetics, PairScene, Sintering};
 use std::f64::consts::PI;
+
+use dem_core::printed::from_printed;
+use dem_core::{Kinetics, PairScene, PairSpec, Powder, Sintering, paper};
+
+/// The three pairs of the paper with the parameters of its Table 3.
+pub(crate) fn materials() -> [(PairScene, Sintering); 3] {
+    let material = |powder: Powder, table, phi| {
+        let scene = PairSpec::new(powder, phi).build().expect("the paper's powders");
+        (scene, from_printed(table, powder.radius_m))
+    };
+    [
+        material(paper::PS, &paper::PS_TABLE3, 1.08),
+        material(paper::PA12, &paper::PA12_TABLE3, 2f64.cbrt()),
+        material(paper::PEEK_450PF, &paper::PEEK_450PF_TABLE3, 2f64.cbrt()),
+    ]
+}
 
 /// `dx/dt` \[1/s\], from the equations as they are printed.
 pub(crate) fn rate(scene: &PairScene, kinetics: Kinetics, s: &Sintering, x: f64) -> f64 {

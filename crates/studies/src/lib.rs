@@ -1,0 +1,3 @@
+//! What studies and the tests of solvers share.
+
+pub mod stiff_reference;

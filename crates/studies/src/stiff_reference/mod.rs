@@ -1,0 +1,149 @@
+//! Reference curves of the pair for tests and studies: Radau IIA of fifth order with adaptive steps (E. Hairer,
+//! G. Wanner, *Solving Ordinary Differential Equations II*, section IV.8), from the crate `differential-equations`.
+//!
+//! They share no code with the solvers of `dem-core`: the rates are written out from the equations as
+//! printed. Two limits are told apart:
+//!
+//! - [`Equations::Motion`], Newton's law with the plastic overlap, in the elastic branch. Against it a
+//!   Verlet run shows the error of its time step;
+//! - [`Equations::ForceBalance`], the quasi-static limit, which is what is calibrated. Against it
+//!   every solver shows its whole error, inertia of the soft contact included.
+//!
+//! Where the right-hand side bends (knee, full coalescence) the place is found to rounding and the
+//! integration starts anew. [`Problem::settled`] tightens the tolerance until the result stops moving.
+
+mod radau;
+mod system;
+
+use dem_core::{Kinetics, PairScene, Sintering};
+use thiserror::Error;
+
+use self::radau::Run;
+use self::system::System;
+
+/// The equations that are integrated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Equations {
+    /// Newton's law for the overlap, and the growth of the plastic overlap.
+    Motion,
+    /// Force balance at every instant.
+    ForceBalance,
+}
+
+/// Why there is no reference.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum ReferenceError {
+    /// The motion leaves the elastic branch of the contact law, on which alone it is integrated.
+    #[error("the motion leaves the elastic branch at t = {time_s} s: compare another case")]
+    OtherBranch {
+        /// When \[s\].
+        time_s: f64,
+    },
+    /// The integrator used all the steps it was allowed.
+    #[error(
+        "more than {max_steps} steps before t = {time_s} s: allow more, or compare another case"
+    )]
+    WorkLimit {
+        /// The limit.
+        max_steps: u64,
+        /// Time reached \[s\].
+        time_s: f64,
+    },
+    /// The integrator failed.
+    #[error("Radau failed at t = {time_s} s: {cause}")]
+    Integrator {
+        /// When \[s\].
+        time_s: f64,
+        /// What it said.
+        cause: String,
+    },
+    /// The result still moves at the tightest tolerance.
+    #[error("a/R still moves by {movement:e} at the tightest tolerance, {wanted:e} is wanted")]
+    StillMoves {
+        /// Largest change of a/R over the last two tightenings.
+        movement: f64,
+        /// What was wanted.
+        wanted: f64,
+    },
+}
+
+/// A reference curve.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reference {
+    /// Contact ratio at the times.
+    pub contact_ratio: Vec<f64>,
+    /// Largest change of a/R over the last two tightenings of the tolerance.
+    pub movement: f64,
+    /// Steps of the last run.
+    pub steps: u64,
+}
+
+/// A curve to be computed.
+#[derive(Debug, Clone, Copy)]
+pub struct Problem<'a> {
+    /// The equations.
+    pub equations: Equations,
+    /// The pair.
+    pub scene: &'a PairScene,
+    /// The growth law.
+    pub kinetics: Kinetics,
+    /// Its parameters.
+    pub sintering: &'a Sintering,
+    /// Times of the observations \[s\], sorted.
+    pub times_s: &'a [f64],
+}
+
+impl Problem<'_> {
+    /// The curve with tolerances from 1e-6 down to 1e-12, until a/R moves by less than `wanted` twice
+    /// running.
+    ///
+    /// # Errors
+    ///
+    /// [`ReferenceError`], also where it never settles.
+    pub fn settled(&self, wanted: f64, max_steps: u64) -> Result<Reference, ReferenceError> {
+        let (mut before, _) = self.integrate(1e-6, max_steps)?;
+        let (mut movement, mut last) = (f64::INFINITY, f64::INFINITY);
+        for tolerance in [1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12] {
+            let (contact_ratio, steps) = self.integrate(tolerance, max_steps)?;
+            let moved =
+                contact_ratio.iter().zip(&before).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            // Twice: once may be luck.
+            movement = last.max(moved);
+            if movement < wanted {
+                return Ok(Reference { contact_ratio, movement, steps });
+            }
+            (before, last) = (contact_ratio, moved);
+        }
+        Err(ReferenceError::StillMoves { movement, wanted })
+    }
+
+    /// Contact ratios at the times with one relative tolerance per step, and the number of steps.
+    ///
+    /// The integrator takes no tolerance below 1e-11; below that it takes half of each step it would,
+    /// which at fifth order divides the error by 32.
+    ///
+    /// # Errors
+    ///
+    /// [`ReferenceError`].
+    pub fn integrate(
+        &self,
+        tolerance: f64,
+        max_steps: u64,
+    ) -> Result<(Vec<f64>, u64), ReferenceError> {
+        let system = System::new(self);
+        let mut run = Run::new(system, tolerance, max_steps);
+        let mut state = system.start();
+        let mut now = system.rest;
+        let mut contact_ratio = Vec::with_capacity(self.times_s.len());
+        for &time_s in self.times_s {
+            let until = time_s / system.time_unit_s;
+            if until > now {
+                state = run.to(state, now, until)?;
+                now = until;
+            }
+            contact_ratio.push(run.overlap(&state).max(0.0).sqrt());
+        }
+        Ok((contact_ratio, run.steps()))
+    }
+}
