@@ -2,20 +2,21 @@
 # The same jammed packing in LAMMPS (Debian: apt-get install lammps) and here: particle steps per second
 # of both, and their ratio, on one core and on two. LAMMPS has no sintering: granular pair style hooke without
 # friction, the same stiffness, dissipation, step and skin; here the contact law without growth.
-# The best of REPEATS runs each, taken in turn. Prints a table, and writes it to results/bed/lammps.md.
-# From the repository: crates/dem-core/benches/lammps.sh [PARTICLES] [STEPS] [REPEATS]
+# The best of REPEATS runs each, taken in turn. Prints a table, and writes it to
+# results/benchmarks/bed-lammps/report.md.
+# From the repository: crates/studies/bed/lammps.sh [PARTICLES] [STEPS] [REPEATS]
 set -eu
 particles=${1:-10000}
 steps=${2:-1000}
 repeats=${3:-5}
-cargo build --release -p dem-core --example bed_cost --example bed_for_lammps
+cargo build --release -p studies
 repository=$(pwd)
 target=${CARGO_TARGET_DIR:-target}
 case $target in /*) ;; *) target=$repository/$target ;; esac
-examples=$target/release/examples
+studies=$target/release/studies
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-"$examples/bed_for_lammps" "$particles" "$steps" "$work"
+"$studies" bed-cost normal "$particles" "$steps" --lammps "$work"
 cd "$work"
 export OMP_NUM_THREADS=1 OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
 # The larger of two numbers.
@@ -39,12 +40,13 @@ for cores in 1 2; do
         mpirun --oversubscribe --bind-to none -np $cores lmp -in in.bed -log log -screen none
         # "Loop time of T on P procs for S steps with N atoms"
         theirs=$(larger "$theirs" "$(awk '/^Loop time/ { rate = $9 * $12 / $4 } END { print rate }' log)")
-        ours=$(larger "$ours" "$("$examples/bed_cost" normal "$particles" "$steps" $cores |
+        ours=$(larger "$ours" "$("$studies" bed-cost normal "$particles" "$steps" $cores |
             sed 's/.*threads [0-9]*: \([0-9.e+]*\) particle.*/\1/')")
     done
     awk -v c=$cores -v a="$ours" -v b="$theirs" 'BEGIN {
         printf "| %d | %.3g | %.3g | %.2f |\n", c, a, b, a / b }' >>table
 done
-mkdir -p "$repository/results/bed"
-cp table "$repository/results/bed/lammps.md"
+out=$repository/results/benchmarks/bed-lammps
+mkdir -p "$out"
+cp table "$out/report.md"
 cat table

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """GrainLearning, nautilus, dynesty and emcee beside `calibrate`: the same closed-form model, data, prior and noise.
 
-    cargo build --release
-    python3 crates/calibrate/benches/peers/peers.py
+    cargo build --release -p calibrate -p studies
+    python3 crates/studies/peers/peers.py
 
 makes a virtual environment (target/peers), installs requirements.txt into it, runs every method for several seeds, one
-after the other on one core, and writes results/benchmarks/peers.csv and peers.md. Errors are against `calibrate bench exact`
+after the other on one core, and writes results/benchmarks/peers/report.md and table.csv. Errors are against `studies exact`
 (quadrature). About five minutes per seed.
 """
 
@@ -24,7 +24,7 @@ import time
 import venv
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[4]
+ROOT = Path(__file__).resolve().parents[3]
 MATERIALS = {
     # R, E, gamma of Table 1, phi, experiment, priors (log-uniform): C1, tau_s, delta_c.
     "ps": (30.5e-6, 1.60e9, 35.0e-3, 1.08, "ps-r30", [(1e-6, 1e-1), (1e-2, 1.0), (1e-8, 3e-6)]),
@@ -40,7 +40,10 @@ METHODS = ["calibrate 4096", "calibrate 16384", "GrainLearning", "nautilus", AT_
 
 
 class Model:
-    """Three-stage neck growth (eqs. 3 to 5), its prior and noise; vectorised over rows of log10 (C1, tau_s, delta_c)."""
+    """Three-stage neck growth (eqs. 3 to 5), its prior and noise; vectorised over rows of log10 (C1, tau_s, delta_c).
+
+    Coded here on its own, as the peers are Python packages; `agree` holds it against `calibrate simulate` to 1e-12.
+    """
 
     def __init__(self, material):
         import numpy as np
@@ -190,7 +193,7 @@ def one(method, material, seed):
     }, sys.stdout)
 
 
-def agree(program):
+def agree(programs):
     """Largest difference of this model's curves from those of `calibrate simulate`."""
     import numpy as np
 
@@ -202,7 +205,7 @@ def agree(program):
             log10 = model.of_cube(random.random(3))
             parameters = [f"{10.0**value!r}".replace("np.float64(", "").rstrip(")") for value in log10]
             text = subprocess.run([
-                program, "simulate", "--material", material, "--times", str(ROOT / "experiments" / f"{experiment}.csv"),
+                programs / "calibrate", "simulate", "--material", material, "--times", str(ROOT / "experiments" / f"{experiment}.csv"),
                 "--c1", parameters[0], "--tau-s", parameters[1], "--delta-c", parameters[2], "--quiet",
             ], check=True, capture_output=True, text=True).stdout
             rows = csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
@@ -251,9 +254,10 @@ def spread(values):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--program", default=str(ROOT / "target" / "release" / "calibrate"))
+    target = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
+    parser.add_argument("--programs", type=Path, default=target / "release", help="folder of calibrate and studies")
     parser.add_argument("--venv", type=Path, default=ROOT / "target" / "peers")
-    parser.add_argument("--out", type=Path, default=ROOT / "results" / "benchmarks")
+    parser.add_argument("--out", type=Path, default=ROOT / "results" / "benchmarks" / "peers")
     parser.add_argument("--materials", nargs="+", default=list(MATERIALS), choices=list(MATERIALS))
     parser.add_argument("--methods", nargs="+", default=METHODS, choices=METHODS)
     parser.add_argument("--one", nargs=3, metavar=("METHOD", "MATERIAL", "SEED"), help=argparse.SUPPRESS)
@@ -262,17 +266,17 @@ def main():
     if args.one:
         return one(args.one[0], args.one[1], int(args.one[2]))
     if args.agree:
-        return agree(args.program)
+        return agree(args.programs)
 
     began, of_revision = time.perf_counter(), revision()
     python = environment(args.venv)
-    this = [python, __file__, "--program", args.program]
+    this = [python, __file__, "--programs", args.programs]
     difference = float(subprocess.run([*this, "--agree"], check=True, capture_output=True, text=True).stdout)
     if not difference < 1e-12:
         raise SystemExit(f"the model differs from `calibrate simulate` by {difference:.2e}; 1e-12 is allowed")
     rows, found = [], {}
     for material in args.materials:
-        found_exactly = measured([args.program, "bench", "exact", "--material", material])
+        found_exactly = measured([args.programs / "studies", "exact", "--material", material])
         if found_exactly is None:
             raise SystemExit("no exact posterior to compare with")
         exact, _, _ = found_exactly
@@ -291,7 +295,7 @@ def main():
                 if samples is None:
                     command = [*this, "--one", method, material, str(seed)]
                 else:
-                    command = [args.program, "bench", "exact", "--material", material, "-n", str(samples), "-s", str(seed)]
+                    command = [args.programs / "studies", "exact", "--material", material, "-n", str(samples), "-s", str(seed)]
                 print(f"{material} {method} seed {seed}", file=sys.stderr)
                 runs[method].append(measured(command))
         for method in args.methods:
@@ -350,13 +354,13 @@ def main():
         f"run time: {time.perf_counter() - began:.0f} s",
     ]
     args.out.mkdir(parents=True, exist_ok=True)
-    with (args.out / "peers.csv").open("w", newline="") as file:
+    with (args.out / "table.csv").open("w", newline="") as file:
         file.writelines(f"# {line}\n" for line in head)
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
         writer.writerows(rows)
     text = "\n".join(f"- {line}" for line in head)
-    (args.out / "peers.md").write_text(f"""# Peers
+    (args.out / "report.md").write_text(f"""# Peers
 
 {text}
 

@@ -85,7 +85,7 @@ impl Point {
 }
 
 pub(crate) fn run(args: &CalibrationArgs, out: &Path) -> Result<(), Failure> {
-    let report = Report::begin(out, "calibration")?;
+    let mut report = Report::begin(out, "calibration")?;
     let seeds = args.seeds.unwrap_or(SEEDS);
     let mut table = Table::new(&[
         "problem",

@@ -123,7 +123,7 @@ impl Row {
 const SAMPLES: [usize; 6] = [1_000_000, 262_144, 65_536, 16_384, 4_096, 1_000];
 
 pub(crate) fn run(out: &Path) -> Result<(), Failure> {
-    let report = Report::begin(out, "growth")?;
+    let mut report = Report::begin(out, "growth")?;
     let polystyrene = Calibration::of(Material::Ps)?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let mut memory = None;

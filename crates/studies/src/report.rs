@@ -14,6 +14,7 @@ pub(crate) struct Report {
     folder: PathBuf,
     header: Header,
     start: Instant,
+    figures: Vec<String>,
 }
 
 /// Command, machine, revision and date of a result.
@@ -31,7 +32,7 @@ impl Report {
         let folder = out.join(study);
         fs::create_dir_all(&folder)
             .map_err(|error| RunError::new(format_args!("{}: {error}", folder.display())))?;
-        Ok(Self { folder, header: Header::now(study), start: Instant::now() })
+        Ok(Self { folder, header: Header::now(study), start: Instant::now(), figures: Vec::new() })
     }
 
     /// Writes `table.csv`.
@@ -40,16 +41,21 @@ impl Report {
     }
 
     /// Writes a figure as `NAME.svg`, for the width of a page.
-    pub(crate) fn figure(&self, name: &str, figure: &dyn Figure) -> Result<(), RunError> {
+    pub(crate) fn figure(&mut self, name: &str, figure: &dyn Figure) -> Result<(), RunError> {
         let picture = figure.render(Width::Full).map_err(RunError::new)?;
+        self.figures.push(name.to_owned());
         self.write(&format!("{name}.svg"), &picture.svg)
     }
 
-    /// Writes `report.md`: heading, header, time that the study took, text.
+    /// Writes `report.md`: heading, header, time that the study took, text, figures.
     pub(crate) fn page(&self, heading: &str, text: &str) -> Result<(), RunError> {
         let took = seconds(self.start.elapsed().as_secs_f64());
         let header = self.header.lines("- ");
-        self.write("report.md", &format!("# {heading}\n\n{header}- run time: {took}\n\n{text}"))
+        let mut page = format!("# {heading}\n\n{header}- run time: {took}\n\n{text}");
+        for name in &self.figures {
+            let _ = write!(page, "\n![{name}]({name}.svg)\n");
+        }
+        self.write("report.md", &page)
     }
 
     fn write(&self, name: &str, text: &str) -> Result<(), RunError> {

@@ -29,8 +29,6 @@ const STEPS: [f64; 5] = [0.15, 0.1, 0.05, 0.02, 0.005];
 const FINE: f64 = 0.001;
 
 const TEXT: &str = "\
-![Error of each solver over the sintering time in collision times](figure.svg)
-
 PA12 at the paper's parameters with C1 and tau_s scaled together, from 0.01 to 100 000 collision times. Error: the largest
 difference of a/R from the equations of motion; for verlet that of the step, for the quasi-static limit (closed form) that of
 leaving the inertia out. PS is at 40 collision times, PA12 at 2100, PEEK at 18 000. Above 3000 the reference is verlet with
@@ -64,7 +62,7 @@ fn scene(material: Material) -> Result<PairScene, RunError> {
 }
 
 pub(crate) fn run(out: &Path) -> Result<(), Failure> {
-    let report = Report::begin(out, "validity")?;
+    let mut report = Report::begin(out, "validity")?;
     let material = Material::Pa12;
     let (scene, paper) = (scene(material)?, material.table3_sintering());
     let found: Vec<(f64, Option<Found>)> = ratios()

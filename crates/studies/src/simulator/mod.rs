@@ -37,7 +37,7 @@ quasi-static solver to check it, and for a law without a closed form. Verlet for
 ";
 
 pub(crate) fn run(args: &SimulatorArgs, out: &Path) -> Result<(), Failure> {
-    let report = Report::begin(out, "simulator")?;
+    let mut report = Report::begin(out, "simulator")?;
     let mut table = Table::new(&row::COLUMNS);
     let mut findings = String::new();
     for material in Material::ALL {

@@ -68,7 +68,7 @@ impl PlanFile {
             return Err(InputError::new(name, Mistake::Syntax)
                 .found("neither .toml nor .json")
                 .expected("a plan in TOML or JSON")
-                .help("see experiments/external/spring.toml for how it looks"));
+                .help("see experiments/external/impact.toml for how it looks"));
         }
         let document =
             if json { Document::parse_json(&name, &text)? } else { Document::parse(&name, &text)? };
