@@ -60,7 +60,8 @@ fn paths(text: &str) -> Vec<&str> {
 /// Whether a path is to exist: no placeholder such as `results/NAME`, and no folder of a run.
 fn is_to_exist(path: &str) -> bool {
     let placeholder = |part: &str| {
-        part.chars().any(|c| c.is_ascii_uppercase()) && !part.chars().any(|c| c.is_ascii_lowercase())
+        part.chars().any(|c| c.is_ascii_uppercase())
+            && !part.chars().any(|c| c.is_ascii_lowercase())
     };
     let of_a_run = path
         .strip_prefix("results/")
@@ -94,7 +95,8 @@ fn every_path_that_documents_and_sources_name_exists() {
     }
     let mut broken = Vec::new();
     for file in named {
-        let own_crate = file.strip_prefix(root.join("crates")).ok().and_then(|path| path.iter().next());
+        let own_crate =
+            file.strip_prefix(root.join("crates")).ok().and_then(|path| path.iter().next());
         let bases = [Some(root.clone()), own_crate.map(|name| root.join("crates").join(name))];
         let text = read(&file);
         for path in paths(&text).into_iter().filter(|path| is_to_exist(path)) {

@@ -23,18 +23,6 @@ pub(crate) struct Exact {
     pub(crate) settled: f64,
 }
 
-impl Exact {
-    /// The closed form of a reference problem.
-    pub(crate) fn of_reference(reference: &Reference) -> Self {
-        Self {
-            mean: reference.mean.clone(),
-            sd: reference.sd.clone(),
-            log_evidence: reference.log_evidence,
-            settled: 0.0,
-        }
-    }
-}
-
 /// Result of one run of the sampler, with the standard errors it reports.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Run {
@@ -49,6 +37,8 @@ pub(crate) struct Run {
     /// Effective sample size.
     pub(crate) ess: f64,
     pub(crate) khat: f64,
+    /// Evaluations of a component's density.
+    pub(crate) component_densities: usize,
 }
 
 /// A problem with its answer.
@@ -113,7 +103,12 @@ impl Case {
         Self {
             name: reference.name.replace(' ', "-"),
             title: reference.name.to_owned(),
-            exact: Exact::of_reference(&reference),
+            exact: Exact {
+                mean: reference.mean.clone(),
+                sd: reference.sd.clone(),
+                log_evidence: reference.log_evidence,
+                settled: 0.0,
+            },
             kind: Kind::Density(reference),
         }
     }
@@ -136,7 +131,6 @@ impl Case {
 
 impl Run {
     pub(crate) fn of_posterior(found: Posterior) -> Self {
-        let (ess, khat) = (found.ess.importance, found.khat);
         let moments: Vec<_> = found.parameters.iter().map(|p| p.in_coordinate).collect();
         Self {
             estimate: Estimate {
@@ -149,8 +143,9 @@ impl Run {
             sd_se: moments.iter().map(|m| m.sd_se).collect(),
             log_evidence_se: found.log_evidence.se,
             frozen_log_evidence: found.log_evidence.frozen_value,
-            ess,
-            khat,
+            ess: found.ess.importance,
+            khat: found.khat,
+            component_densities: found.counters.component_densities,
         }
     }
 
@@ -168,6 +163,7 @@ impl Run {
             frozen_log_evidence: found.log_evidence.frozen_value,
             ess: found.ess,
             khat: found.khat,
+            component_densities: found.counters.component_densities,
         }
     }
 }

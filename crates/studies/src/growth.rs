@@ -5,12 +5,12 @@ use std::path::Path;
 use std::time::Instant;
 
 use figures::{Band, Role, WorkPrecisionFigure, WorkPrecisionGrid, WorkPrecisionSeries};
-use smc_calib::{DensitySummary, Posterior, Settings, reference, sample_density};
+use smc_calib::{CalibrateError, Settings, reference};
 use workbench::error::{Failure, RunError};
 use workbench::material::Material;
 use workbench::number::significant;
 
-use crate::cases::{Case, Exact};
+use crate::cases::{Case, Errors, Exact, Run};
 use crate::pair::Calibration;
 use crate::report::{self, Report, Table};
 use crate::seeds::threads;
@@ -26,46 +26,6 @@ const SIMULATIONS: usize = 16_384;
 /// What grows, in the order of table and figure.
 const GROWING: [&str; 4] = ["samples", "observations", "dimensions", "threads"];
 
-/// Diagnostics and estimates of one run.
-struct Outcome {
-    ess: f64,
-    khat: f64,
-    densities: usize,
-    mean: Vec<f64>,
-    log_evidence: f64,
-    /// Largest standard error of a mean, in posterior sds.
-    mean_se: f64,
-    log_evidence_se: f64,
-}
-
-impl Outcome {
-    fn of_posterior(found: &Posterior) -> Self {
-        let of = found.parameters.iter().map(|p| p.in_coordinate);
-        Self {
-            ess: found.ess.importance,
-            khat: found.khat,
-            densities: found.counters.component_densities,
-            mean: of.clone().map(|m| m.mean).collect(),
-            log_evidence: found.log_evidence.value,
-            mean_se: of.map(|m| m.mean_se / m.sd).fold(0.0, f64::max),
-            log_evidence_se: found.log_evidence.se,
-        }
-    }
-
-    fn of_density(found: DensitySummary) -> Self {
-        let shares = found.mean_se.iter().zip(&found.sd).map(|(se, sd)| se / sd);
-        Self {
-            ess: found.ess,
-            khat: found.khat,
-            densities: found.counters.component_densities,
-            mean_se: shares.fold(0.0, f64::max),
-            mean: found.mean,
-            log_evidence: found.log_evidence.value,
-            log_evidence_se: found.log_evidence.se,
-        }
-    }
-}
-
 /// One row of the table, one point of the figure.
 struct Row {
     what: &'static str,
@@ -74,33 +34,35 @@ struct Row {
     simulations: usize,
     /// Wall and processor time \[s\].
     times_s: [f64; 2],
-    outcome: Outcome,
-    /// Largest error of a mean in posterior sds, and error of the log evidence, where the answer is known.
-    errors: Option<(f64, f64)>,
+    run: Run,
+    /// Where the answer is known.
+    errors: Option<Errors>,
 }
 
 impl Row {
     fn new(
         what: &'static str,
         [size, threads, simulations]: [usize; 3],
-        (times_s, outcome): ([f64; 2], Outcome),
+        (times_s, run): ([f64; 2], Run),
         exact: Option<&Exact>,
     ) -> Self {
-        let errors = exact.map(|exact| {
-            let off = |j: usize| (outcome.mean[j] - exact.mean[j]).abs() / exact.sd[j];
-            (
-                (0..exact.mean.len()).map(off).fold(0.0, f64::max),
-                (outcome.log_evidence - exact.log_evidence).abs(),
-            )
-        });
-        Self { what, size, threads, simulations, times_s, outcome, errors }
+        let errors = exact.map(|exact| Errors::of(exact, &run.estimate));
+        Self { what, size, threads, simulations, times_s, run, errors }
+    }
+
+    /// Largest standard error of a mean, in posterior sds.
+    fn mean_se(&self) -> f64 {
+        let shares = self.run.mean_se.iter().zip(&self.run.estimate.sd).map(|(se, sd)| se / sd);
+        shares.fold(0.0, f64::max)
     }
 
     fn cells(&self) -> Vec<String> {
-        let Self { outcome, .. } = self;
+        let Self { run, errors, .. } = self;
         let n = self.simulations as f64;
-        let known =
-            |error: Option<f64>| error.map_or_else(|| "–".to_owned(), |e| significant(e, 2));
+        let largest = |errors: &[f64]| {
+            significant(errors.iter().map(|error| error.abs()).fold(0.0, f64::max), 2)
+        };
+        let unknown = || "–".to_owned();
         vec![
             self.what.to_owned(),
             self.size.to_string(),
@@ -108,13 +70,13 @@ impl Row {
             significant(self.times_s[0], 3),
             significant(self.times_s[1], 3),
             report::seconds(self.times_s[1] / n),
-            significant(outcome.ess, 4),
-            significant(outcome.khat, 2),
-            significant(outcome.densities as f64 / n, 3),
-            significant(outcome.mean_se, 2),
-            known(self.errors.map(|errors| errors.0)),
-            significant(outcome.log_evidence_se, 2),
-            known(self.errors.map(|errors| errors.1)),
+            significant(run.ess, 4),
+            significant(run.khat, 2),
+            significant(run.component_densities as f64 / n, 3),
+            significant(self.mean_se(), 2),
+            errors.as_ref().map_or_else(unknown, |errors| largest(&errors.mean)),
+            significant(run.log_evidence_se, 2),
+            errors.as_ref().map_or_else(unknown, |errors| largest(errors.log_evidence.as_slice())),
         ]
     }
 }
@@ -129,7 +91,7 @@ pub(crate) fn run(out: &Path) -> Result<(), Failure> {
     let mut memory = None;
     let mut of_samples = Vec::new();
     for n in SAMPLES {
-        of_samples.push((n, median(cores, || outcome(&polystyrene, n))?));
+        of_samples.push((n, median(cores, || sampled(&polystyrene, n))?));
         memory = memory.or_else(peak_memory_mib);
     }
     let exact = Case::material(Material::Ps)?.exact;
@@ -141,14 +103,14 @@ pub(crate) fn run(out: &Path) -> Result<(), Failure> {
     for m in [10, 100, 1_000, 10_000] {
         let paper = Material::Ps.table3_sintering();
         let many = Calibration::of(Material::Ps)?.made_up(m, 0.11, &paper, 0.02)?;
-        let timed = median(cores, || outcome(&many, SIMULATIONS))?;
+        let timed = median(cores, || sampled(&many, SIMULATIONS))?;
         rows.push(Row::new("observations", [m, cores, SIMULATIONS], timed, None));
     }
     for d in 1..=10 {
         rows.push(of_dimension(d, cores)?);
     }
     for threads in [1, 2] {
-        let timed = median(threads, || outcome(&polystyrene, SIMULATIONS))?;
+        let timed = median(threads, || sampled(&polystyrene, SIMULATIONS))?;
         rows.push(Row::new("threads", [threads, threads, SIMULATIONS], timed, Some(&exact)));
     }
     let table = table(&rows);
@@ -177,36 +139,32 @@ samples are those of the sampler for small budgets.
 
 /// The conjugate Gaussian reference in `d` dimensions.
 fn of_dimension(d: usize, cores: usize) -> Result<Row, Failure> {
-    let reference = reference::gaussian(d, 0.5, 0.1);
+    let case = Case::density(reference::gaussian(d, 0.5, 0.1));
     let settings = Settings { samples: SIMULATIONS, ..Settings::default() };
-    let timed = median(cores, || {
-        sample_density(&reference, &settings).map(Outcome::of_density).map_err(RunError::new)
-    })?;
-    let exact = Exact::of_reference(&reference);
-    Ok(Row::new("dimensions", [d, cores, SIMULATIONS], timed, Some(&exact)))
+    let timed = median(cores, || case.sampled(&settings))?;
+    Ok(Row::new("dimensions", [d, cores, SIMULATIONS], timed, Some(&case.exact)))
 }
 
-fn outcome(calibration: &Calibration, samples: usize) -> Result<Outcome, RunError> {
-    let posterior = calibration.posterior(samples, 1);
-    posterior.map(|found| Outcome::of_posterior(&found)).map_err(RunError::new)
+fn sampled(calibration: &Calibration, samples: usize) -> Result<Run, CalibrateError> {
+    calibration.posterior(samples, 1).map(Run::of_posterior)
 }
 
-/// Median wall and processor time \[s\] on a number of threads, and the outcome of the last run.
+/// Median wall and processor time \[s\] on a number of threads, and the last run.
 fn median(
     count: usize,
-    mut job: impl FnMut() -> Result<Outcome, RunError> + Send,
-) -> Result<([f64; 2], Outcome), RunError> {
+    mut job: impl FnMut() -> Result<Run, CalibrateError> + Send,
+) -> Result<([f64; 2], Run), RunError> {
     threads(count)?.install(|| {
         let (mut walls_s, mut processors_s) = (Vec::new(), Vec::new());
         loop {
             let start = Instant::now();
-            let (processor_s, outcome) = Clock::Process.measure(&mut job);
+            let (processor_s, run) = Clock::Process.measure(&mut job);
             walls_s.push(start.elapsed().as_secs_f64());
             processors_s.push(processor_s);
-            let outcome = outcome?;
+            let run = run.map_err(RunError::new)?;
             if walls_s.len() == REPEATS || walls_s[0] > SLOW_S {
                 let medians = [walls_s, processors_s].map(|times_s| Timing::of(times_s).median_s);
-                return Ok((medians, outcome));
+                return Ok((medians, run));
             }
         }
     })
@@ -268,8 +226,8 @@ fn figure(rows: &[Row]) -> WorkPrecisionGrid {
             panel(
                 what,
                 &[
-                    ("mean (posterior sd)", Role::Series(0), |row| row.outcome.mean_se),
-                    ("log evidence", Role::Series(1), |row| row.outcome.log_evidence_se),
+                    ("mean (posterior sd)", Role::Series(0), |row| row.mean_se()),
+                    ("log evidence", Role::Series(1), |row| row.run.log_evidence_se),
                 ],
                 "standard error",
                 "",

@@ -210,6 +210,7 @@ mod tests {
                     frozen_log_evidence: exact.log_evidence + (1.0 + 0.1 * z / off).ln(),
                     ess: 1.0,
                     khat: 0.0,
+                    component_densities: 0,
                 }
             })
             .collect()
