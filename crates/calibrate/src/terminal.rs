@@ -14,7 +14,7 @@ use workbench::watch::Watch;
 
 /// What Ctrl-C does to jobs on a cluster.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum OnInterrupt {
+pub(crate) enum OnInterrupt {
     /// They run on.
     #[default]
     Detach,
@@ -23,7 +23,7 @@ pub enum OnInterrupt {
 }
 
 /// Watches a job on a terminal.
-pub struct Terminal {
+pub(crate) struct Terminal {
     quiet: bool,
     visible: bool,
     bar: Mutex<ProgressBar>,
@@ -35,7 +35,7 @@ static STOP: OnceLock<Stop> = OnceLock::new();
 impl Terminal {
     /// A terminal that shows progress and notes unless `quiet`. It takes over Ctrl-C, termination and hang-up: the
     /// first asks the job to stop, a second ends the program at once.
-    pub fn new(quiet: bool, on_interrupt: OnInterrupt) -> Self {
+    pub(crate) fn new(quiet: bool, on_interrupt: OnInterrupt) -> Self {
         let stop = STOP.get_or_init(|| {
             let stop = Stop::new();
             let asked = stop.clone();
@@ -64,7 +64,7 @@ impl Terminal {
     }
 
     /// Says what became of an earlier run in the folder.
-    pub fn announce(&self, published: &Published, out: &Path) {
+    pub(crate) fn announce(&self, published: &Published, out: &Path) {
         let out = out.display();
         match published {
             Published::New => {}
@@ -80,7 +80,7 @@ impl Terminal {
     }
 
     /// Warnings of a finished job that the summary, which `quiet` leaves out, would have said.
-    pub fn advise(&self, advice: &[String]) {
+    pub(crate) fn advise(&self, advice: &[String]) {
         if self.quiet {
             advice.iter().for_each(|line| self.warn(line));
         }
@@ -88,16 +88,18 @@ impl Terminal {
 
     /// Prints a result on standard output; `text` is asked for only where it is printed: `json` always, else unless
     /// `quiet`.
-    pub fn print(
+    pub(crate) fn print(
         &self,
         json: bool,
         text: impl FnOnce() -> Result<String, Failure>,
     ) -> Result<(), Failure> {
-        if json || !self.quiet {
-            std::io::stdout().lock().write_all(text()?.as_bytes())?;
-        }
-        Ok(())
+        if json || !self.quiet { write(text()?.as_bytes()) } else { Ok(()) }
     }
+}
+
+/// Writes on standard output.
+pub(crate) fn write(bytes: &[u8]) -> Result<(), Failure> {
+    Ok(std::io::stdout().lock().write_all(bytes)?)
 }
 
 impl Watch for Terminal {
@@ -126,10 +128,14 @@ impl Watch for Terminal {
         }
     }
 
-    fn stage(&self, record: &StageRecord) {
+    fn now(&self, what: &str) {
         if self.visible {
-            self.bar().set_message(format!("(stage {}, ESS {:.0})", record.stage, record.ess));
+            self.bar().set_message(format!("({what})"));
         }
+    }
+
+    fn stage(&self, record: &StageRecord) {
+        self.now(&format!("stage {}, ESS {:.0}", record.stage, record.ess));
     }
 
     fn end(&self) {

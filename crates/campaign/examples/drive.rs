@@ -18,8 +18,8 @@ use std::process::ExitCode;
 
 use campaign::slurm::{Slurm, SlurmSettings};
 use campaign::{
-    Campaign, CampaignSpec, CommandSpec, Executor, ExecutorError, Format, Interpolation, Keep,
-    Local, Outcome, OutputSpec, Stop, Task, Worker, numbers,
+    Call, Campaign, CampaignSpec, CommandSpec, Executor, ExecutorError, Format, Interpolation,
+    Keep, Local, Outcome, OutputSpec, ResultSpec, Stop, Task, Worker, numbers,
 };
 
 fn main() -> ExitCode {
@@ -65,26 +65,25 @@ fn drive(
     program: &str,
     stop: &Stop,
 ) -> Result<(), Box<dyn Error>> {
-    let output = OutputSpec {
+    let result = ResultSpec {
         file: "out.csv".into(),
         format: Format::Csv,
-        value: "y".into(),
         control: Some("t".into()),
-        at: vec![0.0, 0.25, 1.0],
+        value: "y".into(),
         interpolate: Interpolation::Linear,
     };
+    let output = OutputSpec { result, at: vec![0.0, 0.25, 1.0] };
     let timeout_s = std::env::var("RUN_TIMEOUT_S").map_or(Ok(60.0), |text| text.parse())?;
+    let call = Call {
+        argv: vec![program.into(), "{x}".into(), "{run}".into()],
+        environment: BTreeMap::new(),
+        timeout_s,
+        retries: 2,
+        keep: Keep::Failed,
+    };
     let spec = CampaignSpec {
         parameter_names: vec!["x".into()],
-        commands: vec![CommandSpec {
-            name: "example".into(),
-            argv: vec![program.into(), "{x}".into(), "{run}".into()],
-            environment: BTreeMap::new(),
-            timeout_s,
-            retries: 2,
-            outputs: vec![output],
-            keep: Keep::Failed,
-        }],
+        commands: vec![CommandSpec { name: "example".into(), call, outputs: vec![output] }],
         seed: 1,
     };
     let campaign = if dir.exists() {

@@ -96,13 +96,13 @@ impl Runner<'_> {
         stop: &Stop,
         mut lost: impl FnMut(&FailureKind),
     ) -> Result<Ran, ExecutorError> {
-        let command = self.spec.commands.get(task.command).filter(|c| !c.argv.is_empty());
+        let command = self.spec.commands.get(task.command).filter(|c| !c.call.argv.is_empty());
         let command = command.ok_or_else(|| ExecutorError::CannotStart {
             program: format!("command {}", task.command),
             reason: "it has no program".into(),
         })?;
         let mut folders = Vec::new();
-        if self.alone && command.keep != Keep::All {
+        if self.alone && command.call.keep != Keep::All {
             self.remove(task, &abandoned(&task_folder(self.dir, task.number)));
         }
         for attempts in 1.. {
@@ -142,7 +142,7 @@ impl Runner<'_> {
                             return Err(ExecutorError::Interrupted { detached: false });
                         }
                     }
-                    if kind.is_lost() && attempts <= command.retries {
+                    if kind.is_lost() && attempts <= command.call.retries {
                         lost(&kind);
                         continue;
                     }
@@ -176,7 +176,7 @@ impl Runner<'_> {
     }
 
     fn stays(&self, task: &Task, outcome: &Outcome) -> bool {
-        match self.spec.commands.get(task.command).map_or(Keep::All, |command| command.keep) {
+        match self.spec.commands.get(task.command).map_or(Keep::All, |command| command.call.keep) {
             Keep::All => true,
             Keep::Failed => outcome.failure().is_some(),
             Keep::None => false,
@@ -184,7 +184,7 @@ impl Runner<'_> {
     }
 
     fn discard(&self, command: &CommandSpec, task: &Task, folders: &[PathBuf]) {
-        if command.keep != Keep::All {
+        if command.call.keep != Keep::All {
             self.remove(task, folders);
         }
     }
@@ -241,19 +241,19 @@ impl Runner<'_> {
             let path = folder.join(name);
             File::create_new(&path).map_err(|error| CampaignError::io("written", &path, error))
         };
-        let program = fill(&spec.argv[0]);
+        let program = fill(&spec.call.argv[0]);
         let mut command = Command::new(&program);
         command
-            .args(spec.argv[1..].iter().map(fill))
+            .args(spec.call.argv[1..].iter().map(fill))
             .current_dir(folder)
-            .envs(spec.environment.iter().map(|(name, value)| (name, fill(value))))
+            .envs(spec.call.environment.iter().map(|(name, value)| (name, fill(value))))
             .stdin(Stdio::null())
             .stdout(stream(STDOUT)?)
             .stderr(stream(STDERR)?);
         if let Some(mark) = self.mark {
             command.env(MARK, mark);
         }
-        let limit = Duration::try_from_secs_f64(spec.timeout_s).unwrap_or(Duration::MAX);
+        let limit = Duration::try_from_secs_f64(spec.call.timeout_s).unwrap_or(Duration::MAX);
         match process::run(&mut command, limit, stop) {
             Ok(ended) => Ok(Some(ended)),
             Err(error) if is_shortage(&error) => Ok(None),
@@ -338,7 +338,7 @@ fn judge(
         Some(Ended::Exit(code)) => FailureKind::ExitCode { code },
         Some(Ended::Signal(signal)) if own_fault(signal) => FailureKind::Crashed { signal },
         Some(Ended::Signal(signal)) => FailureKind::Lost { signal: Some(signal) },
-        Some(Ended::TimedOut) => FailureKind::Timeout { limit_s: command.timeout_s },
+        Some(Ended::TimedOut) => FailureKind::Timeout { limit_s: command.call.timeout_s },
         Some(Ended::Stopped) | None => FailureKind::Lost { signal: None },
     };
     let detail = match ended {

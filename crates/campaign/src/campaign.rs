@@ -30,7 +30,7 @@ const LOCK: &str = "lock";
 const TEMPORARY: &str = ".campaign-";
 
 /// Format of the directory.
-const FORMAT: u64 = 1;
+const FORMAT: u64 = 2;
 
 /// Room that is kept on the disk for outcomes: of a hundred runs with dozens of values each.
 const RESERVE_BYTES: u64 = 64 << 10;

@@ -47,21 +47,13 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
-    use crate::{Campaign, CommandSpec, Executor, InProcess, Keep, Stop};
+    use crate::{Campaign, CommandSpec, Executor, InProcess, Stop};
 
     #[test]
     fn what_is_stored_is_read_while_the_campaign_is_open() {
         let spec = CampaignSpec {
             parameter_names: vec!["x".into()],
-            commands: vec![CommandSpec {
-                name: "square".into(),
-                argv: vec![],
-                environment: BTreeMap::new(),
-                timeout_s: 1.0,
-                retries: 0,
-                outputs: vec![],
-                keep: Keep::None,
-            }],
+            commands: vec![CommandSpec::in_process("square")],
             seed: 1,
         };
         let folder = tempfile::tempdir().expect("a temporary folder");

@@ -6,19 +6,11 @@
 //!
 //! ```
 //! use std::collections::BTreeMap;
-//! use campaign::{Campaign, CampaignSpec, CommandSpec, Executor, InProcess, Keep, Stop, Task};
+//! use campaign::{Campaign, CampaignSpec, CommandSpec, Executor, InProcess, Stop, Task};
 //!
 //! let spec = CampaignSpec {
 //!     parameter_names: vec!["c1".into()],
-//!     commands: vec![CommandSpec {
-//!         name: "square".into(),
-//!         argv: vec![], // a function of this process, below
-//!         environment: BTreeMap::new(),
-//!         timeout_s: 60.0,
-//!         retries: 0,
-//!         outputs: vec![],
-//!         keep: Keep::Failed,
-//!     }],
+//!     commands: vec![CommandSpec::in_process("square")],
 //!     seed: 1,
 //! };
 //! let dir = tempfile::tempdir()?;
@@ -58,7 +50,7 @@ mod seal;
 pub mod slurm;
 mod spec;
 mod status;
-mod table;
+pub mod table;
 mod task;
 pub mod template;
 mod worker;
@@ -71,7 +63,10 @@ pub use in_process::{Fault, InProcess};
 pub use local::Local;
 pub use lock::Holder;
 pub use outcome::{FailureKind, Outcome};
-pub use spec::{CampaignSpec, CommandSpec, Format, Interpolation, Keep, OutputSpec, SpecError};
+pub use spec::{
+    Call, CampaignSpec, CommandSpec, Interpolation, Keep, OutputSpec, ResultSpec, SpecError,
+};
 pub use status::{Status, status};
+pub use table::Format;
 pub use task::Task;
 pub use worker::{Worker, run_task};

@@ -1,10 +1,22 @@
 //! From the tables of a run to its values at the observation points.
 
+use std::fs::File;
+use std::io::{self, Read as _};
 use std::path::Path;
 
 use crate::outcome::FailureKind;
 use crate::spec::{Interpolation, OutputSpec};
-use crate::table::{Refusal, Table, malformed};
+use crate::table::{Table, TableError};
+
+/// Largest table that is read \[bytes\].
+const LARGEST_BYTES: u64 = 512 << 20;
+
+/// Why a run gives no values: the cause, and what was seen.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Refusal {
+    pub(crate) kind: FailureKind,
+    pub(crate) detail: String,
+}
 
 /// The values of all observables of a run, one observable after the other; all finite.
 pub(crate) fn read(folder: &Path, outputs: &[OutputSpec]) -> Result<Vec<f64>, Refusal> {
@@ -16,29 +28,32 @@ pub(crate) fn read(folder: &Path, outputs: &[OutputSpec]) -> Result<Vec<f64>, Re
 }
 
 fn read_one(folder: &Path, output: &OutputSpec) -> Result<Vec<f64>, Refusal> {
-    let table = Table::read(folder, &output.file, output.format)?;
-    let values = table.column(&output.value)?;
-    let Some(control_name) = &output.control else {
+    let result = &output.result;
+    let refused = |error| refusal(&result.file, error);
+    let text = read_text(folder, &result.file)?;
+    let table = Table::parse(&text, result.format).map_err(refused)?;
+    let values = table.column(&result.value).map_err(refused)?;
+    let Some(control_name) = &result.control else {
         if values.len() != output.at.len() {
             let detail = format!("{} rows, {} observation points", values.len(), output.at.len());
-            let (file, column) = (output.file.clone(), output.value.clone());
+            let (file, column) = (result.file.clone(), result.value.clone());
             return Err(Refusal { kind: FailureKind::NoMatch { file, column }, detail });
         }
         check_finite(output, &values)?;
         return Ok(values);
     };
-    let control = table.column(control_name)?;
+    let control = table.column(control_name).map_err(refused)?;
     if control.len() != values.len() {
         let (rows, others) = (control.len(), values.len());
-        let detail = format!("{rows} values of {control_name}, {others} of {}", output.value);
-        return Err(malformed(&output.file, detail));
+        let detail = format!("{rows} values of {control_name}, {others} of {}", result.value);
+        return Err(malformed(&result.file, detail));
     }
     if let Some(row) = control.iter().position(|at| !at.is_finite()) {
-        let (file, column) = (Some(output.file.clone()), control_name.clone());
+        let (file, column) = (Some(result.file.clone()), control_name.clone());
         let detail = format!("data row {}: {}", row + 1, control[row]);
         return Err(Refusal { kind: FailureKind::NotANumber { file, column }, detail });
     }
-    let found = match output.interpolate {
+    let found = match result.interpolate {
         Interpolation::Linear => interpolate(output, control_name, &control, &values),
         Interpolation::Refuse => pick(output, control_name, &control, &values),
     }?;
@@ -46,7 +61,49 @@ fn read_one(folder: &Path, output: &OutputSpec) -> Result<Vec<f64>, Refusal> {
     Ok(found)
 }
 
-/// How far a row may lie from an observation point and still be at it: the rounding of a printed number.
+fn read_text(folder: &Path, file: &str) -> Result<String, Refusal> {
+    let path = folder.join(file);
+    let mut bytes = Vec::new();
+    // A pipe or a device would never end.
+    let plain = path.metadata().and_then(|metadata| {
+        if metadata.is_file() { Ok(()) } else { Err(io::Error::other("it is not a plain file")) }
+    });
+    let read = plain
+        .and_then(|()| File::open(&path))
+        .and_then(|file| file.take(LARGEST_BYTES + 1).read_to_end(&mut bytes));
+    match read {
+        Ok(_) if bytes.len() as u64 > LARGEST_BYTES => {
+            Err(malformed(file, format!("it is larger than {} MiB", LARGEST_BYTES >> 20)))
+        }
+        // Only names can be in another encoding, and those are then not found.
+        Ok(_) => Ok(match String::from_utf8(bytes) {
+            Ok(text) => text,
+            Err(error) => String::from_utf8_lossy(error.as_bytes()).into_owned(),
+        }),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {
+            let kind = FailureKind::MissingOutput { file: file.to_owned() };
+            Err(Refusal { kind, detail: String::new() })
+        }
+        Err(error) => Err(malformed(file, error.to_string())),
+    }
+}
+
+fn refusal(file: &str, error: TableError) -> Refusal {
+    match error {
+        TableError::MissingColumn { column, names, .. } => {
+            let kind = FailureKind::MissingColumn { file: file.to_owned(), column };
+            Refusal { kind, detail: format!("it has {}", names.join(", ")) }
+        }
+        other => malformed(file, other.to_string()),
+    }
+}
+
+fn malformed(file: &str, detail: impl Into<String>) -> Refusal {
+    let kind = FailureKind::MalformedOutput { file: file.to_owned() };
+    Refusal { kind, detail: detail.into() }
+}
+
+/// Distance from an observation point within which a row counts as being at it: the rounding of a printed number.
 ///
 /// # Formula
 ///
@@ -83,18 +140,19 @@ fn interpolate(
             "{control_name} goes back from {before} to {after} (data row {}): nothing can be interpolated",
             row + 2
         );
-        return Err(malformed(&output.file, detail));
+        return Err(malformed(&output.result.file, detail));
     }
     let (Some(&first), Some(&last)) = (control.first(), control.last()) else {
-        return Err(malformed(&output.file, "it has no rows"));
+        return Err(malformed(&output.result.file, "it has no rows"));
     };
     let tolerance = Tolerance::new(&output.at);
     let mut found = Vec::with_capacity(output.at.len());
     for &at in &output.at {
         let near = tolerance.around(at);
         if at < first - near || at > last + near {
-            let (file, column) = (output.file.clone(), control_name.to_owned());
-            let detail = format!("{control_name} = {at} is wished, it has {first} to {last}");
+            let (file, column) = (output.result.file.clone(), control_name.to_owned());
+            let detail =
+                format!("{control_name} = {at} is needed, the table has {first} to {last}");
             return Err(Refusal { kind: FailureKind::Extrapolation { file, column }, detail });
         }
         let at = at.clamp(first, last);
@@ -124,7 +182,7 @@ fn pick(
     for &at in &output.at {
         let near = tolerance.around(at);
         let Some(row) = control[next..].iter().position(|row| (row - at).abs() <= near) else {
-            let (file, column) = (output.file.clone(), control_name.to_owned());
+            let (file, column) = (output.result.file.clone(), control_name.to_owned());
             let rows = control.len();
             let detail = format!(
                 "none of the {} rows from data row {} on is at {control_name} = {at}",
@@ -143,7 +201,7 @@ fn check_finite(output: &OutputSpec, values: &[f64]) -> Result<(), Refusal> {
     match values.iter().position(|value| !value.is_finite()) {
         None => Ok(()),
         Some(place) => {
-            let (file, column) = (Some(output.file.clone()), output.value.clone());
+            let (file, column) = (Some(output.result.file.clone()), output.result.value.clone());
             let detail = format!("{} at observation point {}", values[place], output.at[place]);
             Err(Refusal { kind: FailureKind::NotANumber { file, column }, detail })
         }
@@ -153,17 +211,18 @@ fn check_finite(output: &OutputSpec, values: &[f64]) -> Result<(), Refusal> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spec::Format;
+    use crate::spec::ResultSpec;
+    use crate::table::Format;
 
     fn output(at: &[f64], interpolate: Interpolation) -> OutputSpec {
-        OutputSpec {
+        let result = ResultSpec {
             file: "out.csv".into(),
             format: Format::Csv,
-            value: "x".into(),
             control: Some("t".into()),
-            at: at.to_vec(),
+            value: "x".into(),
             interpolate,
-        }
+        };
+        OutputSpec { result, at: at.to_vec() }
     }
 
     fn values(table: &str, output: &OutputSpec) -> Result<Vec<f64>, FailureKind> {
@@ -228,7 +287,7 @@ mod tests {
     #[test]
     fn without_a_control_the_rows_are_the_points() {
         let mut plain = output(&[5.0, 6.0], Interpolation::Refuse);
-        plain.control = None;
+        plain.result.control = None;
         assert_eq!(values("x\n1\n2\n", &plain), Ok(vec![1.0, 2.0]));
         assert_eq!(values("x\n1\n", &plain), Err(no_match("x")));
         assert_eq!(values("x\n1\n2\n3\n", &plain), Err(no_match("x")));
@@ -259,5 +318,47 @@ mod tests {
         assert_eq!(values("t,x\n0,1\n1,2\n0.5,3\n", &output), Err(malformed));
         // A row printed twice is no step back.
         assert_eq!(values("t,x\n0,1\n0,1\n1,2\n", &output), Ok(vec![1.5]));
+    }
+
+    #[test]
+    fn each_kind_of_broken_table_has_its_own_cause() {
+        let read = |text: Option<&str>, format| {
+            let dir = tempfile::tempdir().expect("a directory");
+            if let Some(text) = text {
+                std::fs::write(dir.path().join("out"), text).expect("written");
+            }
+            let result = ResultSpec {
+                file: "out".into(),
+                format,
+                control: None,
+                value: "t".into(),
+                interpolate: Interpolation::Refuse,
+            };
+            read_one(dir.path(), &OutputSpec { result, at: vec![0.0] })
+        };
+        let kind = read(None, Format::Csv).expect_err("missing").kind;
+        assert_eq!(kind, FailureKind::MissingOutput { file: "out".into() });
+        let malformed = FailureKind::MalformedOutput { file: "out".into() };
+        for (text, format) in [
+            ("", Format::Csv),
+            ("# t x\n", Format::Whitespace),
+            ("1,2\n", Format::Csv),
+            ("t,x\n1,2\n1", Format::Csv),
+            ("t t\n1 2\n", Format::Whitespace),
+            ("{\"t\": [1, 2", Format::Json),
+            ("[1, 2]", Format::Json),
+            ("3", Format::Json),
+            ("{\"t\": \"1\"}", Format::Json),
+            ("[{\"t\": 1}, {}]", Format::Json),
+        ] {
+            assert_eq!(read(Some(text), format).expect_err(text).kind, malformed, "{text:?}");
+        }
+        let column = read(Some("a,b\n1,2\n"), Format::Csv).expect_err("no such column");
+        let expected = FailureKind::MissingColumn { file: "out".into(), column: "t".into() };
+        assert_eq!((column.kind, &*column.detail), (expected, "it has a, b"));
+        let folder = tempfile::tempdir().expect("a directory");
+        std::fs::create_dir(folder.path().join("out")).expect("made");
+        let error = read_text(folder.path(), "out").expect_err("a directory");
+        assert_eq!(error.kind, malformed);
     }
 }

@@ -6,6 +6,7 @@ use std::path::{Component, Path};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::table::Format;
 use crate::template;
 
 /// Everything that a campaign runs. It is stored in the campaign's directory.
@@ -21,67 +22,70 @@ pub struct CampaignSpec {
     pub seed: u64,
 }
 
-/// One simulator and how it is called.
+/// One simulator: how it is called, and where its results are.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CommandSpec {
     /// Name of the experiment that it simulates.
     pub name: String,
-    /// Program and arguments; empty for a simulator in this process ([`InProcess`](crate::InProcess)).
-    ///
-    /// The program is found by `PATH`, or is an absolute path. Placeholders: `{NAME}` for the value of a parameter,
-    /// `{parameters}` for the path of the JSON file with all of them, `{run}` for the number of the
-    /// run, `{seed}` for its seed (1 to 900 000 000), `{{` and `}}` for braces.
-    pub argv: Vec<String>,
-    /// Environment variables that are set in addition; placeholders as in `argv`.
-    #[serde(default)]
-    pub environment: BTreeMap<String, String>,
-    /// Longest time for one attempt \[s\]; then its whole process group is ended.
-    pub timeout_s: f64,
-    /// How many more times a run that was lost (killed from outside) is tried.
-    pub retries: u32,
+    /// How it is called.
+    pub call: Call,
     /// Where the results are, one entry per observable.
     pub outputs: Vec<OutputSpec>,
-    /// Which working directories stay.
-    #[serde(default)]
+}
+
+/// How a program is called for each run, in a working directory of its own.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Call {
+    /// Program and arguments; empty for a simulator in this process ([`InProcess`](crate::InProcess)).
+    ///
+    /// The program is found by `PATH`, or given by its absolute path. Placeholders: `{NAME}` for the value of a
+    /// parameter, `{parameters}` for the path of the JSON file with all of them, `{run}` for the number of the run,
+    /// `{seed}` for its seed (1 to 900 000 000), `{{` and `}}` for braces.
+    pub argv: Vec<String>,
+    /// Environment variables set in addition to the driver's, with placeholders as in `argv`.
+    pub environment: BTreeMap<String, String>,
+    /// Time limit of one attempt \[s\], after which its whole process group is ended.
+    pub timeout_s: f64,
+    /// Number of times that a lost run (killed from outside) is tried again. A failed run is not.
+    pub retries: u32,
+    /// Which working directories stay after their runs.
     pub keep: Keep,
 }
 
-/// Where one observable is found after a run.
+/// Where one observable is found after a run, and the points at which it is compared.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OutputSpec {
+    /// Where the values are.
+    pub result: ResultSpec,
+    /// The observation points: values of the control, in the unit of its column.
+    pub at: Vec<f64>,
+}
+
+/// Where a run leaves the values of one observable.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ResultSpec {
     /// File, relative to the working directory of the run.
     pub file: String,
     /// How the file is written.
     pub format: Format,
-    /// Column with the values.
-    pub value: String,
-    /// Column with the control (time, strain, ...); without it the rows are the observation points, in order.
-    #[serde(default)]
+    /// Column of the control variable (time, strain, ...); without one the rows are the observation points, in order.
     pub control: Option<String>,
-    /// The observation points: wished values of the control, in the unit of its column.
-    pub at: Vec<f64>,
-    /// What is done where the table has no row at an observation point.
-    #[serde(default)]
+    /// Column of the values.
+    pub value: String,
+    /// Whether values between two rows are interpolated.
     pub interpolate: Interpolation,
 }
 
-/// How a table is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Format {
-    /// Comma-separated, names in the first line that is no comment (`#`), or in the last comment line above the data.
-    Csv,
-    /// Columns separated by blanks; names in the first line, or in the last comment line above the data.
-    Whitespace,
-    /// An object of arrays (or numbers), `{"t": [0, 1], "x": [2, 3]}`, or an array of objects.
-    Json,
-}
-
-/// Whether values between two rows may be interpolated.
+/// Whether values between two rows of a result may be interpolated.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[serde(rename_all = "kebab-case")]
 pub enum Interpolation {
     /// Linearly between the two rows around the observation point.
     Linear,
@@ -91,8 +95,9 @@ pub enum Interpolation {
 }
 
 /// Which working directories stay after their runs.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[serde(rename_all = "kebab-case")]
 pub enum Keep {
     /// Those of failed runs.
     #[default]
@@ -107,14 +112,27 @@ pub enum Keep {
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{field}: {problem}")]
 pub struct SpecError {
-    /// Which field, as in `commands[0].outputs[1].file`.
+    /// The field, as in `commands[0].outputs[1].result.file`.
     pub field: String,
     /// What is wrong, with the value and the remedy.
     pub problem: String,
 }
 
 impl CommandSpec {
-    /// How many numbers one run gives: the observation points of all observables.
+    /// A simulator in this process ([`InProcess`](crate::InProcess)) that gives any number of values.
+    #[must_use]
+    pub fn in_process(name: &str) -> Self {
+        let call = Call {
+            argv: Vec::new(),
+            environment: BTreeMap::new(),
+            timeout_s: 1.0,
+            retries: 0,
+            keep: Keep::None,
+        };
+        Self { name: name.to_owned(), call, outputs: Vec::new() }
+    }
+
+    /// Number of values that one run gives: the observation points of all observables.
     #[must_use]
     pub fn values(&self) -> usize {
         self.outputs.iter().map(|output| output.at.len()).sum()
@@ -155,15 +173,16 @@ impl CampaignSpec {
     }
 
     fn check_command(&self, place: &str, command: &CommandSpec) -> Result<(), SpecError> {
-        if !(command.timeout_s.is_finite() && command.timeout_s > 0.0) {
-            let problem = format!("{} is no time; give seconds above 0", command.timeout_s);
-            return wrong(format!("{place}.timeout_s"), problem);
+        let call = &command.call;
+        if !(call.timeout_s.is_finite() && call.timeout_s > 0.0) {
+            let problem = format!("{} is not a time; give seconds above 0", call.timeout_s);
+            return wrong(format!("{place}.call.timeout_s"), problem);
         }
-        for (i, argument) in command.argv.iter().enumerate() {
-            self.check_template(format!("{place}.argv[{i}]"), argument)?;
+        for (i, argument) in call.argv.iter().enumerate() {
+            self.check_template(format!("{place}.call.argv[{i}]"), argument)?;
         }
-        if let Some(program) = command.argv.first() {
-            let field = || format!("{place}.argv[0]");
+        if let Some(program) = call.argv.first() {
+            let field = || format!("{place}.call.argv[0]");
             if program.is_empty() {
                 return wrong(field(), "the program has no name".into());
             }
@@ -178,8 +197,8 @@ impl CampaignSpec {
                 return wrong(format!("{place}.outputs"), "there is none".into());
             }
         }
-        for (name, value) in &command.environment {
-            let field = format!("{place}.environment.{name}");
+        for (name, value) in &call.environment {
+            let field = format!("{place}.call.environment.{name}");
             if name.is_empty() || name.contains(['=', '\0']) {
                 return wrong(field, "not the name of an environment variable".into());
             }
@@ -203,28 +222,29 @@ impl CampaignSpec {
 }
 
 fn check_output(place: &str, output: &OutputSpec) -> Result<(), SpecError> {
-    let path = Path::new(&output.file);
+    let result = &output.result;
+    let path = Path::new(&result.file);
     let inside =
         path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
-    if output.file.is_empty() || !inside {
+    if result.file.is_empty() || !inside {
         let problem = format!(
             "{:?} is not in the working directory of the run; give a relative path without ..",
-            output.file
+            result.file
         );
-        return wrong(format!("{place}.file"), problem);
+        return wrong(format!("{place}.result.file"), problem);
     }
-    if output.value.is_empty() {
-        return wrong(format!("{place}.value"), "the column has no name".into());
+    if result.value.is_empty() {
+        return wrong(format!("{place}.result.value"), "the column has no name".into());
     }
     if output.at.is_empty() {
         return wrong(format!("{place}.at"), "no observation points".into());
     }
     if let Some(at) = output.at.iter().find(|at| !at.is_finite()) {
-        return wrong(format!("{place}.at"), format!("{at} is no number"));
+        return wrong(format!("{place}.at"), format!("{at} is not a finite number"));
     }
-    if output.control.is_none() && output.interpolate == Interpolation::Linear {
+    if result.control.is_none() && result.interpolate == Interpolation::Linear {
         let problem = "linear interpolation needs a control column".into();
-        return wrong(format!("{place}.interpolate"), problem);
+        return wrong(format!("{place}.result.interpolate"), problem);
     }
     Ok(())
 }

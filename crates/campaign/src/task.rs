@@ -43,8 +43,8 @@ impl CampaignSpec {
         }
         digest.add(&self.seed.to_le_bytes());
         if let Some(command) = self.commands.get(task.command) {
-            let what =
-                (&self.parameter_names, &command.argv, &command.environment, &command.outputs);
+            let call = &command.call;
+            let what = (&self.parameter_names, &call.argv, &call.environment, &command.outputs);
             digest.add(serde_json::to_string(&what).unwrap_or_default().as_bytes());
         }
         digest.finish()

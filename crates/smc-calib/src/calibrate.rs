@@ -8,6 +8,7 @@ use crate::pool::{Pool, effective_sample_size, exponentiate};
 use crate::sampler::{Sampler, record};
 use crate::summary::{Run, summarise};
 use crate::target::CurveTarget;
+use crate::trust::khat_holds;
 use crate::{CalibrateError, Noise, Posterior, Problem, Settings, StageRecord, StopReason, psis};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
@@ -32,7 +33,8 @@ const FEWEST_TO_JUDGE: usize = 16;
 ///
 /// # Errors
 /// See [`CalibrateError`]: a problem or settings that do not fit together, a simulator that cannot run, too many
-/// failures, zero evidence, or an observer that ended the run before anything could be said.
+/// failures, zero evidence, or a simulator or an observer that ended the run before anything could be
+/// said.
 pub fn calibrate(
     problem: &Problem<'_>,
     settings: &Settings,
@@ -76,7 +78,7 @@ pub fn calibrate_joint(
             Some(_) => None,
         };
         let Some((n, proposal, last)) = next else { break };
-        sampler.stage(n, proposal)?;
+        sampler.stage(n, proposal).map_err(|error| error.after(&stages))?;
         // A share of a handful says nothing yet.
         if sampler.pool.len() >= FEWEST_TO_JUDGE.min(settings.samples) {
             refuse_failures(&sampler.pool, settings)?;
@@ -214,7 +216,7 @@ pub(crate) fn stage_record(
 /// Whether a wish is fulfilled before the budget is spent.
 fn reached(staged: &Staged, sampler: &Sampler<'_>, settings: &Settings) -> Option<StopReason> {
     // Weights that cannot be trusted fulfil nothing, nor do those of a flattened likelihood.
-    if staged.record.khat > 0.7 || sampler.beta < 1.0 {
+    if !khat_holds(staged.record.khat) || sampler.beta < 1.0 {
         return None;
     }
     if settings.ess_target.is_some_and(|wished| staged.record.ess >= wished) {

@@ -15,13 +15,16 @@
 //! spread of the sub-nets is an error bar of both terms together.
 
 use crate::Evidence;
-use crate::estimate::Estimator;
-use crate::mixture::{Proposal, cholesky, packed_inverse};
+use crate::cholesky::{cholesky, gram, packed_inverse};
+use crate::estimate::{Estimator, Integrals};
+use crate::mixture::Proposal;
+use crate::neighbours::MOST_DIMENSIONS;
 use crate::normal::LN_SQRT_2PI;
 use crate::sampler::{Frozen, Sampler};
 use crate::sobol::scrambled_net;
 use crate::stream::{Purpose, stream};
-use crate::surrogate::{MOST_DIMENSIONS, Surrogate, coefficients, monomials};
+use crate::surrogate::{Surrogate, coefficients, monomials};
+use crate::trust::limits::EVIDENCE_ERRORS;
 use rayon::prelude::*;
 
 /// Points that the surrogate is integrated with, per sample of the final stage, and at least.
@@ -34,14 +37,6 @@ const CAP: f64 = 3.0;
 const FOLDS: usize = 2;
 /// Least share of the variance of f/q that the surrogate must explain.
 const LEAST_EXPLAINED: f64 = 0.5;
-
-/// Integrals of f times 1, x_j and x_i x_j by every sub-net of the final stage.
-pub(crate) struct Integrals {
-    /// Sub-net by sub-net; in units of the exponential of the scale that the weights were given with.
-    pub of_sub_nets: Vec<f64>,
-    /// Per sample of the pool: 1, x_j, x_i x_j of the standardised coordinates.
-    pub features: Vec<f64>,
-}
 
 /// Centre and scale of every coordinate.
 struct Standard {
@@ -215,21 +210,6 @@ fn explains(target: &[f64], control: &[f64]) -> bool {
     left < (1.0 - LEAST_EXPLAINED) * variance(&mut target.iter().copied())
 }
 
-/// W^T W of a lower triangle W, packed row by row.
-fn gram(lower: &[f64], d: usize) -> Vec<f64> {
-    let mut sum = vec![0.0; d * d];
-    let mut row = 0;
-    for i in 0..d {
-        for a in 0..=i {
-            for b in 0..=i {
-                sum[a * d + b] += lower[row + a] * lower[row + b];
-            }
-        }
-        row += i + 1;
-    }
-    sum
-}
-
 /// All samples with the weights of the result, and the evidence. `raw` are the importance weights over
 /// `exp(ln_scale)`, `coordinate(j, z_j)` is what moments are taken of.
 pub(crate) fn estimate(
@@ -251,7 +231,7 @@ pub(crate) fn estimate(
     } else {
         (pooled_value, pooled_se)
     };
-    let agree = (pooled_value - frozen_value).abs() <= 3.0 * pooled_se.hypot(frozen_se);
+    let agree = (pooled_value - frozen_value).abs() <= EVIDENCE_ERRORS * pooled_se.hypot(frozen_se);
     let evidence = Evidence { value, se, frozen_value, frozen_se, pooled_value, pooled_se, agree };
     (estimator, evidence)
 }

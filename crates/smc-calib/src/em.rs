@@ -3,8 +3,8 @@
 //! Everything happens in coordinates in which the weighted samples have mean zero and unit covariance, so
 //! that shrinkage and floors are relative to the spread of what is fitted.
 
+use crate::cholesky::{cholesky, packed_inverse};
 use crate::lanes::{LANES, exp_of_nonpositive, ln_of_positive};
-use crate::mixture::{cholesky, packed_inverse};
 use crate::stream::{Purpose, stream};
 use rand::RngExt;
 use rayon::prelude::*;

@@ -1,6 +1,6 @@
 //! Why a calibration could not be done.
 
-use crate::{NoiseError, StageRecord};
+use crate::{NoiseError, SimError, StageRecord};
 use thiserror::Error;
 
 /// Why a calibration could not be done.
@@ -76,10 +76,31 @@ pub enum CalibrateError {
         /// Done.
         simulations: usize,
     },
-    /// The observer asked to stop before anything could be said.
-    #[error("stopped on request after {} simulations, before the posterior was sampled", .stages.last().map_or(0, |s| s.total))]
+    /// The simulator was interrupted, or the observer asked to stop before anything could be said.
+    #[error("stopped on request after {} simulations, before there was a posterior", .stages.last().map_or(0, |s| s.total))]
     Interrupted {
-        /// What was done until then.
+        /// The stages that were finished.
         stages: Vec<StageRecord>,
     },
+}
+
+impl CalibrateError {
+    /// What a simulation that is no failure of single parameters ends a run with, after so many simulations; the caller
+    /// that knows of finished stages adds them ([`CalibrateError::after`]).
+    pub(crate) fn ended_by(error: SimError, simulations: usize) -> Self {
+        match error {
+            SimError::Interrupted => Self::Interrupted { stages: Vec::new() },
+            SimError::Fatal { cause } | SimError::Recoverable { cause } => {
+                Self::Fatal { cause, simulations }
+            }
+        }
+    }
+
+    /// The same after these stages.
+    pub(crate) fn after(self, done: &[StageRecord]) -> Self {
+        match self {
+            Self::Interrupted { .. } => Self::Interrupted { stages: done.to_vec() },
+            other => other,
+        }
+    }
 }

@@ -9,8 +9,7 @@
 //! known integrals in the part of it that they explain, and that of the pool in the rest. With a = 1 it changes the
 //! weights least; where that would take a single large weight most of the change, a = 1/2 spreads it.
 
-use crate::control::Integrals;
-use crate::mixture::cholesky;
+use crate::cholesky::{cholesky, solve};
 use crate::pool::Pool;
 
 /// Least and largest relative change of a weight.
@@ -34,19 +33,12 @@ impl Spread {
     }
 }
 
-/// Solves `factor factor^T x = right`, the factor lower triangular, row by row.
-pub(crate) fn solve(factor: &[f64], right: &[f64]) -> Vec<f64> {
-    let p = right.len();
-    let mut x = right.to_vec();
-    for a in 0..p {
-        let dot: f64 = (0..a).map(|b| factor[a * p + b] * x[b]).sum();
-        x[a] = (x[a] - dot) / factor[a * p + a];
-    }
-    for a in (0..p).rev() {
-        let dot: f64 = (a + 1..p).map(|b| factor[b * p + a] * x[b]).sum();
-        x[a] = (x[a] - dot) / factor[a * p + a];
-    }
-    x
+/// Integrals of the posterior density times 1, x_j and x_i x_j by every sub-net of the final stage.
+pub(crate) struct Integrals {
+    /// Sub-net by sub-net; in units of the exponential of the scale that the weights were given with.
+    pub of_sub_nets: Vec<f64>,
+    /// Per sample of the pool: 1, x_j, x_i x_j of the standardised coordinates.
+    pub features: Vec<f64>,
 }
 
 /// Integrals that the weights are held to.
@@ -215,10 +207,7 @@ impl Estimator {
         let scale = r as f64 / self.total;
         let mean = parts.iter().sum::<f64>() * scale / r as f64;
         let squares: f64 = parts.iter().map(|p| (p * scale - mean).powi(2)).sum();
-        let se = (squares / (r * (r - 1)) as f64).sqrt();
-        #[cfg(feature = "planted-bugs")]
-        let se = crate::planted::standard_error(se, r);
-        se
+        (squares / (r * (r - 1)) as f64).sqrt()
     }
 
     /// Log evidence and its standard error.

@@ -8,7 +8,7 @@
 //! far from the data need not be met closely. How far off the process is is known from leaving out each sample in
 //! turn (the same, section 5.4.2).
 
-use crate::mixture::{cholesky, packed_inverse};
+use crate::cholesky::{cholesky, packed_inverse};
 use crate::sobol::MAX_DIMENSIONS;
 use rayon::prelude::*;
 

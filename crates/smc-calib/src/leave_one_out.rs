@@ -175,9 +175,7 @@ fn densities(
     match curve(s, &mut values) {
         Ok(()) => {}
         Err(error) if error.is_recoverable() => return Ok(None),
-        Err(error) => {
-            return Err(CalibrateError::Fatal { cause: error.cause().to_owned(), simulations: s });
-        }
+        Err(error) => return Err(CalibrateError::ended_by(error, s)),
     }
     for (g, (part, range)) in likelihood.groups().enumerate() {
         let values = &mut values[range];

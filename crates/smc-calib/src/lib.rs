@@ -30,6 +30,7 @@
 #[doc(hidden)]
 pub mod bench_support;
 mod calibrate;
+mod cholesky;
 mod control;
 mod density;
 mod design;
@@ -48,8 +49,6 @@ mod noise;
 pub mod normal;
 mod observations;
 mod path;
-#[cfg(feature = "planted-bugs")]
-pub mod planted;
 mod pool;
 mod posterior;
 mod predictive;
@@ -65,11 +64,12 @@ mod settings;
 mod simulator;
 mod small_budget;
 mod sobol;
+mod stage;
 mod stream;
 mod summary;
 mod surrogate;
 mod target;
-mod warning;
+pub mod trust;
 
 pub use calibrate::{Observer, calibrate, calibrate_joint};
 pub use density::{DensitySummary, sample_density, sample_density_in};
@@ -80,14 +80,15 @@ pub use leave_one_out::{LeaveOneOut, LeaveOneOutPoint, leave_one_out, leave_one_
 pub use noise::{FixedSigma, Likelihood, Noise, NoiseError};
 pub use observations::{ObservationError, Observations};
 pub use posterior::{
-    BandPoint, ComponentRecord, Counters, Draw, EffectiveSampleSize, Evidence, Failure,
-    GroupSummary, Interval, MapPoint, MixtureRecord, Moments, ParameterSummary, PathParameter,
-    PathPoint, Posterior, Residuals, Sample, SigmaSummary, StageRecord, StopReason,
+    BandPoint, Counters, Draw, EffectiveSampleSize, Evidence, Failure, GroupSummary, Interval,
+    MapPoint, Moments, ParameterSummary, PathParameter, PathPoint, Posterior, Residuals, Sample,
+    SigmaSummary, StopReason,
 };
 pub use predictive::{predictive_band, predictive_band_of_group};
 pub use prior::{Coordinate, Prior, PriorError, PriorSpec};
 pub use problem::{Parameter, Problem};
 pub use settings::Settings;
 pub use simulator::{FnSimulator, SimError, Simulator};
+pub use stage::{ComponentRecord, MixtureRecord, StageRecord};
 pub use target::Target;
-pub use warning::Warning;
+pub use trust::{Concern, Trust, Verdict};

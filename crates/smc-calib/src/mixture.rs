@@ -1,5 +1,6 @@
 //! Proposals: a mixture of Student-t components beside a share of the prior.
 
+use crate::cholesky::packed_inverse;
 use crate::normal;
 use statrs::function::gamma::ln_gamma;
 use std::f64::consts::PI;
@@ -24,39 +25,6 @@ pub(crate) struct Proposal {
     pub prior_share: f64,
     pub degrees_of_freedom: f64,
     pub components: Vec<Component>,
-}
-
-/// Lower Cholesky factor of a symmetric matrix (row by row), or none where it is not positive definite.
-pub(crate) fn cholesky(matrix: &[f64], d: usize) -> Option<Vec<f64>> {
-    let mut l = vec![0.0; d * d];
-    for i in 0..d {
-        for j in 0..=i {
-            let dot: f64 = (0..j).map(|k| l[i * d + k] * l[j * d + k]).sum();
-            let rest = matrix[i * d + j] - dot;
-            if i == j {
-                if !(rest > 0.0 && rest.is_finite()) {
-                    return None;
-                }
-                l[i * d + i] = rest.sqrt();
-            } else {
-                l[i * d + j] = rest / l[j * d + j];
-            }
-        }
-    }
-    Some(l)
-}
-
-/// Inverse of a lower triangular factor, lower triangle packed row by row.
-pub(crate) fn packed_inverse(factor: &[f64], d: usize) -> Vec<f64> {
-    let mut full = vec![0.0; d * d];
-    for j in 0..d {
-        full[j * d + j] = 1.0 / factor[j * d + j];
-        for i in j + 1..d {
-            let dot: f64 = (j..i).map(|k| factor[i * d + k] * full[k * d + j]).sum();
-            full[i * d + j] = -dot / factor[i * d + i];
-        }
-    }
-    (0..d).flat_map(|i| (0..=i).map(move |j| (i, j))).map(|(i, j)| full[i * d + j]).collect()
 }
 
 /// Squared Mahalanobis distance from the packed inverse factor.
@@ -84,10 +52,7 @@ impl Component {
         let ln_peak =
             ln_gamma(0.5 * nu + half) - ln_gamma(0.5 * nu) - half * (nu * PI).ln() - ln_det;
         let inverse = packed_inverse(&factor, d);
-        let component = Self { weight, mean, factor, inverse, peak: ln_peak.exp() };
-        #[cfg(feature = "planted-bugs")]
-        let component = crate::planted::component(component);
-        component
+        Self { weight, mean, factor, inverse, peak: ln_peak.exp() }
     }
 
     /// Squared Mahalanobis distance in the scale matrix.

@@ -1,8 +1,9 @@
 //! Nearest neighbours among a fixed set of points: a k-d tree.
 
-use crate::surrogate::MOST_DIMENSIONS;
 use std::ops::Range;
 
+/// Most coordinates of a point: with more of them samples have no near neighbours.
+pub(crate) const MOST_DIMENSIONS: usize = 6;
 /// Points per leaf.
 const LEAF: usize = 8;
 

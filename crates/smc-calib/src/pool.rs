@@ -133,8 +133,6 @@ impl Pool {
             .with_min_len(CHUNK)
             .map(|(student, ln_prior)| ln_sum(ln_prior_share, (student / total).ln() - ln_prior))
             .collect();
-        #[cfg(feature = "planted-bugs")]
-        crate::planted::mixture(self, proposals);
         Ok(())
     }
 

@@ -1,6 +1,6 @@
 //! The result of a calibration, as plain data.
 
-use crate::{Coordinate, Noise, Parameter, Settings, Warning};
+use crate::{Coordinate, Noise, Parameter, Settings, StageRecord};
 use serde::{Deserialize, Serialize};
 
 /// Everything a calibration reports.
@@ -45,8 +45,6 @@ pub struct Posterior {
     pub failures: Vec<Failure>,
     /// Why the run ended.
     pub stop: StopReason,
-    /// Reasons to be careful.
-    pub warnings: Vec<Warning>,
     /// Work done.
     pub counters: Counters,
     /// One entry per group of observations; empty where there is one group, which `noise`, `sigma` and `residuals`
@@ -269,6 +267,10 @@ pub struct Residuals {
     pub runs_z: f64,
     /// Neither test objects at the 5 % level.
     pub independent: bool,
+    /// Root mean square of the residuals over the expected noise: s0 where sigma is inferred, sigma where it is fixed; none
+    /// for tuned noise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub misfit: Option<f64>,
 }
 
 /// Posterior predictive distribution at one point of a curve.
@@ -325,64 +327,6 @@ pub struct PathParameter {
     pub eti50: [f64; 2],
     /// Equal-tailed 90 % interval.
     pub eti90: [f64; 2],
-}
-
-/// What one stage did.
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct StageRecord {
-    /// Stage, from 0 (the prior).
-    pub stage: usize,
-    /// Whether this is the final, frozen proposal.
-    pub last: bool,
-    /// Simulations of this stage.
-    pub simulations: usize,
-    /// Simulations so far.
-    pub total: usize,
-    /// Failed simulations of this stage.
-    pub failed: usize,
-    /// Failed simulations so far.
-    pub failed_total: usize,
-    /// Power of the likelihood that this stage's proposal was fitted to; 0 for the prior.
-    pub beta: f64,
-    /// Effective sample size of all samples so far, at full likelihood.
-    pub ess: f64,
-    /// Log evidence so far.
-    pub log_evidence: f64,
-    /// Its standard error.
-    pub log_evidence_se: f64,
-    /// Pareto shape of the weights so far.
-    pub khat: f64,
-    /// Means of the parameters so far, in the priors' coordinates.
-    pub means: Vec<f64>,
-    /// Standard deviations of the parameters so far, in the priors' coordinates.
-    pub sds: Vec<f64>,
-    /// The proposal that this stage drew from, in normal scores.
-    pub proposal: MixtureRecord,
-}
-
-/// A mixture of Student-t components in normal scores, beside a share of the prior.
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct MixtureRecord {
-    /// Share of the prior (1 in the first stage).
-    pub prior_share: f64,
-    /// Components.
-    pub components: Vec<ComponentRecord>,
-}
-
-/// One component of a proposal.
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct ComponentRecord {
-    /// Share of the draws.
-    pub weight: f64,
-    /// Centre, in normal scores.
-    pub mean: Vec<f64>,
-    /// Scale matrix, in normal scores, row by row.
-    pub scale: Vec<Vec<f64>>,
-    /// Degrees of freedom.
-    pub degrees_of_freedom: f64,
 }
 
 /// Failed simulations of one cause.

@@ -11,8 +11,8 @@
 //! cell counts as far as the edge reaches: along the axis that the edge is steepest to (the height functions of
 //! C. W. Hirt, B. D. Nichols, J. Comput. Phys. 39 (1981) 201), so that it is counted once.
 
+use crate::cholesky::{cholesky, packed_inverse};
 use crate::joint::{JointLikelihood, JointProblem};
-use crate::mixture::{cholesky, packed_inverse};
 use crate::target::{CurveTarget, Target};
 use crate::{CalibrateError, Problem, SimError};
 use rayon::prelude::*;
@@ -341,8 +341,7 @@ pub fn integrate(
         });
     }
     let mut evaluations = 0;
-    let failed =
-        |e: SimError| CalibrateError::Fatal { cause: e.cause().to_owned(), simulations: 0 };
+    let failed = |error: SimError| CalibrateError::ended_by(error, 0);
     let mut identity = vec![0.0; d * d];
     (0..d).for_each(|i| identity[i * d + i] = 1.0);
     let reach = 8.5f64.asinh();

@@ -1,19 +1,15 @@
 //! Are the residuals of the fitted curve independent?
 
-use crate::Residuals;
-
-/// Two two-sided tests at 2.5 % each.
-const CRITICAL: f64 = 2.241;
-
-/// Lag-1 correlation below which effective numbers of observations, m (1 - r)/(1 + r), hardly change.
-const WORTH_SAYING: f64 = 0.1;
+use crate::joint::Group;
+use crate::noise::{Likelihood, Noise};
+use crate::posterior::Residuals;
+use crate::trust::limits::{RESIDUAL_CORRELATION, RESIDUAL_SCORE};
 
 /// Lag-1 autocorrelation and the runs test (A. Wald, J. Wolfowitz, Ann. Math. Stat. 11 (1940) 147).
 ///
 /// Independent residuals have a lag-1 correlation of sd 1/sqrt(m) and a number of runs of equal sign whose
-/// z-score is standard normal. The residuals are called dependent where one of the two is beyond [`CRITICAL`],
-/// 5 % for both together, and the correlation is at least [`WORTH_SAYING`]: over thousands of observations a
-/// correlation of 0.03 is certain and changes no interval.
+/// z-score is standard normal. The residuals are called dependent where one of the two is beyond [`RESIDUAL_SCORE`]
+/// and the correlation is at least [`RESIDUAL_CORRELATION`].
 pub(crate) fn residuals(observed: &[f64], simulated: &[f64]) -> Residuals {
     let values: Vec<f64> = observed.iter().zip(simulated).map(|(y, o)| y - o).collect();
     let m = values.len() as f64;
@@ -29,9 +25,22 @@ pub(crate) fn residuals(observed: &[f64], simulated: &[f64]) -> Residuals {
         if n > 1.0 { 2.0 * up * down * (2.0 * up * down - n) / (n * n * (n - 1.0)) } else { 0.0 };
     let runs_z =
         if variance > 0.0 { (runs - 1.0 - 2.0 * up * down / n) / variance.sqrt() } else { 0.0 };
-    let significant = (lag1 * m.sqrt()).abs().max(runs_z.abs()) >= CRITICAL;
-    let independent = !(significant && lag1.abs() >= WORTH_SAYING);
-    Residuals { values, lag1, runs_z, independent }
+    let significant = (lag1 * m.sqrt()).abs().max(runs_z.abs()) >= RESIDUAL_SCORE;
+    let independent = !(significant && lag1.abs() >= RESIDUAL_CORRELATION);
+    Residuals { values, lag1, runs_z, independent, misfit: None }
+}
+
+/// Residuals of a curve of one group, and how large they are beside the noise that was expected.
+pub(crate) fn residuals_of(group: &Group, likelihood: &Likelihood, outputs: &[f64]) -> Residuals {
+    let mut found = residuals(group.observations.values(), outputs);
+    let expected = |i: usize| match group.noise {
+        Noise::Inferred { s0, .. } => Some(s0),
+        _ => likelihood.fixed_sigma(i),
+    };
+    let squares = found.values.iter().enumerate().map(|(i, r)| Some((r / expected(i)?).powi(2)));
+    let sum: Option<f64> = squares.sum();
+    found.misfit = sum.map(|sum| (sum / found.values.len() as f64).sqrt());
+    found
 }
 
 #[cfg(test)]

@@ -1,13 +1,14 @@
 //! Adaptive importance sampling with recycled samples: see [`Sampler::run`].
 
+use crate::cholesky::cholesky;
 use crate::em::Cloud;
 use crate::estimate::Estimator;
-use crate::mixture::{Component, Proposal, cholesky, ln_sum};
+use crate::mixture::{Component, Proposal, ln_sum};
 use crate::pool::{Pool, exponentiate, temper, tune};
 use crate::sobol::scrambled_net;
 use crate::stream::{Purpose, stream};
 use crate::target::Target;
-use crate::{CalibrateError, ComponentRecord, Counters, MixtureRecord, Settings, SimError};
+use crate::{CalibrateError, ComponentRecord, Counters, MixtureRecord, Settings};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -91,12 +92,8 @@ impl<'a> Sampler<'a> {
             .into_par_iter()
             .map(|k| {
                 let points = n / r + usize::from(k < n % r);
-                #[cfg(feature = "planted-bugs")]
-                let k = crate::planted::scrambling(k);
                 let net =
                     scrambled_net(width, points, &mut stream(seed, Purpose::Scramble, stage, k));
-                #[cfg(feature = "planted-bugs")]
-                let net = crate::planted::net(net, width, proposal.degrees_of_freedom);
                 let mut z = vec![0.0; points * d];
                 for (u, z) in net.chunks_exact(width).zip(z.chunks_exact_mut(d)) {
                     proposal.draw(u, z);
@@ -120,32 +117,16 @@ impl<'a> Sampler<'a> {
         replicates: &[u32],
     ) -> Result<(), CalibrateError> {
         let stage = self.proposals.len();
-        #[cfg(feature = "planted-bugs")]
-        let proposal = crate::planted::remembered(proposal, stage);
         self.proposals.push((replicates.len(), proposal));
         let simulated = self.pool.extend(self.target, z, replicates, stage, &self.proposals);
         self.counters.simulations = self.pool.len();
         self.counters.component_densities = self.pool.component_densities;
-        match simulated {
-            Ok(()) => Ok(()),
-            Err(SimError::Fatal { cause } | SimError::Recoverable { cause }) => {
-                Err(CalibrateError::Fatal { cause, simulations: self.pool.len() })
-            }
-        }
+        simulated.map_err(|error| CalibrateError::ended_by(error, self.pool.len()))
     }
 
     /// Log weights of all samples at full likelihood.
     pub(crate) fn ln_weights(&self) -> Vec<f64> {
-        let ln_l = self.ln_likelihoods();
-        self.pool.ln_base().iter().zip(ln_l.iter()).map(|(b, l)| b + l).collect()
-    }
-
-    /// Log likelihoods that final weights are made of.
-    fn ln_likelihoods(&self) -> std::borrow::Cow<'_, [f64]> {
-        #[cfg(feature = "planted-bugs")]
-        return crate::planted::likelihoods(&self.pool.ln_l).into();
-        #[cfg(not(feature = "planted-bugs"))]
-        self.pool.ln_l.as_slice().into()
+        self.pool.ln_base().iter().zip(&self.pool.ln_l).map(|(b, l)| b + l).collect()
     }
 
     /// Number of samples and proposal of the last stage, where it is no small part of the whole.
@@ -159,8 +140,7 @@ impl<'a> Sampler<'a> {
         let len = self.pool.len();
         let first = len - self.proposals.last().map_or(0, |p| p.0);
         let ln_q = self.ln_last_proposal(first..len);
-        let ln_l = self.ln_likelihoods();
-        let ln_w = ln_l[first..].iter().zip(&ln_q).map(|(l, q)| l - q).collect();
+        let ln_w = self.pool.ln_l[first..].iter().zip(&ln_q).map(|(l, q)| l - q).collect();
         Frozen { first, ln_q, ln_w }
     }
 

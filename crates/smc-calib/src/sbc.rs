@@ -91,8 +91,8 @@ fn one(study: &Study<'_>, k: usize) -> Result<Outcome, CalibrateError> {
             study.parameters.iter().zip(&z).map(|(p, z)| p.prior.from_z(*z)).collect();
         match study.simulator.simulate(&theta, &mut outputs) {
             Ok(()) if outputs.iter().all(|o| o.is_finite()) => break (z, theta),
-            Err(e) if !e.is_recoverable() => {
-                return Err(CalibrateError::Fatal { cause: e.cause().to_owned(), simulations: 0 });
+            Err(error) if !error.is_recoverable() => {
+                return Err(CalibrateError::ended_by(error, 0));
             }
             _ => {}
         }

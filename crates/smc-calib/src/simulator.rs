@@ -20,7 +20,8 @@ pub trait Simulator: Sync {
     /// Runs the simulation at `theta` and fills `out`.
     ///
     /// # Errors
-    /// [`SimError::Recoverable`] gives this sample weight zero; [`SimError::Fatal`] stops the run.
+    /// [`SimError::Recoverable`] gives this sample weight zero; [`SimError::Fatal`] and [`SimError::Interrupted`] stop the
+    /// run.
     fn simulate(&self, theta: &[f64], out: &mut [f64]) -> Result<(), SimError>;
 
     /// Runs the parameter sets of samples `first`, `first + 1`, .., given row by row in `thetas`, and fills
@@ -36,7 +37,8 @@ pub trait Simulator: Sync {
     ///
     /// # Errors
     /// Per row as [`Simulator::simulate`]; one fatal row ends the calibration with
-    /// [`CalibrateError::Fatal`](crate::CalibrateError::Fatal).
+    /// [`CalibrateError::Fatal`](crate::CalibrateError::Fatal), one interrupted row with
+    /// [`CalibrateError::Interrupted`](crate::CalibrateError::Interrupted), whichever comes first.
     fn simulate_batch(
         &self,
         first: usize,
@@ -81,6 +83,9 @@ pub enum SimError {
         /// What went wrong.
         cause: String,
     },
+    /// The run is to end: the simulation was not made, or was broken off. No failure of the model.
+    #[error("interrupted")]
+    Interrupted,
 }
 
 impl SimError {
@@ -99,10 +104,11 @@ impl SimError {
         matches!(self, Self::Recoverable { .. })
     }
 
-    /// What went wrong.
+    /// What went wrong; of an interruption its name, which says no more than the variant does.
     pub fn cause(&self) -> &str {
         match self {
             Self::Recoverable { cause } | Self::Fatal { cause } => cause,
+            Self::Interrupted => "interrupted",
         }
     }
 }

@@ -9,14 +9,13 @@ use crate::noise::Likelihood;
 use crate::path::path;
 use crate::pool::effective_sample_size;
 use crate::predictive::{at_observations, sigma_summary};
-use crate::residuals::residuals;
+use crate::residuals::residuals_of;
 use crate::sampler::Sampler;
 use crate::stream::{Purpose, stream};
 use crate::target::CurveTarget;
-use crate::warning::warnings;
 use crate::{
     CalibrateError, Draw, EffectiveSampleSize, Evidence, GroupSummary, MapPoint, ParameterSummary,
-    Posterior, Residuals, Sample, Settings, StageRecord, StopReason, psis,
+    Posterior, Residuals, Sample, Settings, SimError, StageRecord, StopReason, psis,
 };
 use rand::RngExt;
 use rand_distr::{Distribution, Gamma};
@@ -62,7 +61,8 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
     let coordinate: Vec<Vec<f64>> =
         columns(problem, |j, i| problem.parameters[j].prior.to_coordinate(theta[j][i]), n);
 
-    let map = find_map(target, likelihood, &sampler, &estimator, settings)?;
+    let map = find_map(target, likelihood, &sampler, &estimator, settings)
+        .map_err(|error| error.after(&stages))?;
     let marginals: Vec<Marginal<'_>> =
         coordinate.par_iter().map(|x| Marginal::new(x, &estimator)).collect();
     let parameters: Vec<ParameterSummary> = (0..d)
@@ -113,7 +113,12 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
         .collect();
     let groups = groups(problem, target, &sampler, &estimator, &chosen, &map, settings);
     let residuals = match groups.as_slice() {
-        [] => residuals(problem.groups[0].observations.values(), &map.outputs),
+        [] => {
+            let part = likelihood.groups().next().map(|(part, _)| part);
+            part.map_or_else(Residuals::default, |part| {
+                residuals_of(&problem.groups[0], part, &map.outputs)
+            })
+        }
         several => residuals_of_all(several),
     };
     let predictive = at_observations(target, &sampler, &estimator, &draws, &groups, settings);
@@ -165,13 +170,11 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
         stages,
         failures: pool.failures(),
         stop,
-        warnings: Vec::new(),
         counters: sampler.counters,
         map,
         groups,
     };
     posterior.counters.map_simulations = posterior.map.simulations;
-    posterior.warnings = warnings(&posterior, problem, target, pool.failed);
     Ok(posterior)
 }
 
@@ -211,7 +214,7 @@ fn groups(
                 log_likelihood: part.ln_joint(outputs),
                 sigma: sigma_summary(sigma_draws.clone(), &ln_l, estimator, part),
                 sigma_draws,
-                residuals: residuals(group.observations.values(), outputs),
+                residuals: residuals_of(group, part, outputs),
             }
         })
         .collect()
@@ -359,34 +362,43 @@ fn find_map(
     let starts = map_starts(sampler, estimator, &density);
     let start = starts.first().map_or_else(|| pool.point(0).to_vec(), |s| s.point.clone());
     let mut outputs = vec![0.0; target.problem.observations()];
-    let mut fatal = None;
+    let mut ended: Option<SimError> = None;
     let (z, _, simulations) = map_search::best_of(&starts, settings.map_simulations, &mut |z| {
         // Beyond 8 the parameter is its bound to all digits.
-        if z.iter().any(|z| z.abs() > 8.0) {
+        if ended.is_some() || z.iter().any(|z| z.abs() > 8.0) {
             return f64::NEG_INFINITY;
         }
         match target.simulate(z, &mut outputs) {
             Ok(()) => likelihood.ln_joint(&outputs) + target.ln_prior(z),
             Err(e) => {
-                if !e.is_recoverable() {
-                    fatal.get_or_insert_with(|| e.cause().to_owned());
-                }
+                ended = Some(e).filter(|e| !e.is_recoverable());
                 f64::NEG_INFINITY
             }
         }
     });
-    if let Some(cause) = fatal {
-        return Err(CalibrateError::Fatal { cause, simulations: pool.len() + simulations });
+    let total = pool.len() + simulations;
+    if let Some(error) = ended {
+        return Err(CalibrateError::ended_by(error, total));
     }
     // The search starts from a sample that was simulated, so its best can be simulated again.
-    let z = if target.simulate(&z, &mut outputs).is_ok() {
-        z
-    } else {
-        target.simulate(&start, &mut outputs).map_err(|e| CalibrateError::Fatal {
-            cause: format!("the same parameters worked before and now fail: {}", e.cause()),
-            simulations: pool.len() + simulations,
-        })?;
-        start
+    let z = match target.simulate(&z, &mut outputs) {
+        Ok(()) => z,
+        Err(SimError::Interrupted) => {
+            return Err(CalibrateError::ended_by(SimError::Interrupted, total));
+        }
+        Err(_) => {
+            target.simulate(&start, &mut outputs).map_err(|error| match error {
+                SimError::Interrupted => CalibrateError::ended_by(error, total),
+                other => CalibrateError::Fatal {
+                    cause: format!(
+                        "the same parameters worked before and now fail: {}",
+                        other.cause()
+                    ),
+                    simulations: total,
+                },
+            })?;
+            start
+        }
     };
     let log_likelihood = likelihood.ln_joint(&outputs);
     Ok(MapPoint {
@@ -443,10 +455,7 @@ fn draw_sigmas(
         .map(|(k, sample)| {
             let s = part.sum_of_squares_at(ln_l[*sample]).unwrap_or(0.0);
             let g: f64 = gamma.sample(&mut stream(settings.seed, Purpose::Sigma, group, k));
-            let sigma = (0.5 * (sum0 + s) / g).sqrt();
-            #[cfg(feature = "planted-bugs")]
-            let sigma = crate::planted::sigma(sigma);
-            sigma
+            (0.5 * (sum0 + s) / g).sqrt()
         })
         .collect()
 }

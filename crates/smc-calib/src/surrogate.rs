@@ -5,9 +5,8 @@
 //! Nothing depends on its being right: it serves as a control variate ([`crate::control`]), whose error only
 //! sets how much of the Monte Carlo error is taken away.
 
-use crate::estimate::solve;
-use crate::mixture::{cholesky, packed_inverse};
-use crate::neighbours::Neighbours;
+use crate::cholesky::{cholesky, packed_inverse, solve};
+use crate::neighbours::{MOST_DIMENSIONS, Neighbours};
 use rayon::prelude::*;
 
 /// Neighbours of each fit, per coefficient of the quadratic.
@@ -20,9 +19,6 @@ const EXCESS: f64 = 0.1;
 const BLENDED: usize = 3;
 /// Least squared distance that weights of the blend tell from zero.
 const TOUCHING: f64 = 1e-280;
-/// Most coordinates that a surrogate is built for: with more of them samples have no near neighbours.
-pub(crate) const MOST_DIMENSIONS: usize = 6;
-
 /// Local quadratics.
 pub(crate) struct Surrogate {
     d: usize,

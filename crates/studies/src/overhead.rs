@@ -8,8 +8,8 @@ use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use campaign::{
-    Campaign, CampaignSpec, CommandSpec, Executor, Format, Interpolation, Keep, Local, OutputSpec,
-    Stop, Task,
+    Call, Campaign, CampaignSpec, CommandSpec, Executor, Format, Interpolation, Keep, Local,
+    OutputSpec, ResultSpec, Stop, Task,
 };
 use workbench::error::{Failure, RunError};
 use workbench::number::significant;
@@ -100,22 +100,22 @@ fn campaign(args: &OverheadArgs, dir: &Path) -> Result<f64, RunError> {
 }
 
 fn spec() -> CampaignSpec {
-    let command = CommandSpec {
-        name: "nothing".into(),
+    let call = Call {
         argv: ["sh", "-c", SCRIPT, "{a}"].map(str::to_owned).to_vec(),
         environment: BTreeMap::new(),
         timeout_s: 60.0,
         retries: 0,
-        outputs: vec![OutputSpec {
-            file: "out.csv".into(),
-            format: Format::Csv,
-            value: "y".into(),
-            control: None,
-            at: vec![0.0],
-            interpolate: Interpolation::Refuse,
-        }],
         keep: Keep::Failed,
     };
+    let result = ResultSpec {
+        file: "out.csv".into(),
+        format: Format::Csv,
+        control: None,
+        value: "y".into(),
+        interpolate: Interpolation::Refuse,
+    };
+    let outputs = vec![OutputSpec { result, at: vec![0.0] }];
+    let command = CommandSpec { name: "nothing".into(), call, outputs };
     CampaignSpec { parameter_names: vec!["a".into()], commands: vec![command], seed: 1 }
 }
 

@@ -2,7 +2,6 @@
 //!
 //! The one file of the studies that knows the workbench's plan and its model of neck growth.
 
-use clap::Parser as _;
 use dem_core::{
     Kinetics, PairScene, PairSpec, Sintering, SolveError, SolverKind, SolverSettings,
     contact_ratios,
@@ -14,12 +13,11 @@ use smc_calib::{
     Simulator as _, calibrate,
 };
 
-use workbench::args::Args;
 use workbench::error::{Failure, RunError};
 use workbench::experiment::Experiment;
 use workbench::material::Material;
 use workbench::model::NeckGrowth;
-use workbench::plan::{Planned, sampler_for};
+use workbench::plan::{PairOptions, sampler_for};
 
 /// A pair of a material, with the times of its measurement and the paper's sintering parameters.
 pub(crate) struct Pair {
@@ -69,15 +67,15 @@ pub(crate) struct Calibration {
 
 impl Calibration {
     pub(crate) fn of(material: Material) -> Result<Self, Failure> {
-        let args = Args::parse_from(["calibrate", "--material", material.name()]);
-        let plan = Planned::from_args(&args.run)?.plan;
-        let observations = plan.observations()?;
+        let plan = PairOptions { material: Some(material), ..PairOptions::default() }.plan()?.plan;
+        let (_, observable) = plan.pair()?;
+        let (observations, noise) = (observable.observations()?, observable.noise.clone());
         Ok(Self {
             model: NeckGrowth::of(&plan)?,
-            likelihood: Likelihood::new(&plan.noise, &observations).map_err(RunError::new)?,
+            likelihood: Likelihood::new(&noise, &observations).map_err(RunError::new)?,
             parameters: plan.parameters,
             observations,
-            noise: plan.noise,
+            noise,
         })
     }
 

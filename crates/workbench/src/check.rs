@@ -1,75 +1,22 @@
-//! `calibrate check FILE...`: what the program understands of a file, or what is wrong with it.
+//! What the program understands of a file, or what is wrong with it.
 
-use std::io::Write as _;
 use std::path::Path;
 
-use smc_calib::PriorSpec;
-
-use crate::args::CheckArgs;
-use crate::error::{Failure, InputError, Mistake};
+use crate::error::{InputError, Mistake};
 use crate::experiment::{Experiment, is_toml};
-use crate::external::describe::understood;
-use crate::external::plan_file::{PlanFile, looks_like_a_plan};
 use crate::observation_table::ObservationTable;
-use crate::prior_file::{ParameterName, PriorFile};
+use crate::parameter::ParameterName;
+use crate::plan::{Planned, Understood, looks_like_a_plan, prior_in_words, understood};
+use crate::prior_file::PriorFile;
 use crate::toml_fields::Document;
-use crate::{material::Material, scene_command, scene_file, text_file};
-
-/// What is understood of a file: a headline, details, and warnings.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Understood {
-    /// What it is, on one line.
-    pub headline: String,
-    /// What it says, a line each.
-    pub details: Vec<String>,
-    /// What is allowed and yet worth saying.
-    pub warnings: Vec<String>,
-}
-
-/// Checks every file and says what it is; goes on after a mistake, so that all are reported.
-///
-/// `posterior` reads a saved posterior.
-///
-/// # Errors
-///
-/// [`Failure::InputReported`] where a file had a mistake, which has been printed by then.
-pub fn run(
-    args: &CheckArgs,
-    posterior: impl Fn(&Path) -> Result<Understood, InputError>,
-) -> Result<(), Failure> {
-    let mut right = true;
-    for file in &args.files {
-        match file_at(file, &posterior) {
-            Ok(understood) => {
-                let mut out = std::io::stdout().lock();
-                if !args.quiet {
-                    writeln!(out, "{}: ok, {}", file.display(), understood.headline)?;
-                    for detail in &understood.details {
-                        writeln!(out, "  {detail}")?;
-                    }
-                }
-                for warning in &understood.warnings {
-                    eprintln!("warning: {warning}");
-                }
-            }
-            Err(error) => {
-                right = false;
-                eprintln!("error: {error}");
-            }
-        }
-    }
-    if right { Ok(()) } else { Err(Failure::InputReported) }
-}
+use crate::{material::Material, record, report, scene, scene_file, text_file};
 
 /// Checks one file, of the kind that its name and contents say.
 ///
 /// # Errors
 ///
 /// [`InputError`] with place, value and remedy.
-pub fn file_at(
-    path: &Path,
-    posterior: impl Fn(&Path) -> Result<Understood, InputError>,
-) -> Result<Understood, InputError> {
+pub fn file_at(path: &Path) -> Result<Understood, InputError> {
     let extension = path.extension().map(|extension| extension.to_ascii_lowercase());
     if is_toml(path) {
         let name = path.display().to_string();
@@ -78,7 +25,7 @@ pub fn file_at(
             TomlKind::Prior => PriorFile::read(path).map(|priors| of_priors(&priors)),
             TomlKind::Experiment => Experiment::read(path).map(|experiment| of(&experiment)),
             TomlKind::Scene => of_scene(&name, &text, false),
-            TomlKind::Plan => PlanFile::parse(path, text).map(|plan| understood(&plan)),
+            TomlKind::Plan => Planned::parse(path, text).map(|plan| understood(&plan)),
         };
     }
     if path.is_file() && extension.as_deref().is_some_and(|extension| extension == "json") {
@@ -91,7 +38,7 @@ pub fn file_at(
         return Ok(understood(&plan));
     }
     if path.is_dir() || extension.as_deref().is_some_and(|extension| extension == "json") {
-        return posterior(path);
+        return record::read(path).map(|record| report::understood(&record));
     }
     let table = ObservationTable::read(path)?;
     Ok(Understood {
@@ -102,15 +49,15 @@ pub fn file_at(
 }
 
 /// A plan in JSON; none for a posterior, and for what is no JSON at all.
-fn json_plan(path: &Path) -> Result<Option<PlanFile>, InputError> {
+fn json_plan(path: &Path) -> Result<Option<Planned>, InputError> {
     let json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
     if !json || path.is_dir() {
         return Ok(None);
     }
     let text = text_file::read(path)?;
     let is_plan = serde_json::from_str::<serde_json::Map<String, serde_json::Value>>(&text)
-        .is_ok_and(|object| object.contains_key("experiments"));
-    if is_plan { PlanFile::parse(path, text).map(Some) } else { Ok(None) }
+        .is_ok_and(|object| object.contains_key("experiments") && !object.contains_key("schema_version"));
+    if is_plan { Planned::parse(path, text).map(Some) } else { Ok(None) }
 }
 
 enum TomlKind {
@@ -152,10 +99,10 @@ fn toml_kind(name: &str, text: &str) -> Result<TomlKind, InputError> {
 
 /// A scene of many particles. What it says is checked; its packing is not made.
 fn of_scene(name: &str, text: &str, json: bool) -> Result<Understood, InputError> {
-    let scene = scene_file::parse(name.to_owned(), text, json)?;
+    let file = scene_file::parse(name.to_owned(), text, json)?;
     Ok(Understood {
-        headline: format!("a scene of many particles, {}", scene.file.name),
-        details: scene_command::describe(&scene),
+        headline: format!("a scene of many particles, {}", file.file.name),
+        details: scene.describe(),
         ..Understood::default()
     })
 }
@@ -237,7 +184,7 @@ fn of_priors(priors: &PriorFile) -> Understood {
             details.push(format!(
                 "{:<9} {} [{}]",
                 parameter.name(),
-                describe(prior.spec()),
+                prior_in_words(prior.spec()),
                 parameter.unit()
             ));
         }
@@ -252,36 +199,3 @@ fn of_priors(priors: &PriorFile) -> Understood {
     Understood { headline: format!("priors for {} parameters", details.len()), details, warnings }
 }
 
-/// A prior on one line.
-#[must_use]
-pub fn describe(prior: &PriorSpec) -> String {
-    match *prior {
-        PriorSpec::Uniform { lower, upper } => {
-            format!("uniform {} to {}", short(lower), short(upper))
-        }
-        PriorSpec::LogUniform { lower, upper } => {
-            format!("log-uniform {} to {}", short(lower), short(upper))
-        }
-        PriorSpec::Normal { mean, sd } => format!("normal {} +- {}", short(mean), short(sd)),
-        PriorSpec::LogNormal { median, sd_log10 } => {
-            format!("log-normal, median {}, sd {} decades", short(median), short(sd_log10))
-        }
-        PriorSpec::TruncatedNormal { mean, sd, lower, upper } => format!(
-            "normal {} +- {} between {} and {}",
-            short(mean),
-            short(sd),
-            short(lower),
-            short(upper)
-        ),
-    }
-}
-
-/// A number without the noise of its last bits.
-fn short(value: f64) -> String {
-    let rounded: f64 = format!("{value:.5e}").parse().unwrap_or(value);
-    if rounded == 0.0 || (1e-3..1e6).contains(&rounded.abs()) {
-        format!("{rounded}")
-    } else {
-        format!("{rounded:e}")
-    }
-}

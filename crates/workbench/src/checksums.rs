@@ -8,7 +8,7 @@ use std::path::Path;
 use sha2::{Digest as _, Sha256};
 
 use crate::error::{InputError, Mistake, RunError};
-use crate::run::WriteFile;
+use crate::output::WriteFile;
 use crate::text_file;
 
 /// Name of the file.

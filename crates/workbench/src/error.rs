@@ -2,7 +2,6 @@
 //! that failed, 130 for one that was interrupted.
 
 use std::fmt;
-use std::process::ExitCode;
 
 use thiserror::Error;
 
@@ -259,17 +258,6 @@ impl Failure {
             Self::Interrupted | Self::Paused(_) => 130,
             Self::OutputClosed => 0,
         }
-    }
-
-    /// Says it on standard error and gives the exit code.
-    #[must_use]
-    pub fn report(&self) -> ExitCode {
-        match self {
-            Self::OutputClosed | Self::InputReported => {}
-            Self::Paused(how) => eprintln!("{how}"),
-            _ => eprintln!("error: {self}"),
-        }
-        ExitCode::from(self.code())
     }
 }
 

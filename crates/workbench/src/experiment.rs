@@ -250,13 +250,8 @@ impl Experiment {
                 "add table = \"my-powder.csv\", a CSV with the columns time_s and contact_ratio",
             ));
         };
-        let (table_name, table) = open_table(table_field.value).map_err(|error| {
-            if error.mistake == Mistake::MissingFile {
-                error.help(format_args!("{file}, line {}, names it in table", table_field.line))
-            } else {
-                error
-            }
-        })?;
+        let (table_name, table) = open_table(table_field.value)
+            .map_err(|error| error.named_in(&fields, "table", table_field.line))?;
         if let Some(At { value: window, line }) = window {
             check_window(&table, &table_name, window).map_err(|error| InputError {
                 source_name: file.into(),

@@ -1,42 +1,30 @@
-//! The calibration workbench as a library: input files, plans, calibration, records, reports.
+//! The calibration workbench as a library: input files, plans, calibration, records, reports. It has no command line and
+//! prints nothing.
 
-pub mod args;
 pub mod calibration;
-pub mod check;
 pub mod checksums;
-pub mod compare;
-pub mod densify;
-pub mod derived;
+pub mod data_table;
 pub mod error;
 pub mod experiment;
-pub mod external;
+pub mod export;
 pub mod frenkel_fit;
-pub mod inspect;
-pub mod interrupt;
 mod json_document;
 pub mod material;
 pub mod model;
 pub mod number;
 pub mod observation_table;
 pub mod output;
-pub mod pictures;
+pub mod parameter;
 pub mod plan;
-pub mod plot_command;
-pub mod posterior_file;
-pub mod predict;
 pub mod prior_file;
 pub mod product;
-pub mod run;
-pub mod scene_command;
-pub mod scene_file;
-pub mod simulate;
-pub mod summary;
-pub mod table3;
-pub mod tables;
+pub mod record;
+pub mod report;
+pub mod run_task;
+pub mod sample_table;
+mod simulator;
+pub mod status;
 pub mod text_file;
 mod toml_fields;
-pub mod validation;
-pub mod verify;
 pub mod watch;
 pub mod weighted;
-pub mod work_folder;

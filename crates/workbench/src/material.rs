@@ -5,9 +5,12 @@ use std::fmt;
 
 use dem_core::printed::{self, PrintedTable3};
 use dem_core::{Powder, Sintering, paper};
+use serde::{Deserialize, Serialize};
 
 /// A built-in material.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Material {
     /// Polystyrene.
     Ps,

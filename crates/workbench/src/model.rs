@@ -1,21 +1,28 @@
 //! The pair simulator as the sampler sees it: from a parameter vector to contact ratios at the
 //! observation times.
 
+use std::borrow::Cow;
+
 use dem_core::{
     Kinetics, PairScene, PairSpec, Powder, Sintering, SolveError, SolverKind, SolverSettings,
     contact_ratios, verlet_batch,
 };
 use rayon::prelude::*;
-use smc_calib::{SimError, Simulator};
+use smc_calib::{Parameter, SimError, Simulator};
 
 use crate::error::InputError;
-use crate::plan::Plan;
-use crate::prior_file::ParameterName;
+use crate::parameter::ParameterName;
+use crate::plan::{PairPlan, Plan};
 
-/// The neck growth model of a plan, at given times.
+/// Neck growth of a pair of particles at given times, as a function of the parameter vector of a plan.
 #[derive(Debug, Clone)]
 pub struct NeckGrowth {
-    names: Vec<ParameterName>,
+    /// Length of a parameter vector.
+    parameters: usize,
+    /// Place of each of the model's parameters in it, in the order of [`ParameterName::ALL`].
+    places: [Option<usize>; 4],
+    /// Factor from the calibrated tau_s to that of this pair.
+    tau_s_factor: f64,
     powder: Powder,
     scene: PairScene,
     kinetics: Kinetics,
@@ -24,33 +31,37 @@ pub struct NeckGrowth {
 }
 
 impl NeckGrowth {
-    /// The model of a plan at the plan's observation times.
+    /// The model of a planned pair at times \[s\], sorted and not negative; `parameters` are those of the plan.
     ///
     /// # Errors
     ///
-    /// [`InputError`] for a plan that names what this version does not know.
-    pub fn of(plan: &Plan) -> Result<Self, InputError> {
+    /// [`InputError`] for a powder that no scene can be built of.
+    pub fn new(
+        pair: &PairPlan,
+        parameters: &[Parameter],
+        times_s: Vec<f64>,
+    ) -> Result<Self, InputError> {
+        let place = |model| parameters.iter().position(|p| p.name == pair.calibrated(model));
         Ok(Self {
-            names: plan.parameter_names()?,
-            powder: plan.powder(),
-            scene: plan.scene()?,
-            kinetics: plan.kinetics()?,
-            solver: plan.solver_settings()?,
-            times_s: plan.experiment.time_s.clone(),
+            parameters: parameters.len(),
+            places: ParameterName::ALL.map(place),
+            tau_s_factor: pair.tau_s_radius_m.map_or(1.0, |radius| pair.powder.radius_m / radius),
+            powder: pair.powder,
+            scene: pair.scene()?,
+            kinetics: pair.kinetics,
+            solver: pair.solver.settings(),
+            times_s,
         })
     }
 
-    /// A model of its parts. `names` says what each place of a parameter vector is.
-    #[must_use]
-    pub fn new(
-        names: Vec<ParameterName>,
-        powder: Powder,
-        scene: PairScene,
-        kinetics: Kinetics,
-        solver: SolverSettings,
-        times_s: Vec<f64>,
-    ) -> Self {
-        Self { names, powder, scene, kinetics, solver, times_s }
+    /// The model of a plan with one pair, at its observation times.
+    ///
+    /// # Errors
+    ///
+    /// [`InputError`] for a plan of something else.
+    pub fn of(plan: &Plan) -> Result<Self, InputError> {
+        let (pair, observable) = plan.pair()?;
+        Self::new(pair, &plan.parameters, observable.control.clone())
     }
 
     /// The same model at other times \[s\], sorted and not negative.
@@ -71,25 +82,27 @@ impl NeckGrowth {
         &self.times_s
     }
 
-    /// The parameters, in order.
+    /// Place of one of the model's parameters in a parameter vector, where it is calibrated.
     #[must_use]
-    pub fn names(&self) -> &[ParameterName] {
-        &self.names
+    pub fn place(&self, parameter: ParameterName) -> Option<usize> {
+        self.places[parameter as usize]
     }
 
-    /// Parameter vector -> sintering parameters; those that the kinetics do not use stand at 1.
+    /// The model's parameter at a place of a parameter vector.
+    #[must_use]
+    pub fn name(&self, place: usize) -> Option<ParameterName> {
+        ParameterName::ALL.into_iter().find(|parameter| self.place(*parameter) == Some(place))
+    }
+
+    /// Sintering parameters at a parameter vector; those that are not calibrated are 1.
     #[must_use]
     pub fn sintering(&self, theta: &[f64]) -> Sintering {
-        let mut sintering = Sintering { c1: 1.0, tau_s: 1.0, delta_c: 1.0 };
-        for (name, &value) in self.names.iter().zip(theta) {
-            match name {
-                ParameterName::C1 => sintering.c1 = value,
-                ParameterName::TauS => sintering.tau_s = value,
-                ParameterName::DeltaC => sintering.delta_c = value,
-                ParameterName::Phi => {}
-            }
+        let value = |name| self.place(name).map_or(1.0, |place| theta[place]);
+        Sintering {
+            c1: value(ParameterName::C1),
+            tau_s: value(ParameterName::TauS) * self.tau_s_factor,
+            delta_c: value(ParameterName::DeltaC),
         }
-        sintering
     }
 
     /// The scene at a parameter vector: the plan's, unless phi is calibrated.
@@ -97,11 +110,12 @@ impl NeckGrowth {
     /// # Errors
     ///
     /// A recoverable [`SimError`] for a phi without a scene.
-    pub fn scene(&self, theta: &[f64]) -> Result<PairScene, SimError> {
-        match self.names.iter().position(|&name| name == ParameterName::Phi) {
-            None => Ok(self.scene.clone()),
+    pub fn scene(&self, theta: &[f64]) -> Result<Cow<'_, PairScene>, SimError> {
+        match self.place(ParameterName::Phi) {
+            None => Ok(Cow::Borrowed(&self.scene)),
             Some(place) => PairSpec::new(self.powder, theta[place])
                 .build()
+                .map(Cow::Owned)
                 .map_err(|_| SimError::recoverable("phi is out of the model's range")),
         }
     }
@@ -127,19 +141,19 @@ impl NeckGrowth {
     }
 
     /// Curves of many parameter vectors, row by row, in parallel; those of the Verlet solver side by side in the lanes of
-    /// the processor's vectors, with the same bits as [`Simulator::simulate`]. `go_on` is asked before every
-    /// curve; after `false` it is not simulated and fails as [`INTERRUPTED`].
+    /// the processor's vectors, with the same bits as [`Simulator::simulate`]. `go_on` is asked before every curve; after
+    /// `false` it is not computed and is [`SimError::Interrupted`].
     pub fn curves(
         &self,
         thetas: &[f64],
         outputs: &mut [f64],
         go_on: &(dyn Fn() -> bool + Sync),
     ) -> Vec<Result<(), SimError>> {
-        let (d, m) = (self.parameters(), self.observables());
+        let (d, m) = (self.parameters, self.times_s.len());
         let (count, threads) = (thetas.len() / d, rayon::current_num_threads());
         // With another phi for every curve there is no one scene.
         let lanes =
-            self.solver.kind == SolverKind::Verlet && !self.names.contains(&ParameterName::Phi);
+            self.solver.kind == SolverKind::Verlet && self.place(ParameterName::Phi).is_none();
         // Many curves to a lane, so that no lane waits long for the last one.
         let rows = if lanes {
             (count / (2 * threads)).clamp(8, 64)
@@ -153,12 +167,15 @@ impl NeckGrowth {
                 let each = thetas.chunks_exact(d);
                 if lanes {
                     if !each.clone().all(|_| go_on()) {
-                        return vec![Err(SimError::fatal(INTERRUPTED)); each.len()];
+                        return vec![Err(SimError::Interrupted); each.len()];
                     }
                     return self.verlet_curves(thetas, outputs);
                 }
                 each.zip(outputs.chunks_exact_mut(m))
-                    .map(|(theta, out)| Watched { model: self, go_on }.simulate(theta, out))
+                    .map(|(theta, out)| match go_on() {
+                        true => self.simulate(theta, out),
+                        false => Err(SimError::Interrupted),
+                    })
                     .collect()
             })
             .collect()
@@ -166,7 +183,7 @@ impl NeckGrowth {
 
     fn verlet_curves(&self, thetas: &[f64], outputs: &mut [f64]) -> Vec<Result<(), SimError>> {
         let sinterings: Vec<Sintering> =
-            thetas.chunks_exact(self.parameters()).map(|theta| self.sintering(theta)).collect();
+            thetas.chunks_exact(self.parameters).map(|theta| self.sintering(theta)).collect();
         let (scene, times_s) = (&self.scene, &self.times_s);
         verlet_batch(scene, self.kinetics, &sinterings, &self.solver, times_s, outputs)
             .unwrap_or_else(|error| vec![Err(error); sinterings.len()])
@@ -175,9 +192,6 @@ impl NeckGrowth {
             .collect()
     }
 }
-
-/// The cause of a simulation that was not made because the run is to end.
-pub const INTERRUPTED: &str = "interrupted";
 
 /// A curve's failure as the sampler sees it.
 fn failure(error: &SolveError) -> SimError {
@@ -204,7 +218,7 @@ fn cause(error: &SolveError) -> String {
 
 impl Simulator for NeckGrowth {
     fn parameters(&self) -> usize {
-        self.names.len()
+        self.parameters
     }
 
     fn observables(&self) -> usize {
@@ -212,12 +226,8 @@ impl Simulator for NeckGrowth {
     }
 
     fn simulate(&self, theta: &[f64], out: &mut [f64]) -> Result<(), SimError> {
-        let sintering = self.sintering(theta);
-        if self.names.contains(&ParameterName::Phi) {
-            self.run(&self.scene(theta)?, &sintering, out)
-        } else {
-            self.run(&self.scene, &sintering, out)
-        }
+        let scene = self.scene(theta)?;
+        self.run(&scene, &self.sintering(theta), out)
     }
 
     fn simulate_batch(
@@ -230,41 +240,6 @@ impl Simulator for NeckGrowth {
     }
 }
 
-/// A model that asks before every simulation whether to go on.
-pub struct Watched<'a> {
-    /// The model.
-    pub model: &'a NeckGrowth,
-    /// `false` ends the run as [`INTERRUPTED`].
-    pub go_on: &'a (dyn Fn() -> bool + Sync),
-}
-
-impl Simulator for Watched<'_> {
-    fn parameters(&self) -> usize {
-        self.model.parameters()
-    }
-
-    fn observables(&self) -> usize {
-        self.model.observables()
-    }
-
-    fn simulate(&self, theta: &[f64], out: &mut [f64]) -> Result<(), SimError> {
-        if (self.go_on)() {
-            self.model.simulate(theta, out)
-        } else {
-            Err(SimError::fatal(INTERRUPTED))
-        }
-    }
-
-    fn simulate_batch(
-        &self,
-        _: usize,
-        thetas: &[f64],
-        outputs: &mut [f64],
-    ) -> Vec<Result<(), SimError>> {
-        self.model.curves(thetas, outputs, self.go_on)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -273,7 +248,9 @@ mod tests {
     fn curves_by_lanes_are_those_one_by_one_to_the_bit_and_so_are_failures() {
         let powder = dem_core::paper::PS;
         let model = NeckGrowth {
-            names: vec![ParameterName::C1, ParameterName::TauS, ParameterName::DeltaC],
+            parameters: 3,
+            places: [Some(0), Some(1), Some(2), None],
+            tau_s_factor: 1.0,
             powder,
             scene: PairSpec::new(powder, 1.08).build().expect("a scene"),
             kinetics: Kinetics::ThreeStage,
@@ -302,14 +279,16 @@ mod tests {
             }
         }
         let stopped = model.curves(&thetas, &mut together, &|| false);
-        assert!(stopped.iter().all(|result| *result == Err(SimError::fatal(INTERRUPTED))));
+        assert!(stopped.iter().all(|result| *result == Err(SimError::Interrupted)));
         assert!(failed > 1 && failed < rows, "{failed} of {rows} failed");
     }
 
     #[test]
     fn phi_as_a_fourth_parameter_moves_the_plateau_and_nothing_before_it() {
         let model = NeckGrowth {
-            names: vec![ParameterName::TauS, ParameterName::Phi],
+            parameters: 2,
+            places: [None, Some(0), None, Some(1)],
+            tau_s_factor: 1.0,
             powder: dem_core::paper::PS,
             scene: PairSpec::new(dem_core::paper::PS, 1.2).build().expect("a scene"),
             kinetics: Kinetics::Frenkel,

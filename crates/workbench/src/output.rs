@@ -16,12 +16,13 @@ use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use serde::Serialize;
 use serde_json::Value;
 
 use crate::error::{InputError, Mistake, RunError};
 
-/// The record of a calibration.
-pub const POSTERIOR_RECORD: &str = "posterior.json";
+/// Folder of the runs of programs, in the folder of a calibration.
+pub const CAMPAIGN: &str = "campaign";
 
 /// A hidden folder of a run that was killed is removed when it is older than this: writing takes
 /// seconds, and on a shared disk its process may live on another machine.
@@ -32,6 +33,41 @@ const STALE: Duration = Duration::from_secs(600);
 pub struct RunFolder {
     target: PathBuf,
     record: &'static str,
+}
+
+/// Takes a file name and its bytes.
+pub type WriteFile<'a> = dyn Fn(&str, &[u8]) -> Result<(), RunError> + Sync + 'a;
+
+/// What to do about results that cannot be written.
+#[must_use]
+pub fn make_room(error: RunError) -> RunError {
+    error.help("make room on the disk, or choose another folder with --out")
+}
+
+/// JSON as it is written to files.
+///
+/// # Errors
+///
+/// [`RunError`] for a value that JSON cannot hold.
+pub fn pretty(value: &impl Serialize) -> Result<String, RunError> {
+    let mut text = serde_json::to_string_pretty(value).map_err(|error| {
+        RunError::new(format_args!("the result cannot be written as JSON: {error}"))
+    })?;
+    text.push('\n');
+    Ok(text)
+}
+
+/// A pool of the asked number of threads, or of all cores.
+///
+/// # Errors
+///
+/// [`InputError`] for more threads than the machine can start.
+pub fn pool(threads: Option<usize>) -> Result<rayon::ThreadPool, InputError> {
+    rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build().map_err(|error| {
+        InputError::new("--threads", Mistake::OutOfRange)
+            .found(threads.map_or_else(|| "all cores".to_owned(), |n| n.to_string()))
+            .expected(format_args!("as many threads as the machine can start ({error})"))
+    })
 }
 
 /// What became of the folder.
@@ -228,6 +264,63 @@ impl Staging {
                     shown.display()
                 ))
             })
+    }
+
+    /// A hidden folder in the folder of a calibration whose runs are kept there. Those of drivers that were killed are
+    /// removed: the folder is this driver's alone.
+    ///
+    /// # Errors
+    ///
+    /// [`RunError`] where it cannot be made.
+    pub fn beside_runs(dir: &Path, record: &'static str) -> Result<Self, RunError> {
+        let prefix = ".report.tmp-";
+        for entry in fs::read_dir(dir).into_iter().flatten().flatten() {
+            if entry.file_name().to_string_lossy().starts_with(prefix) {
+                let _ = fs::remove_dir_all(entry.path());
+            }
+        }
+        let path = dir.join(format!("{prefix}{}", std::process::id()));
+        fs::create_dir(&path).map_err(|error| {
+            RunError::new(format_args!("{}: cannot be written: {}", dir.display(), plain(&error)))
+        })?;
+        Ok(Self { folder: RunFolder { target: dir.to_owned(), record }, path })
+    }
+
+    /// Flushes the files to disk and puts them beside the runs, the record last: while it is there, all others belong
+    /// to it.
+    ///
+    /// # Errors
+    ///
+    /// [`RunError`]; without the record the folder is that of a run without results, which can be taken up again.
+    pub fn publish_beside_runs(self) -> Result<Published, RunError> {
+        let RunFolder { target, record } = &self.folder;
+        let mut published = Published::New;
+        let mut put = || -> io::Result<()> {
+            flush(&self.path)?;
+            match fs::remove_file(target.join(record)) {
+                Ok(()) => published = Published::Replaced,
+                Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+                Err(error) => return Err(error),
+            }
+            for entry in fs::read_dir(&self.path)? {
+                let name = entry?.file_name();
+                if name.to_str() != Some(*record) {
+                    fs::rename(self.path.join(&name), target.join(&name))?;
+                }
+            }
+            flush_folder(target);
+            fs::rename(self.path.join(record), target.join(record))?;
+            flush_folder(target);
+            Ok(())
+        };
+        put().map_err(|error| {
+            RunError::new(format_args!(
+                "{}: results cannot be put into place: {}",
+                target.display(),
+                plain(&error)
+            ))
+        })?;
+        Ok(published)
     }
 
     /// Flushes the files to disk and renames the folder into place. The record must be among them.

@@ -1,28 +1,20 @@
-//! `calibrate predict`: the sintering time of a pair from a saved posterior, with its interval.
+//! The sintering time of a pair from a saved posterior, with its interval.
 //!
 //! Every posterior draw is pushed through the exact curve; nothing is calibrated again. For another radius
 //! tau_s moves with it, tau_s(R) = tau_s R/R_cal; C1 and delta_c belong to the material and stay.
 
-use std::fmt::Write as _;
-use std::io::Write as _;
-use std::path::Path;
-
 use dem_core::{
-    Kinetics, PairSpec, Powder, Sintering, SolverKind, SolverSettings, contact_ratios,
+    Kinetics, PairScene, Sintering, SolverKind, SolverSettings, contact_ratios,
     time_to_contact_ratio,
 };
 use serde::Serialize;
 
-use crate::args::PredictArgs;
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::number::significant;
-use crate::posterior_file::{self, PosteriorFile};
-use crate::prior_file::ParameterName;
-use crate::run::read_draws;
+use crate::pair_draws::PairDraws;
 use crate::weighted::Weighted;
-use crate::{output, summary};
 
-/// A quantity under the posterior, over the draws that have it.
+/// A quantity over the posterior draws that have it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Predicted {
     /// Posterior median.
@@ -46,41 +38,58 @@ impl Predicted {
             eti95: draws.interval(0.95),
         })
     }
+
+    fn text(&self, unit: &str) -> String {
+        let interval =
+            |[a, b]: [f64; 2]| format!("{} .. {}{unit}", significant(a, 3), significant(b, 3));
+        format!(
+            "{}{unit} (50 % {}, 95 % {})",
+            significant(self.median, 3),
+            interval(self.eti50),
+            interval(self.eti95)
+        )
+    }
 }
 
-/// When a contact ratio is reached.
+/// The time at which a contact ratio is reached.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SinteringTime {
     /// The target a/R.
     pub contact_ratio: f64,
     /// The time \[s\] over the draws that reach it; none where no draw does.
     pub time_s: Option<Predicted>,
-    /// Draws that never reach it, as their curve ends below.
+    /// Number of draws whose curve ends below the target.
     pub never: usize,
-    /// All draws.
+    /// Number of draws.
     pub draws: usize,
 }
 
-/// The contact ratio after a given time.
+/// The contact ratio at a given time.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ContactAfter {
     /// The time \[s\].
     pub time_s: f64,
-    /// a/R then.
+    /// a/R at that time.
     pub contact_ratio: Predicted,
 }
 
-/// What was predicted.
+/// Sintering times and contact ratios of a pair.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Prediction {
-    /// The run that the draws come from.
+    /// Name of the calibration that the draws come from.
     pub name: String,
+    /// Its heading.
+    #[serde(skip)]
+    pub title: String,
     /// Its kinetics.
-    pub kinetics: String,
+    pub kinetics: Kinetics,
     /// Radius of the predicted pair \[m\].
     pub radius_m: f64,
     /// Radius that the posterior was calibrated at \[m\].
     pub calibrated_radius_m: f64,
+    /// Final contact ratio phi of the calibration.
+    #[serde(skip)]
+    pub final_contact_ratio: f64,
     /// Whether the posterior's own diagnostics let it be trusted.
     pub trusted: bool,
     /// Sintering times, one per target.
@@ -91,85 +100,47 @@ pub struct Prediction {
     pub advice: Vec<String>,
 }
 
-/// One posterior draw as the pair model takes it, at the predicted radius.
-struct PairDraw {
-    scene: dem_core::PairScene,
-    sintering: Sintering,
-}
-
-/// Runs the command.
+/// Predicts the times at which contact ratios `targets` are reached and the contact ratios at the times `after_s`, for a
+/// pair of radius `radius_m` or of the calibrated one.
 ///
 /// # Errors
 ///
-/// [`Failure`] for files that are missing or cut off, and for targets that make no sense.
-pub fn run(args: &PredictArgs) -> Result<(), Failure> {
-    let path = posterior_file::locate(&args.posterior);
-    let file = posterior_file::read(&path)?;
-    let folder = path.parent().unwrap_or(Path::new("."));
-    let theta = read_draws(&file, folder)?;
-    let mut targets = args.contact_ratio.clone();
-    // The paper counts coalescence in percent of a/R = 1.
-    targets.extend(args.coalescence.iter().map(|percent| percent / 100.0));
-    if targets.is_empty() && args.after.is_empty() {
+/// [`Failure`] for a radius or target that the model cannot take, or where nothing is asked for.
+pub fn predict(
+    calibrated: &PairDraws,
+    targets: &[f64],
+    after_s: &[f64],
+    radius_m: Option<f64>,
+) -> Result<Prediction, Failure> {
+    if targets.is_empty() && after_s.is_empty() {
         return Err(InputError::new("predict", Mistake::MissingField)
             .found("nothing to predict")
             .expected("--contact-ratio A/R, --coalescence PERCENT or --after SECONDS")
             .help("calibrate predict --posterior results/pa12 --contact-ratio 0.9")
             .into());
     }
-    let prediction = predict(&file, &theta, &targets, &args.after, args.radius_m)?;
-    if let Some(out) = &args.out {
-        output::write_file(out, csv(&prediction).as_bytes())?;
-    }
-    let mut stdout = std::io::stdout().lock();
-    if args.json {
-        let json = serde_json::to_string_pretty(&prediction).map_err(RunError::new)?;
-        writeln!(stdout, "{json}")?;
-    } else {
-        write!(stdout, "{}", sentences(&file, &prediction))?;
-    }
-    Ok(())
-}
-
-/// Predicts from draws, one column per parameter of `file`.
-///
-/// # Errors
-///
-/// [`Failure`] for a radius or target that the model cannot take.
-pub fn predict(
-    file: &PosteriorFile,
-    theta: &[Vec<f64>],
-    targets: &[f64],
-    after_s: &[f64],
-    radius_m: Option<f64>,
-) -> Result<Prediction, Failure> {
-    let plan = &file.plan;
-    let kinetics = plan.kinetics()?;
-    let calibrated_radius_m = plan.experiment.radius_m;
+    let kinetics = calibrated.kinetics;
+    let calibrated_radius_m = calibrated.powder.radius_m;
     let radius_m = radius_m.unwrap_or(calibrated_radius_m);
-    let draws = pair_draws(file, theta, radius_m)?;
+    let pairs = pairs(calibrated, radius_m)?;
     let sintering = targets
         .iter()
         .map(|&target| {
-            let times: Vec<f64> = draws
+            let times: Vec<f64> = pairs
                 .iter()
-                .filter_map(|draw| {
-                    time_to_contact_ratio(&draw.scene, kinetics, &draw.sintering, target)
+                .filter_map(|(scene, sintering)| {
+                    time_to_contact_ratio(scene, kinetics, sintering, target)
                 })
                 .collect();
             SinteringTime {
                 contact_ratio: target,
-                never: draws.len() - times.len(),
-                draws: draws.len(),
+                never: pairs.len() - times.len(),
+                draws: pairs.len(),
                 time_s: Predicted::of(times),
             }
         })
         .collect();
-    let after = contact_after(&draws, kinetics, after_s)?;
-    let mut advice = file.advice.clone();
-    if !file.is_posterior {
-        advice.insert(0, "the draws are not of a posterior: the noise was tuned".to_owned());
-    }
+    let mut advice = calibrated.advice.clone();
     if kinetics == Kinetics::Pokluda || kinetics == Kinetics::ThreeStagePokluda {
         let limit = 2f64.cbrt();
         if targets.iter().any(|target| (target - limit).abs() < 1e-3) {
@@ -179,62 +150,47 @@ pub fn predict(
         }
     }
     Ok(Prediction {
-        name: plan.name.clone(),
-        kinetics: plan.kinetics.clone(),
+        name: calibrated.name.clone(),
+        title: calibrated.title.clone(),
+        kinetics,
         radius_m,
         calibrated_radius_m,
-        trusted: summary::trusted(file),
+        final_contact_ratio: calibrated.final_contact_ratio,
+        trusted: calibrated.trusted,
         sintering,
-        after,
+        after: contact_after(&pairs, kinetics, after_s)?,
         advice,
     })
 }
 
-fn pair_draws(
-    file: &PosteriorFile,
-    theta: &[Vec<f64>],
-    radius_m: f64,
-) -> Result<Vec<PairDraw>, Failure> {
-    let plan = &file.plan;
-    let names = plan.parameter_names()?;
-    let powder = Powder { radius_m, ..plan.powder() };
-    let count = theta.first().map_or(0, Vec::len);
-    let value = |name: ParameterName, draw: usize| {
-        names.iter().position(|known| *known == name).map(|place| theta[place][draw])
-    };
-    (0..count)
-        .map(|draw| {
-            let phi =
-                value(ParameterName::Phi, draw).unwrap_or(plan.experiment.final_contact_ratio);
-            let scene = PairSpec::new(powder, phi)
-                .build()
+/// The pair of every draw at a radius, with its sintering parameters there.
+fn pairs(calibrated: &PairDraws, radius_m: f64) -> Result<Vec<(PairScene, Sintering)>, InputError> {
+    let unused = Sintering { c1: 1.0, tau_s: 1.0, delta_c: 1.0 };
+    (0..calibrated.len())
+        .map(|row| {
+            let scene = calibrated
+                .pair(row, radius_m)
                 .map_err(|error| InputError::new("--radius-m", Mistake::OutOfRange).found(error))?;
-            let or_unused = |name| value(name, draw).unwrap_or(1.0);
-            let sintering = Sintering {
-                c1: or_unused(ParameterName::C1),
-                tau_s: or_unused(ParameterName::TauS),
-                delta_c: or_unused(ParameterName::DeltaC),
-            };
-            let sintering = sintering.at_radius(plan.experiment.radius_m, radius_m);
-            Ok(PairDraw { scene, sintering })
+            let sintering = calibrated.sintering(row, unused);
+            Ok((scene, sintering.at_radius(calibrated.powder.radius_m, radius_m)))
         })
         .collect()
 }
 
 fn contact_after(
-    draws: &[PairDraw],
+    pairs: &[(PairScene, Sintering)],
     kinetics: Kinetics,
     after_s: &[f64],
 ) -> Result<Vec<ContactAfter>, Failure> {
     let settings = SolverSettings::of(SolverKind::ClosedForm);
     let mut times_s = after_s.to_vec();
     times_s.sort_by(f64::total_cmp);
-    let mut columns = vec![Vec::with_capacity(draws.len()); times_s.len()];
+    let mut columns = vec![Vec::with_capacity(pairs.len()); times_s.len()];
     let mut curve = vec![0.0; times_s.len()];
     if times_s.is_empty() {
         return Ok(Vec::new());
     }
-    for PairDraw { scene, sintering } in draws {
+    for (scene, sintering) in pairs {
         contact_ratios(scene, kinetics, sintering, &settings, &times_s, &mut curve)
             .map_err(RunError::new)?;
         for (column, value) in columns.iter_mut().zip(&curve) {
@@ -252,111 +208,68 @@ fn contact_after(
         .collect()
 }
 
-/// What a person reads.
-fn sentences(file: &PosteriorFile, prediction: &Prediction) -> String {
-    let mut text = String::new();
-    let radius = format!("R = {} um", significant(1e6 * prediction.radius_m, 3));
-    let _ = writeln!(
-        text,
-        "{}, {radius}, {} kinetics{}",
-        file.plan.title,
-        prediction.kinetics,
-        if prediction.radius_m == prediction.calibrated_radius_m {
+impl Prediction {
+    /// As text.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let elsewhere = if self.radius_m == self.calibrated_radius_m {
             String::new()
         } else {
-            format!(
-                " (calibrated at {} um; tau_s moved in proportion to R)",
-                significant(1e6 * prediction.calibrated_radius_m, 3)
-            )
-        }
-    );
-    for target in &prediction.sintering {
-        let ratio = significant(target.contact_ratio, 3);
-        match &target.time_s {
-            Some(time) => {
-                let _ = writeln!(
-                    text,
-                    "  a/R = {ratio} is reached after {} s (50 % {} .. {} s, 95 % {} .. {} s)",
-                    significant(time.median, 3),
-                    significant(time.eti50[0], 3),
-                    significant(time.eti50[1], 3),
-                    significant(time.eti95[0], 3),
-                    significant(time.eti95[1], 3),
-                );
+            let calibrated_um = significant(1e6 * self.calibrated_radius_m, 3);
+            format!(" (calibrated at {calibrated_um} um; tau_s moved in proportion to R)")
+        };
+        let radius_um = significant(1e6 * self.radius_m, 3);
+        let mut lines = vec![format!(
+            "{}, R = {radius_um} um, {} kinetics{elsewhere}",
+            self.title, self.kinetics
+        )];
+        for target in &self.sintering {
+            let ratio = significant(target.contact_ratio, 3);
+            lines.push(match &target.time_s {
+                Some(time) => format!("  a/R = {ratio} is reached after {}", time.text(" s")),
+                None => format!("  a/R = {ratio} is never reached"),
+            });
+            if target.never > 0 {
+                lines.push(format!(
+                    "    {} of {} draws never reach it and are not in the interval (phi = {})",
+                    target.never,
+                    target.draws,
+                    significant(self.final_contact_ratio, 4)
+                ));
             }
-            None => {
-                let _ = writeln!(text, "  a/R = {ratio} is never reached");
-            }
         }
-        if target.never > 0 {
-            let _ = writeln!(
-                text,
-                "    {} of {} draws never reach it and are not in the interval (phi = {})",
-                target.never,
-                target.draws,
-                significant(file.plan.experiment.final_contact_ratio, 4)
-            );
+        for after in &self.after {
+            let time_s = significant(after.time_s, 4);
+            lines.push(format!("  after {time_s} s a/R is {}", after.contact_ratio.text("")));
         }
+        lines.extend(self.advice.iter().map(|line| format!("  careful: {line}")));
+        lines.push(String::new());
+        lines.join("\n")
     }
-    for after in &prediction.after {
-        let ratio = &after.contact_ratio;
-        let _ = writeln!(
-            text,
-            "  after {} s a/R is {} (50 % {} .. {}, 95 % {} .. {})",
-            significant(after.time_s, 4),
-            significant(ratio.median, 3),
-            significant(ratio.eti50[0], 3),
-            significant(ratio.eti50[1], 3),
-            significant(ratio.eti95[0], 3),
-            significant(ratio.eti95[1], 3),
-        );
-    }
-    for line in &prediction.advice {
-        let _ = writeln!(text, "  careful: {line}");
-    }
-    text
-}
 
-/// One line per prediction.
-fn csv(prediction: &Prediction) -> String {
-    let mut text = String::from(
-        "predicted,given,unit,median,eti50_lower,eti50_upper,eti90_lower,eti90_upper,eti95_lower,eti95_upper,draws_never\n",
-    );
-    let row = |what: &str, given: f64, unit: &str, p: Option<&Predicted>, never: usize| {
-        let numbers = p.map_or_else(
-            || ",,,,,,".to_owned(),
-            |p| {
-                format!(
-                    "{},{},{},{},{},{},{}",
-                    p.median,
-                    p.eti50[0],
-                    p.eti50[1],
-                    p.eti90[0],
-                    p.eti90[1],
-                    p.eti95[0],
-                    p.eti95[1]
-                )
-            },
+    /// As CSV, a row per prediction.
+    #[must_use]
+    pub fn csv(&self) -> String {
+        let mut text = String::from(
+            "predicted,given,unit,median,eti50_lower,eti50_upper,eti90_lower,eti90_upper,eti95_lower,eti95_upper,draws_never\n",
         );
-        format!("{what},{given},{unit},{numbers},{never}\n")
-    };
-    for target in &prediction.sintering {
-        text.push_str(&row(
-            "time to contact_ratio",
-            target.contact_ratio,
-            "s",
-            target.time_s.as_ref(),
-            target.never,
-        ));
+        let mut row = |what: &str, given: f64, unit: &str, p: Option<&Predicted>, never: usize| {
+            let numbers = p.map_or_else(
+                || [const { String::new() }; 7],
+                |p| {
+                    let ([a, b], [c, d], [e, f]) = (p.eti50, p.eti90, p.eti95);
+                    [p.median, a, b, c, d, e, f].map(|number| number.to_string())
+                },
+            );
+            text.push_str(&format!("{what},{given},{unit},{},{never}\n", numbers.join(",")));
+        };
+        for target in &self.sintering {
+            let time_s = target.time_s.as_ref();
+            row("time to contact_ratio", target.contact_ratio, "s", time_s, target.never);
+        }
+        for after in &self.after {
+            row("contact_ratio after time_s", after.time_s, "1", Some(&after.contact_ratio), 0);
+        }
+        text
     }
-    for after in &prediction.after {
-        text.push_str(&row(
-            "contact_ratio after time_s",
-            after.time_s,
-            "1",
-            Some(&after.contact_ratio),
-            0,
-        ));
-    }
-    text
 }

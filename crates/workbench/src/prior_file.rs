@@ -29,54 +29,9 @@ use smc_calib::{Parameter, Prior, PriorError, PriorSpec};
 use crate::error::{InputError, Mistake, nearest};
 use crate::experiment::is_toml;
 use crate::material::Material;
+use crate::parameter::ParameterName;
 use crate::text_file;
 use crate::toml_fields::{At, Document, Fields};
-
-/// A parameter that can be calibrated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum ParameterName {
-    /// Fluidity C1 \[1/(Pa s)\].
-    C1,
-    /// Sintering time tau_s \[s\].
-    TauS,
-    /// Cut-off distance delta_c \[m\].
-    DeltaC,
-    /// Final contact ratio phi.
-    Phi,
-}
-
-impl ParameterName {
-    /// All of them, in the order in which they are calibrated.
-    pub const ALL: [Self; 4] = [Self::C1, Self::TauS, Self::DeltaC, Self::Phi];
-
-    /// The name in files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::C1 => "c1",
-            Self::TauS => "tau_s",
-            Self::DeltaC => "delta_c",
-            Self::Phi => "phi",
-        }
-    }
-
-    /// Its SI unit; `1` for phi.
-    #[must_use]
-    pub fn unit(self) -> &'static str {
-        match self {
-            Self::C1 => "1/(Pa s)",
-            Self::TauS => "s",
-            Self::DeltaC => "m",
-            Self::Phi => "1",
-        }
-    }
-
-    /// The parameter of a name.
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|parameter| parameter.name() == name)
-    }
-}
 
 /// Checked priors.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,11 +1,11 @@
 //! The product C1 delta_c^2: all that the `regime-map` kinetics see of the two.
 
-use dem_core::Kinetics;
 use smc_calib::normal::{self, Tails};
 use smc_calib::{Posterior, Prior};
 
-use crate::plan::Plan;
-use crate::posterior_file::ProductSummary;
+use crate::parameter::ParameterName;
+use crate::plan::{PairPlan, Plan};
+use crate::record::ProductSummary;
 use crate::weighted::Weighted;
 
 /// Points over which the prior of the product is integrated.
@@ -13,12 +13,13 @@ const PRIOR_POINTS: usize = 512;
 
 /// Posterior of the product, for kinetics that use C1 and delta_c and do not separate them.
 #[must_use]
-pub fn summary(plan: &Plan, kinetics: Kinetics, posterior: &Posterior) -> Option<ProductSummary> {
+pub fn summary(plan: &Plan, pair: &PairPlan, posterior: &Posterior) -> Option<ProductSummary> {
+    let kinetics = pair.kinetics;
     if !kinetics.uses_c1_delta_c() || kinetics.separates_c1_from_delta_c() {
         return None;
     }
-    let place = |name| plan.parameters.iter().position(|parameter| parameter.name == name);
-    let (c1, delta_c) = (place("c1")?, place("delta_c")?);
+    let place = |model| plan.parameters.iter().position(|p| p.name == pair.calibrated(model));
+    let (c1, delta_c) = (place(ParameterName::C1)?, place(ParameterName::DeltaC)?);
     let of = |theta: &[f64]| theta[c1] * theta[delta_c] * theta[delta_c];
     let weighted = |value: &dyn Fn(f64) -> f64| {
         Weighted::new(
@@ -29,7 +30,7 @@ pub fn summary(plan: &Plan, kinetics: Kinetics, posterior: &Posterior) -> Option
     let prior = ProductPrior::new(&plan.parameters[c1].prior, &plan.parameters[delta_c].prior);
     let scores = weighted(&|value| prior.score(value));
     let (mean_log10, sd_log10) = log10.moments();
-    let paper = plan.material().map(|material| {
+    let paper = pair.material.map(|material| {
         let si = material.table3_sintering();
         si.c1 * si.delta_c * si.delta_c
     });

@@ -2,20 +2,21 @@
 
 use std::path::Path;
 
-use dem_core::bed::{BedError, Outline, SceneFile};
+use dem_core::bed::{BedError, Mode, Outline, SceneFile};
 use serde_json::Value;
 
 use crate::error::{Failure, InputError, Mistake, RunError};
+use crate::number::significant;
 use crate::text_file;
 
-/// A scene that was read and holds together as far as can be seen without making its packing.
+/// A scene that was read and checked, all but its packing, which is not made yet.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneInput {
     /// The file, as the user named it.
     pub place: String,
     /// What it says.
     pub file: SceneFile,
-    /// The same in numbers.
+    /// Its particles in numbers.
     pub outline: Outline,
 }
 
@@ -88,6 +89,72 @@ impl SceneInput {
         let plain = plain.trim_matches(['.', '-']);
         if plain.is_empty() { "scene".to_owned() } else { plain.to_owned() }
     }
+
+    /// The scene in words, a line for each part.
+    #[must_use]
+    pub fn describe(&self) -> Vec<String> {
+        let (file, outline) = (&self.file, &self.outline);
+        let mut lines = vec![format!(
+            "particles     {}, mean radius {} um",
+            outline.particles,
+            significant(1e6 * outline.mean_radius_m, 4)
+        )];
+        let material = &file.material;
+        lines.push(format!(
+            "material      E {} GPa, gamma {} mN/m, rho {} kg/m3, phi {}, K1 {} N/m",
+            significant(1e-9 * material.youngs_modulus_pa, 3),
+            significant(1e3 * material.surface_tension_n_per_m, 4),
+            significant(material.density_kg_per_m3, 4),
+            significant(material.final_contact_ratio, 4),
+            significant(material.k1_n_per_m, 3)
+        ));
+        if let Some(table) = &file.sintering {
+            lines.push(format!(
+                "sintering     {}: C1 {} 1/(Pa s), tau_s {} s at R = {} um, delta_c {} m",
+                table.kinetics,
+                significant(table.c1, 4),
+                significant(table.tau_s, 4),
+                significant(1e6 * table.calibrated_radius_m, 4),
+                significant(table.delta_c, 4)
+            ));
+        }
+        let mut around = Vec::new();
+        if let Some(region) = &file.region {
+            around.push(format!(
+                "box {:?}{}",
+                region.sides,
+                if region.free { ", free to shrink" } else { "" }
+            ));
+        }
+        if let Some(gravity) = &file.gravity {
+            around.push(format!("gravity {:?} m/s2", gravity.acceleration_m_per_s2));
+        }
+        if file.drag.is_some() {
+            around.push("drag".to_owned());
+        }
+        if file.friction.is_some() {
+            around.push("friction".to_owned());
+        }
+        if !around.is_empty() {
+            lines.push(format!("around        {}", around.join(", ")));
+        }
+        for phase in &file.phases {
+            lines.push(format!(
+                "phase         {}: {} s, {}, {}, {} observations",
+                phase.name,
+                significant(phase.duration_s, 4),
+                if phase.heated { "heated" } else { "not heated" },
+                match phase.mode {
+                    Mode::Dynamic if phase.mass_scaling > 1.0 =>
+                        format!("dynamic with masses times {}", significant(phase.mass_scaling, 4)),
+                    Mode::Dynamic => "dynamic".to_owned(),
+                    Mode::QuasiStatic => "quasi-static".to_owned(),
+                },
+                phase.outputs + 1
+            ));
+        }
+        lines
+    }
 }
 
 /// A bed that cannot be made as the file says.
@@ -114,7 +181,7 @@ pub fn refused(place: &str, error: &BedError) -> InputError {
     }
 }
 
-/// A run that ended early: the scene's mistake, or one that the scene cannot be blamed for.
+/// A run that ended early, with what is `kept` of it: a mistake of the scene, or a failed run.
 #[must_use]
 pub fn failed(place: &str, error: &BedError, kept: Option<&str>) -> Failure {
     match error {

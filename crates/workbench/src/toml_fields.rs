@@ -80,6 +80,17 @@ pub(crate) struct Fields<'d> {
     known: RefCell<Vec<&'static str>>,
 }
 
+impl InputError {
+    /// The error of a file that is not there, with the field that names it.
+    pub(crate) fn named_in(self, fields: &Fields<'_>, field: &str, line: usize) -> Self {
+        if self.mistake == Mistake::MissingFile {
+            self.help(format_args!("{}, line {line}, names it in {field}", fields.name))
+        } else {
+            self
+        }
+    }
+}
+
 impl<'d> Fields<'d> {
     /// Name of a field with the tables it is in.
     pub(crate) fn path_of(&self, key: &str) -> String {
@@ -222,9 +233,56 @@ impl<'d> Fields<'d> {
         }
     }
 
-    /// The file's name.
-    pub(crate) fn file_name(&self) -> String {
-        self.name.to_owned()
+    /// The rest of the table, but for `taken`, as a value that knows its fields itself.
+    pub(crate) fn rest<T: serde::de::DeserializeOwned>(
+        &self,
+        taken: &[&str],
+    ) -> Result<T, InputError> {
+        let mut table = self.table.clone();
+        for key in taken {
+            table.remove(*key);
+        }
+        T::deserialize(toml::de::Deserializer::from(Spanned::new(0..0, table))).map_err(|error| {
+            let start = error.span().map_or(0, |span| span.start);
+            let at = |span: std::ops::Range<usize>| span.contains(&start);
+            let entry = self.table.iter().find(|(key, value)| at(key.span()) || at(value.span()));
+            let message = error.message().replace('`', "");
+            let (found, expected) = match message.split_once(", expected ") {
+                Some((found, expected)) => (found.to_owned(), Some(expected.to_owned())),
+                None => (message, None),
+            };
+            let unknown = found.starts_with("unknown field");
+            let mistake = if unknown { Mistake::UnknownField } else { Mistake::WrongType };
+            let mut input = match entry {
+                Some((key, _)) => {
+                    self.error(key.get_ref(), line_of(self.text, key.span().start), mistake)
+                }
+                None => self.table_error(mistake),
+            };
+            if let (true, Some((key, _)), Some(choices)) = (unknown, entry, &expected) {
+                let choices = choices.trim_start_matches("one of ").split(", ");
+                input = input.help_if(
+                    nearest(key.get_ref(), choices)
+                        .map(|near| format!("did you mean {}?", self.path_of(near))),
+                );
+            }
+            input = input.found(found);
+            match expected {
+                Some(expected) if matches!(expected.as_str(), "u32" | "u64" | "usize") => {
+                    input.expected("a whole number, not negative")
+                }
+                Some(expected) => input.expected(expected),
+                None => input,
+            }
+        })
+    }
+
+    /// The line of a field that is there.
+    pub(crate) fn line_of(&self, key: &str) -> Option<usize> {
+        self.table
+            .iter()
+            .find(|(name, _)| name.get_ref().as_ref() == key)
+            .map(|(name, _)| line_of(self.text, name.span().start))
     }
 
     /// The line that the table begins on.

@@ -16,6 +16,11 @@ pub trait Watch: Sync {
     /// One more piece of work is done.
     fn advance(&self) {}
 
+    /// What the work is at just now.
+    fn now(&self, what: &str) {
+        let _ = what;
+    }
+
     /// A stage of the sampler has ended.
     fn stage(&self, record: &StageRecord) {
         let _ = record;

@@ -1,14 +1,16 @@
-//! Work that is not finished: a hidden folder beside the results, `results/.pair.work-0123456789abcdef`, named after
+//! Unfinished work of a long job: a hidden folder beside the results, `results/.pair.work-0123456789abcdef`, named after
 //! the plan that it belongs to.
 //!
 //! Every file in it appears whole (written aside, flushed, renamed), so that a run that was interrupted or killed goes
-//! on from them; the same plan finds its folder again, another plan does not. It goes when the results are published.
+//! on from them. The same plan finds its folder again, another plan does not. It is removed when the results are
+//! published.
 
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 
 use crate::error::{Failure, RunError};
 use crate::output::{RunFolder, write_file};
+use crate::watch::Watch;
 
 const LOCK: &str = "lock";
 
@@ -17,7 +19,7 @@ const LOCK: &str = "lock";
 pub struct WorkFolder {
     path: PathBuf,
     prefix: String,
-    // Held as long as the folder is in use; the system lets go of it when the process ends, however it does.
+    // Held while the folder is in use; the system releases it when the process ends, however it does.
     _lock: File,
 }
 
@@ -54,13 +56,13 @@ impl WorkFolder {
                 .help("wait for it, or choose another folder with --out")
                 .into());
             }
-            // A file system without locks: work goes on without.
+            // A file system without locks.
             Err(TryLockError::Error(_)) => {}
         }
         Ok(Self { path, prefix, _lock: lock })
     }
 
-    /// Where it is.
+    /// Path of the folder.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
@@ -72,7 +74,7 @@ impl WorkFolder {
         fs::read(self.path.join(name)).ok()
     }
 
-    /// Publishes a file by rename.
+    /// Writes a file whole: aside, then renamed.
     ///
     /// # Errors
     ///
@@ -81,13 +83,13 @@ impl WorkFolder {
         write_file(&self.path.join(name), contents)
     }
 
-    /// Whether nothing is kept in a folder.
+    /// Whether a folder holds nothing but the lock.
     fn is_empty(path: &Path) -> bool {
         fs::read_dir(path)
             .is_ok_and(|entries| entries.flatten().all(|entry| entry.file_name() == LOCK))
     }
 
-    /// Folders of other plans that were meant for the same results and not finished.
+    /// Folders of unfinished work of other plans for the same results.
     #[must_use]
     pub fn others(&self) -> Vec<PathBuf> {
         let Some(parent) = self.path.parent() else { return Vec::new() };
@@ -102,16 +104,13 @@ impl WorkFolder {
         others
     }
 
-    /// Says on standard error what other plans have left.
-    pub fn mention_others(&self, quiet: bool) {
-        if quiet {
-            return;
-        }
+    /// Notes what other plans have left.
+    pub fn mention_others(&self, watch: &dyn Watch) {
         for other in self.others() {
-            eprintln!(
-                "note: {}: unfinished work of another plan is kept there; delete it if it is not wanted",
+            watch.note(&format!(
+                "{}: unfinished work of another plan is kept there; delete it if it is not wanted",
                 other.display()
-            );
+            ));
         }
     }
 
@@ -123,7 +122,7 @@ impl WorkFolder {
 }
 
 impl Drop for WorkFolder {
-    /// Leaves nothing where nothing was done.
+    /// Removes an empty folder.
     fn drop(&mut self) {
         if Self::is_empty(&self.path) {
             let _ = fs::remove_dir_all(&self.path);

@@ -52,8 +52,11 @@ impl Slurm {
     pub fn new(settings: SlurmSettings, worker: Vec<String>) -> Result<Self, SlurmSettingError> {
         settings.check()?;
         if worker.is_empty() {
-            let problem = "the program for array elements is not given".into();
-            return Err(SlurmSettingError { field: "worker", problem });
+            return Err(SlurmSettingError {
+                field: "worker",
+                found: "nothing".into(),
+                expected: "the program that array elements call".into(),
+            });
         }
         let patience = Duration::from_secs_f64(settings.command_timeout_s);
         Ok(Self { settings, worker, client: Client { programs: None, patience } })

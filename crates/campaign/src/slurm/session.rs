@@ -114,7 +114,8 @@ impl<'a> Session<'a> {
         let mut open = BTreeMap::new();
         for task in campaign.missing(tasks) {
             let command = campaign.spec().commands.get(task.command);
-            let (retries, timeout_s) = command.map_or((0, 0.0), |c| (c.retries, c.timeout_s));
+            let (retries, timeout_s) =
+                command.map_or((0, 0.0), |c| (c.call.retries, c.call.timeout_s));
             let run = Run { retries, timeout_s, lost: 0, broken: 0, started: false };
             open.insert(task.number, run);
         }

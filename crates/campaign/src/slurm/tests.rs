@@ -13,7 +13,8 @@ use crate::campaign::{Campaign, OUTCOMES, ResultRecord};
 use crate::error::ExecutorError;
 use crate::executor::{Event, Executor as _, Stop};
 use crate::outcome::{FailureKind, Outcome};
-use crate::spec::{CampaignSpec, CommandSpec, Format, Interpolation, Keep, OutputSpec};
+use crate::spec::{Call, CampaignSpec, CommandSpec, Interpolation, Keep, OutputSpec, ResultSpec};
+use crate::table::Format;
 use crate::task::Task;
 use crate::{durable, seal};
 
@@ -57,23 +58,22 @@ impl Fake {
         let folder = tempfile::tempdir().expect("folder");
         let programs = folder.path().join("programs");
         fs::create_dir(&programs).expect("programs");
-        let output = OutputSpec {
+        let result = ResultSpec {
             file: "out.csv".into(),
             format: Format::Csv,
-            value: "y".into(),
             control: None,
-            at: vec![0.0],
+            value: "y".into(),
             interpolate: Interpolation::Refuse,
         };
-        let command = CommandSpec {
-            name: "nothing".into(),
+        let call = Call {
             argv: vec!["/bin/true".into()],
             environment: BTreeMap::new(),
             timeout_s: 60.0,
             retries,
-            outputs: vec![output],
             keep: Keep::Failed,
         };
+        let outputs = vec![OutputSpec { result, at: vec![0.0] }];
+        let command = CommandSpec { name: "nothing".into(), call, outputs };
         let names = vec!["x".into()];
         let spec = CampaignSpec { parameter_names: names, commands: vec![command], seed: 1 };
         let dir = folder.path().join("my run");

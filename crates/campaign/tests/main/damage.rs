@@ -295,19 +295,27 @@ fn a_torn_last_line_is_mended_and_costs_nothing_else() {
 }
 
 #[test]
-fn a_directory_of_a_newer_version_is_not_touched() {
-    let sandbox = Sandbox::new();
-    drop(create(&sandbox.dir(), &the_spec()));
-    let path = sandbox.dir().join("campaign.json");
-    // Sealed as it should be, with another format: what a later version would write.
-    let text = fs::read_to_string(&path).unwrap();
-    let body =
-        text.split(",\"checksum\"").next().unwrap().replace("\"format\": 1", "\"format\": 2");
-    let crc = crc::Crc::<u64>::new(&crc::CRC_64_XZ);
-    let sum = crc.checksum(body.as_bytes());
-    let newer = format!("{body},\"checksum\":\"{sum:016x}\"}}\n");
-    fs::write(&path, &newer).unwrap();
-    let error = Campaign::open(&sandbox.dir()).unwrap_err();
-    assert!(matches!(error, CampaignError::Format { found: 2, expected: 1, .. }), "{error}");
-    assert_eq!(fs::read_to_string(&path).unwrap(), newer);
+fn a_directory_of_an_older_or_newer_version_is_refused_and_not_touched() {
+    for (format, expected) in [(1, "has format 1"), (3, "has format 3")] {
+        let sandbox = Sandbox::new();
+        drop(create(&sandbox.dir(), &the_spec()));
+        let path = sandbox.dir().join("campaign.json");
+        // Sealed as it should be, with another format: what another version writes.
+        let text = fs::read_to_string(&path).unwrap();
+        let body = text.split(",\"checksum\"").next().unwrap();
+        let body = body.replace("\"format\": 2", &format!("\"format\": {format}"));
+        let crc = crc::Crc::<u64>::new(&crc::CRC_64_XZ);
+        let sum = crc.checksum(body.as_bytes());
+        let other = format!("{body},\"checksum\":\"{sum:016x}\"}}\n");
+        fs::write(&path, &other).unwrap();
+        for refused in [
+            Campaign::open(&sandbox.dir()),
+            Campaign::restore(&sandbox.dir(), &the_spec(), &extra()),
+        ] {
+            let error = refused.unwrap_err();
+            let right = matches!(error, CampaignError::Format { found, expected: 2, .. } if found == format);
+            assert!(right && error.to_string().contains(expected), "{error}");
+        }
+        assert_eq!(fs::read_to_string(&path).unwrap(), other);
+    }
 }

@@ -13,7 +13,7 @@ const TASKS: u64 = 400;
 
 fn a_function() -> campaign::CampaignSpec {
     let mut command = shell("");
-    command.argv.clear();
+    command.call.argv.clear();
     command.outputs = vec![rows("-", "x", 1)];
     spec(command)
 }

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use campaign::{
     Campaign, Event, Executor, ExecutorError, FailureKind, Format, Interpolation, Keep, Local,
-    Outcome, OutputSpec, Stop,
+    Outcome, OutputSpec, ResultSpec, Stop,
 };
 
 use crate::sandbox::{Sandbox, bits, create, is_gone, rows, run, shell, spec, task, tasks, values};
@@ -46,7 +46,7 @@ fn a_command_sees_its_file_of_parameters_its_seed_its_environment_and_no_input()
         "{{{{ pwd; cat {{parameters}}; echo {{seed}} {{run}} '{{{{}}}}' $VALUE $PARENT; cat; }}}} > {}; {ECHO}",
         file.display()
     ));
-    command.environment.insert("VALUE".into(), "b={b}".into());
+    command.call.environment.insert("VALUE".into(), "b={b}".into());
     let spec = spec(command);
     let campaign = create(&sandbox.dir(), &spec);
     run(&campaign, &[task(7)]);
@@ -69,12 +69,14 @@ fn observables_come_from_their_own_files_and_formats() {
         "printf '# t x\\n0 0\\n1 10\\n' > curve.dat; printf '{{\"t\": [1, 2], \"q\": [3, 4]}}' > q.json",
     );
     let output = |file: &str, format, value: &str, at: &[f64], interpolate| OutputSpec {
-        file: file.into(),
-        format,
-        value: value.into(),
-        control: Some("t".into()),
+        result: ResultSpec {
+            file: file.into(),
+            format,
+            control: Some("t".into()),
+            value: value.into(),
+            interpolate,
+        },
         at: at.to_vec(),
-        interpolate,
     };
     command.outputs = vec![
         output("curve.dat", Format::Whitespace, "x", &[0.25, 0.5, 1.0], Interpolation::Linear),
@@ -123,7 +125,7 @@ fn a_lost_run_is_tried_again_up_to_the_limit() {
     let count = sandbox.file("count");
     let counting = format!("echo x >> {0}; n=$(wc -l < {0});", count.display());
     let mut command = shell(&format!("{counting} if [ $n -lt 3 ]; then kill -KILL $$; fi; {ECHO}"));
-    command.retries = 2;
+    command.call.retries = 2;
     let campaign = create(&sandbox.dir(), &spec(command));
     let events = run(&campaign, &[task(1)]);
     assert_eq!(values(&campaign, 1), [task(1).parameters[0]]);
@@ -136,7 +138,7 @@ fn a_lost_run_is_tried_again_up_to_the_limit() {
         let sandbox = Sandbox::new();
         let log = sandbox.file("log");
         let mut command = shell(&format!("echo x >> {}; {script}", log.display()));
-        command.retries = 1;
+        command.call.retries = 1;
         let campaign = create(&sandbox.dir(), &spec(command));
         run(&campaign, &[task(1)]);
         let (kind, _, attempts) = failure(&campaign, 1);
@@ -150,7 +152,7 @@ fn a_timeout_is_a_failure_and_ends_grandchildren() {
     let sandbox = Sandbox::new();
     let file = sandbox.file("pid");
     let mut command = shell(&format!("sleep 300 & echo $! > {}; wait", file.display()));
-    command.timeout_s = 0.3;
+    command.call.timeout_s = 0.3;
     let campaign = create(&sandbox.dir(), &spec(command));
     let start = Instant::now();
     run(&campaign, &[task(1)]);
@@ -170,7 +172,7 @@ fn keep_says_which_working_directories_stay() {
     ] {
         let sandbox = Sandbox::new();
         let mut command = shell(&format!("if [ $3 = 1 ]; then exit 1; fi; {ECHO}"));
-        command.keep = keep;
+        command.call.keep = keep;
         let campaign = create(&sandbox.dir(), &spec(command));
         run(&campaign, &tasks(2));
         let entries = fs::read_dir(campaign.dir().join("work")).unwrap();
@@ -186,7 +188,7 @@ fn a_program_that_is_not_there_is_no_outcome_and_can_be_mended() {
     let sandbox = Sandbox::new();
     let program = sandbox.file("program");
     let mut command = shell("");
-    command.argv = vec![program.to_str().unwrap().into(), "{a}".into()];
+    command.call.argv = vec![program.to_str().unwrap().into(), "{a}".into()];
     let campaign = create(&sandbox.dir(), &spec(command));
     let mut local = Local { parallel: 2 };
     let error = local.run(&campaign, &tasks(4), &mut |_| (), &Stop::new()).unwrap_err();

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use campaign::{
-    Campaign, CampaignSpec, CommandSpec, Event, Executor, Format, Interpolation, Keep, Local,
-    OutputSpec, Stop, Task,
+    Call, Campaign, CampaignSpec, CommandSpec, Event, Executor, Format, Interpolation, Keep, Local,
+    OutputSpec, ResultSpec, Stop, Task,
 };
 
 /// A directory for one test.
@@ -37,27 +37,26 @@ impl Sandbox {
 
 /// A shell script that gets a, b and the number of the run as $1, $2, $3, and leaves x in out.csv.
 pub(crate) fn shell(script: &str) -> CommandSpec {
-    CommandSpec {
-        name: "shell".into(),
+    let call = Call {
         argv: ["sh", "-c", script, "sh", "{a}", "{b}", "{run}"].map(str::to_owned).to_vec(),
         environment: BTreeMap::new(),
         timeout_s: 60.0,
         retries: 2,
-        outputs: vec![rows("out.csv", "x", 1)],
         keep: Keep::Failed,
-    }
+    };
+    CommandSpec { name: "shell".into(), call, outputs: vec![rows("out.csv", "x", 1)] }
 }
 
 /// A column of a CSV file, as it is.
 pub(crate) fn rows(file: &str, value: &str, rows: u32) -> OutputSpec {
-    OutputSpec {
+    let result = ResultSpec {
         file: file.into(),
         format: Format::Csv,
-        value: value.into(),
         control: None,
-        at: (0..rows).map(f64::from).collect(),
+        value: value.into(),
         interpolate: Interpolation::Refuse,
-    }
+    };
+    OutputSpec { result, at: (0..rows).map(f64::from).collect() }
 }
 
 pub(crate) fn spec(command: CommandSpec) -> CampaignSpec {

@@ -14,7 +14,7 @@ use crate::sandbox::{Sandbox, bits, create, rows, run, shell, spec, task, tasks}
 
 fn function(outputs: u32) -> campaign::CommandSpec {
     let mut command = shell("");
-    command.argv.clear();
+    command.call.argv.clear();
     command.outputs = if outputs == 0 { vec![] } else { vec![rows("-", "x", outputs)] };
     command
 }
@@ -152,17 +152,19 @@ fn mistakes_in_a_specification_are_named() {
         ("parameter_names[0]", |s| s.parameter_names[0] = "seed".into()),
         ("parameter_names[0]", |s| s.parameter_names[0] = "{".into()),
         ("commands", |s| s.commands.clear()),
-        ("commands[0].timeout_s", |s| s.commands[0].timeout_s = f64::NAN),
-        ("commands[0].argv[0]", |s| s.commands[0].argv[0] = "./run.sh".into()),
-        ("commands[0].argv[2]", |s| s.commands[0].argv[2] = "{c}".into()),
-        ("commands[0].environment.X", |s| {
-            s.commands[0].environment.insert("X".into(), "{".into());
+        ("commands[0].call.timeout_s", |s| s.commands[0].call.timeout_s = f64::NAN),
+        ("commands[0].call.argv[0]", |s| s.commands[0].call.argv[0] = "./run.sh".into()),
+        ("commands[0].call.argv[2]", |s| s.commands[0].call.argv[2] = "{c}".into()),
+        ("commands[0].call.environment.X", |s| {
+            s.commands[0].call.environment.insert("X".into(), "{".into());
         }),
         ("commands[0].outputs", |s| s.commands[0].outputs.clear()),
-        ("commands[0].outputs[0].file", |s| s.commands[0].outputs[0].file = "../x".into()),
+        ("commands[0].outputs[0].result.file", |s| {
+            s.commands[0].outputs[0].result.file = "../x".into()
+        }),
         ("commands[0].outputs[0].at", |s| s.commands[0].outputs[0].at[0] = f64::INFINITY),
-        ("commands[0].outputs[0].interpolate", |s| {
-            s.commands[0].outputs[0].interpolate = campaign::Interpolation::Linear;
+        ("commands[0].outputs[0].result.interpolate", |s| {
+            s.commands[0].outputs[0].result.interpolate = campaign::Interpolation::Linear;
         }),
     ];
     for (field, spoil) in cases {

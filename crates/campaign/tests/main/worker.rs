@@ -91,7 +91,7 @@ fn a_command_that_a_scheduler_ends_together_with_the_worker_has_not_failed() {
     for (number, ending) in ["exit 143", "kill -TERM $$"].into_iter().enumerate() {
         let dir = sandbox.file(&format!("run-{number}"));
         let mut spec = spec(shell(&format!("echo ended >> {}; {ending}", log.display())));
-        spec.commands[0].retries = 0;
+        spec.commands[0].call.retries = 0;
         let campaign = create(&dir, &spec);
         campaign.record_submitted(&tasks(1)).unwrap();
         let stop = Stop::new();

@@ -26,6 +26,32 @@ pub struct RegimeMap {
     rest_s: f64,
 }
 
+impl RegimeMap {
+    /// Contact ratio of the zipping branch, `a1/R = (B t)^(1/7)` (eq. 4).
+    #[must_use]
+    pub fn zipping_contact_ratio(&self, time_s: f64) -> f64 {
+        self.zipping.contact_ratio(time_s)
+    }
+
+    /// Contact ratio of the stretching branch, `a2/R = (t/tau_s)^(1/2)` (eq. 5), also beyond phi.
+    #[must_use]
+    pub fn stretching_contact_ratio(&self, time_s: f64) -> f64 {
+        (time_s * self.stretching.coefficients().stretching).sqrt()
+    }
+
+    /// Point p1 of Fig. 2: the time \[s\] at which zipping leaves the adhesive contact, and the contact ratio a0/R there.
+    #[must_use]
+    pub fn p1(&self) -> (f64, f64) {
+        (self.zipping.time_to_overlap(self.start), self.start.sqrt())
+    }
+
+    /// Point p2 of Fig. 2: the time \[s\] and the contact ratio at which stretching overtakes zipping.
+    #[must_use]
+    pub fn p2(&self) -> (f64, f64) {
+        (self.stretching.time_to_overlap(self.crossing), self.crossing.sqrt())
+    }
+}
+
 impl Kinetic for RegimeMap {
     fn new(scene: &PairScene, sintering: &Sintering) -> Result<Self, SolveError> {
         let zipping = Zipping { start_power: 0.0, ..Zipping::new(scene, sintering)? };

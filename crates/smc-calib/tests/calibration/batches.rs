@@ -18,8 +18,9 @@ struct Batches {
     /// First number and size of every batch.
     batches: Mutex<Vec<(usize, usize)>>,
     simulated: Mutex<usize>,
-    /// Number from which on nothing runs any more.
+    /// Number from which on nothing runs any more, and what is answered then.
     end: usize,
+    ending: SimError,
 }
 
 impl Batches {
@@ -30,6 +31,7 @@ impl Batches {
             batches: Mutex::default(),
             simulated: Mutex::default(),
             end: usize::MAX,
+            ending: SimError::Interrupted,
         }
     }
 
@@ -69,7 +71,7 @@ impl Simulator for Batches {
         rows.enumerate()
             .map(|(k, (theta, out))| {
                 if first + k >= self.end {
-                    return Err(SimError::fatal("the machine was switched off"));
+                    return Err(self.ending.clone());
                 }
                 let (stored, result) =
                     runs.entry(first + k).or_insert_with(|| (theta.to_vec(), self.run(theta)));
@@ -129,12 +131,20 @@ fn an_interrupted_run_that_is_repeated_with_its_stored_outputs_ends_in_the_same_
         let mut simulator = Batches::new(12);
         for end in [0, 7, 62, 63, 500, 999] {
             simulator.end = end;
-            let problem = line_problem(&simulator, Noise::default());
-            let stopped = calibrate(&problem, &settings(1000), &mut ());
-            let Err(CalibrateError::Fatal { cause, .. }) = stopped else {
-                panic!("ends at {end}: {stopped:?}")
-            };
-            assert!(cause.contains("switched off"), "{cause}");
+            for ending in [SimError::fatal("the machine was switched off"), SimError::Interrupted] {
+                simulator.ending = ending.clone();
+                let problem = line_problem(&simulator, Noise::default());
+                let stopped = calibrate(&problem, &settings(1000), &mut ());
+                match (ending, stopped) {
+                    (SimError::Fatal { .. }, Err(CalibrateError::Fatal { cause, .. })) => {
+                        assert!(cause.contains("switched off"), "{cause}");
+                    }
+                    (SimError::Interrupted, Err(CalibrateError::Interrupted { stages })) => {
+                        assert!(stages.iter().all(|stage| stage.total <= end), "ends at {end}");
+                    }
+                    (_, other) => panic!("ends at {end}: {other:?}"),
+                }
+            }
         }
         simulator.end = usize::MAX;
         assert!(same(&with_threads(threads, &simulator, 1000), &whole), "{threads} threads");

@@ -1,11 +1,14 @@
 //! What cannot succeed ends with a reason; what should not be trusted says so.
 
 use crate::support::{line, line_problem, prior};
+use smc_calib::quadrature::{QuadratureSettings, quadrature};
 use smc_calib::{
-    CalibrateError, FixedSigma, FnSimulator, Noise, Observations, Parameter, PriorSpec, Problem,
-    Settings, SimError, StageRecord, StopReason, Warning, calibrate,
+    CalibrateError, Concern, FixedSigma, FnSimulator, Noise, Observations, Parameter, PriorSpec,
+    Problem, Settings, SimError, StageRecord, StopReason, calibrate, leave_one_out,
+    predictive_band,
 };
 use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 fn small() -> Settings {
     Settings { samples: 1024, ..Settings::default() }
@@ -91,9 +94,9 @@ fn a_flat_likelihood_returns_the_prior_and_says_nothing_was_learned() {
         (x.in_coordinate.mean - 0.5).abs() < 0.01 && (x.in_coordinate.sd - x.prior_sd).abs() < 0.01
     );
     assert!(
-        p.warnings.iter().any(|w| matches!(w, Warning::NotInformed { .. })),
+        p.trust().concerns.iter().any(|w| matches!(w, Concern::NotInformed { .. })),
         "{:?}",
-        p.warnings
+        p.trust().concerns
     );
     // All weights are alike, and nothing is wrong with them.
     assert!(p.khat < 0.5 && p.ess.per_simulation > 0.5, "{} {:?}", p.khat, p.ess);
@@ -108,7 +111,7 @@ fn log_likelihoods_of_minus_thousands_do_not_underflow() {
         calibrate(&problem, &Settings { samples: 8192, ..Settings::default() }, &mut ()).unwrap();
     assert!(p.log_evidence.value < -1000.0 && p.log_evidence.value.is_finite());
     assert!(p.ess.importance > 1000.0 && p.khat < 0.7, "{:?} {}", p.ess, p.khat);
-    assert!(p.warnings.iter().any(|w| matches!(w, Warning::PoorFit { .. })));
+    assert!(p.trust().concerns.iter().any(|w| matches!(w, Concern::PoorFit { .. })));
 }
 
 #[test]
@@ -117,11 +120,15 @@ fn a_budget_too_small_for_a_needle_is_warned_about() {
     let problem = line_problem(&simulator, Noise::Fixed { sigma: FixedSigma::Absolute(1e-6) });
     let p = calibrate(&problem, &Settings { samples: 64, ..Settings::default() }, &mut ()).unwrap();
     assert!(
-        p.warnings.iter().any(|w| matches!(w, Warning::FewEffectiveSamples { .. })),
+        p.trust().concerns.iter().any(|w| matches!(w, Concern::FewEffectiveSamples { .. })),
         "{:?}",
-        p.warnings
+        p.trust().concerns
     );
-    assert!(p.warnings.iter().any(|w| matches!(w, Warning::HighKhat { .. })), "{:?}", p.warnings);
+    assert!(
+        p.trust().concerns.iter().any(|w| matches!(w, Concern::HighKhat { .. })),
+        "{:?}",
+        p.trust().concerns
+    );
 }
 
 #[test]
@@ -132,7 +139,7 @@ fn any_small_number_of_samples_ends_well() {
         let p = calibrate(&problem, &Settings { samples, ..Settings::default() }, &mut ()).unwrap();
         assert_eq!(p.samples.len(), samples);
         assert!((p.samples.iter().map(|s| s.weight).sum::<f64>() - 1.0).abs() < 1e-12);
-        assert!(samples > 100 || !p.warnings.is_empty());
+        assert!(samples > 100 || !p.trust().concerns.is_empty());
     }
 }
 
@@ -172,7 +179,7 @@ fn tuned_weights_are_labelled_and_too_narrow() {
         calibrate(&line_problem(&simulator, Noise::EssTarget { share: 0.3 }), &settings, &mut ())
             .unwrap();
     let right = calibrate(&line_problem(&simulator, Noise::default()), &settings, &mut ()).unwrap();
-    assert!(!tuned.is_posterior && tuned.warnings.contains(&Warning::NotAPosterior));
+    assert!(!tuned.is_posterior && tuned.trust().concerns.contains(&Concern::NotAPosterior));
     let ratio = right.parameters[0].in_coordinate.sd / tuned.parameters[0].in_coordinate.sd;
     assert!(ratio > 2.0, "the artefact of uncorrected proposals is gone: {ratio}");
 }
@@ -193,4 +200,72 @@ fn mismatched_sizes_and_settings_out_of_range_are_refused() {
         calibrate(&problem, &small(), &mut ()),
         Err(CalibrateError::Parameters { .. })
     ));
+}
+
+/// Two parameters whose simulations are interrupted from the `end`-th on.
+fn interrupted_from(end: usize) -> impl smc_calib::Simulator {
+    let count = AtomicUsize::new(0);
+    FnSimulator::new(2, 12, move |theta: &[f64], out: &mut [f64]| {
+        if count.fetch_add(1, Ordering::SeqCst) >= end {
+            return Err(SimError::Interrupted);
+        }
+        for (i, o) in out.iter_mut().enumerate() {
+            *o = theta[0] + theta[1] * 0.1 * i as f64;
+        }
+        Ok(())
+    })
+}
+
+#[test]
+fn an_interruption_ends_a_run_at_any_simulation_with_the_stages_that_were_finished() {
+    let whole = calibrate(
+        &line_problem(&interrupted_from(usize::MAX), Noise::default()),
+        &small(),
+        &mut (),
+    )
+    .unwrap();
+    let all = 1024 + whole.counters.map_simulations;
+    assert!(all > 1100, "the search for the MAP takes simulations too: {all}");
+    let first = whole.stages[0].total;
+    // The first simulation, both sides of the first stage's end, the final stage, the search, the MAP's own curve.
+    for end in [0, first - 1, first, 1023, 1024, 1100, all - 1] {
+        let simulator = interrupted_from(end);
+        let run = calibrate(&line_problem(&simulator, Noise::default()), &small(), &mut ());
+        let Err(CalibrateError::Interrupted { stages }) = run else { panic!("{end}: {run:?}") };
+        let finished: Vec<_> = whole.stages.iter().filter(|s| s.total <= end).cloned().collect();
+        assert_eq!(stages, finished, "{end}");
+    }
+    let simulator = interrupted_from(all);
+    assert!(calibrate(&line_problem(&simulator, Noise::default()), &small(), &mut ()).is_ok());
+}
+
+#[test]
+fn an_interruption_is_no_failure_of_the_model() {
+    // Half of the simulations fail before; were it counted among them the run would go on, or end as failed.
+    let simulator = FnSimulator::new(1, 2, |theta: &[f64], out: &mut [f64]| {
+        out.fill(0.5);
+        match theta[0] {
+            x if x > 0.9 => Err(SimError::Interrupted),
+            x if x > 0.5 => Err(SimError::recoverable("too far")),
+            _ => Ok(()),
+        }
+    });
+    let error = calibrate(&one_parameter(&simulator, Noise::default()), &small(), &mut ());
+    assert!(matches!(error, Err(CalibrateError::Interrupted { stages }) if stages.is_empty()));
+    assert!(!SimError::Interrupted.is_recoverable());
+    assert_eq!(SimError::Interrupted.cause(), SimError::Interrupted.to_string());
+}
+
+#[test]
+fn an_interrupted_curve_ends_bands_quadrature_and_leaving_out() {
+    let fine = interrupted_from(usize::MAX);
+    let problem = line_problem(&fine, Noise::default());
+    let p = calibrate(&problem, &small(), &mut ()).unwrap();
+    let stopped = interrupted_from(0);
+    let control: Vec<f64> = (0..12).map(f64::from).collect();
+    assert_eq!(predictive_band(&p, &stopped, &control, 10), Err(SimError::Interrupted));
+    let problem = line_problem(&stopped, Noise::default());
+    let interrupted = CalibrateError::Interrupted { stages: Vec::new() };
+    assert_eq!(leave_one_out(&problem, &p), Err(interrupted.clone()));
+    assert_eq!(quadrature(&problem, &QuadratureSettings::default()), Err(interrupted));
 }

@@ -3,8 +3,8 @@
 use crate::support::{line_data, line_problem, prior};
 use smc_calib::quadrature::{QuadratureSettings, quadrature_joint};
 use smc_calib::{
-    CalibrateError, FixedSigma, FnSimulator, Group, JointProblem, Noise, NoiseError, Observations,
-    Parameter, Posterior, PriorSpec, Settings, SimError, Simulator, Warning, calibrate,
+    CalibrateError, Concern, FixedSigma, FnSimulator, Group, JointProblem, Noise, NoiseError,
+    Observations, Parameter, Posterior, PriorSpec, Settings, SimError, Simulator, calibrate,
     calibrate_joint, leave_one_out_of, predictive_band_of_group,
 };
 
@@ -172,13 +172,13 @@ fn each_group_has_its_own_noise_in_bands_residuals_and_warnings() {
     // A group that the model cannot meet is named.
     problem.groups[0].noise = Noise::Fixed { sigma: FixedSigma::Absolute(0.001) };
     let p = run(&problem, 4096);
-    let poor: Vec<&Option<String>> = p
-        .warnings
+    let concerns = p.trust().concerns;
+    let poor: Vec<&Option<String>> = concerns
         .iter()
-        .filter_map(|w| if let Warning::PoorFit { group, .. } = w { Some(group) } else { None })
+        .filter_map(|w| if let Concern::PoorFit { group, .. } = w { Some(group) } else { None })
         .collect();
-    assert!(poor.contains(&&Some("near".to_owned())), "{:?}", p.warnings);
-    assert!(p.warnings.iter().any(|w| w.to_string().contains("data of near by")));
+    assert!(poor.contains(&&Some("near".to_owned())), "{:?}", p.trust().concerns);
+    assert!(p.trust().concerns.iter().any(|w| w.to_string().contains("data of near by")));
     let text = serde_json::to_string(&p).unwrap();
     assert_eq!(serde_json::from_str::<Posterior>(&text).unwrap(), p);
 }
@@ -343,7 +343,7 @@ fn long_groups_are_thinned_and_keep_their_own_sigma() {
         groups: vec![group("fine", m, 0.4, 0.2, 0.1), group("coarse", n, 4.0, 3.0, 1.0)],
     };
     let p = run(&problem, 4096);
-    assert!(p.warnings.iter().any(|w| matches!(w, Warning::PathThinned { .. })));
+    assert!(p.trust().concerns.iter().any(|w| matches!(w, Concern::PathThinned { .. })));
     let q = quadrature_joint(&problem, &QuadratureSettings::default()).unwrap();
     assert!((p.log_evidence.value - q.log_evidence).abs() < 0.02, "{:?} {q:?}", p.log_evidence);
     assert!(p.path.iter().any(|x| x.index == m - 1) && p.path.iter().any(|x| x.index == m + n - 1));

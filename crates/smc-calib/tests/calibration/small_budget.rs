@@ -3,8 +3,8 @@
 use crate::support::{line, line_problem, prior};
 use smc_calib::reference::{self, Reference};
 use smc_calib::{
-    FixedSigma, FnSimulator, Noise, Observations, Parameter, Posterior, PriorSpec, Problem,
-    Settings, SimError, Simulator, Warning, calibrate, sample_density,
+    Concern, FixedSigma, FnSimulator, Noise, Observations, Parameter, Posterior, PriorSpec,
+    Problem, Settings, SimError, Simulator, calibrate, sample_density,
 };
 
 fn rms(values: impl Iterator<Item = f64>) -> f64 {
@@ -83,13 +83,13 @@ fn settings_of_before_are_read_and_default_settings_are_written_as_before() {
 
 /// Whether anything tells the user not to trust the weights.
 fn distrusted(p: &Posterior) -> bool {
-    p.warnings.iter().any(|w| {
+    p.trust().concerns.iter().any(|w| {
         matches!(
             w,
-            Warning::FewEffectiveSamples { .. }
-                | Warning::HighKhat { .. }
-                | Warning::BudgetTooSmall { .. }
-                | Warning::EvidenceDisagrees { .. }
+            Concern::FewEffectiveSamples { .. }
+                | Concern::HighKhat { .. }
+                | Concern::BudgetTooSmall { .. }
+                | Concern::EvidenceDisagrees { .. }
         )
     })
 }
@@ -132,8 +132,13 @@ fn fifty_simulations_of_a_hard_problem_are_said_to_be_too_few() {
     for seed in 1..=6 {
         let settings = Settings { seed, ..Settings::for_budget(50) };
         let p = calibrate(&problem, &settings, &mut ()).unwrap();
-        let said = p.warnings.iter().any(|w| matches!(w, Warning::BudgetTooSmall { .. }));
-        assert!(said && distrusted(&p), "seed {seed}: {:?} {}", p.warnings, p.ess.importance);
+        let said = p.trust().concerns.iter().any(|w| matches!(w, Concern::BudgetTooSmall { .. }));
+        assert!(
+            said && distrusted(&p),
+            "seed {seed}: {:?} {}",
+            p.trust().concerns,
+            p.ess.importance
+        );
     }
 }
 
@@ -154,7 +159,7 @@ fn three_hundred_simulations_of_an_easy_problem_are_enough_and_right() {
     for seed in 1..=6 {
         let settings = Settings { seed, ..Settings::for_budget(300) };
         let p = calibrate(&problem, &settings, &mut ()).unwrap();
-        assert!(!distrusted(&p), "seed {seed}: {:?}", p.warnings);
+        assert!(!distrusted(&p), "seed {seed}: {:?}", p.trust().concerns);
         let x = p.parameters[0].in_coordinate;
         assert!((x.mean - 0.8 / 1.01).abs() < 0.2 * sd && (x.sd / sd - 1.0).abs() < 0.1, "{x:?}");
         // Nothing was simulated but the samples.

@@ -2,8 +2,8 @@
 
 use crate::support::{line, line_problem, prior};
 use smc_calib::{
-    CalibrateError, FixedSigma, FnSimulator, Noise, Observations, Parameter, Posterior, PriorSpec,
-    Problem, Settings, SimError, Simulator, Warning, calibrate,
+    CalibrateError, Concern, FixedSigma, FnSimulator, Noise, Observations, Parameter, Posterior,
+    PriorSpec, Problem, Settings, SimError, Simulator, calibrate,
 };
 
 fn settings(samples: usize) -> Settings {
@@ -29,13 +29,13 @@ fn unit_problem(simulator: &dyn Simulator, sigma: f64) -> Problem<'_> {
 
 /// Whether anything tells the user not to trust the weights.
 fn distrusted(p: &Posterior) -> bool {
-    p.warnings.iter().any(|w| {
+    p.trust().concerns.iter().any(|w| {
         matches!(
             w,
-            Warning::FewEffectiveSamples { .. }
-                | Warning::HighKhat { .. }
-                | Warning::BudgetTooSmall { .. }
-                | Warning::EvidenceDisagrees { .. }
+            Concern::FewEffectiveSamples { .. }
+                | Concern::HighKhat { .. }
+                | Concern::BudgetTooSmall { .. }
+                | Concern::EvidenceDisagrees { .. }
         )
     })
 }
@@ -57,7 +57,7 @@ fn likelihoods_that_span_ten_to_the_minus_three_thousand_end_at_the_right_place(
     // integral of N(0; x - 0.3, sigma)^2 over x: N(0; 0, sqrt 2 sigma)
     let exact = -0.5 * (4.0 * std::f64::consts::PI * sigma * sigma).ln();
     assert!((p.log_evidence.value - exact).abs() < 0.02, "{:?} {exact}", p.log_evidence);
-    assert!(!distrusted(&p), "{:?}", p.warnings);
+    assert!(!distrusted(&p), "{:?}", p.trust().concerns);
 }
 
 #[test]
@@ -77,7 +77,7 @@ fn a_single_live_sample_is_an_answer_that_says_not_to_trust_it() {
         match calibrate(&unit_problem(&simulator, 1.0), &s, &mut ()) {
             Ok(p) => {
                 answers += 1;
-                assert!(distrusted(&p), "seed {seed}: {:?}", p.warnings);
+                assert!(distrusted(&p), "seed {seed}: {:?}", p.trust().concerns);
                 assert!(p.parameters.iter().all(|x| x.in_coordinate.mean.is_finite()));
             }
             Err(CalibrateError::ZeroEvidence { simulations }) => assert!(simulations > 0),
@@ -101,11 +101,11 @@ fn a_posterior_at_the_edge_of_the_prior_is_right_and_says_where_it_lies() {
     let sd = sigma * (1.0 - 2.0 / std::f64::consts::PI).sqrt();
     assert!((x.mean - mean).abs() < 0.03 * sd && (x.sd / sd - 1.0).abs() < 0.03, "{x:?}");
     assert!(
-        p.warnings.iter().any(|w| matches!(w, Warning::AtPriorBound { .. })),
+        p.trust().concerns.iter().any(|w| matches!(w, Concern::AtPriorBound { .. })),
         "{:?}",
-        p.warnings
+        p.trust().concerns
     );
-    assert!(!distrusted(&p), "{:?}", p.warnings);
+    assert!(!distrusted(&p), "{:?}", p.trust().concerns);
 }
 
 #[test]
@@ -140,8 +140,8 @@ fn a_ridge_of_correlation_0_9999_is_right_and_called_not_separable() {
     assert!((a.sd / sd - 1.0).abs() < 0.03, "{a:?} {sd}");
     let loss = (1.0 + p.correlation[0][1]) / (1.0 + correlation);
     assert!((0.9..1.1).contains(&loss), "{} {correlation}", p.correlation[0][1]);
-    assert!(p.warnings.iter().any(|w| matches!(w, Warning::NotSeparable { .. })));
-    assert!(!distrusted(&p), "{:?}", p.warnings);
+    assert!(p.trust().concerns.iter().any(|w| matches!(w, Concern::NotSeparable { .. })));
+    assert!(!distrusted(&p), "{:?}", p.trust().concerns);
 }
 
 #[test]
@@ -158,7 +158,7 @@ fn two_far_modes_keep_their_shares() {
     assert!((x.sd - 0.4f64.hypot(0.01)).abs() < 2e-3 && (x.mean - 0.5).abs() < 0.01, "{x:?}");
     // Along x the likelihood is two normal densities of area one each.
     assert!((p.log_evidence.value - 2f64.ln()).abs() < 0.02, "{:?}", p.log_evidence);
-    assert!(!distrusted(&p), "{:?}", p.warnings);
+    assert!(!distrusted(&p), "{:?}", p.trust().concerns);
 }
 
 /// A number in [0, 1) that is a fixed function of the parameters but looks random.
@@ -195,11 +195,11 @@ fn a_simulator_that_fails_at_random_changes_nothing_but_the_evidence() {
         }
         let generous = Settings { max_failed_share: 1.0, ..settings(8192) };
         let p = calibrate(&problem, &generous, &mut ()).unwrap();
-        let many = p.warnings.iter().any(|w| matches!(w, Warning::ManyFailures { .. }));
-        assert_eq!(many, share > 0.1, "{share}: {:?}", p.warnings);
+        let many = p.trust().concerns.iter().any(|w| matches!(w, Concern::ManyFailures { .. }));
+        assert_eq!(many, share > 0.1, "{share}: {:?}", p.trust().concerns);
         if share > 0.9 {
             // Eighty live samples of eight thousand: the answer is rough, and says so.
-            assert!(distrusted(&p), "{:?}", p.warnings);
+            assert!(distrusted(&p), "{:?}", p.trust().concerns);
             continue;
         }
         for (a, b) in p.parameters.iter().zip(&exact.parameters) {
@@ -219,7 +219,7 @@ fn two_observations_leave_the_prior_in_charge_and_a_hundred_thousand_do_not_over
         Ok(())
     });
     let p = calibrate(&unit_problem(&simulator, 0.1), &settings(2048), &mut ()).unwrap();
-    assert!(p.warnings.iter().any(|w| matches!(w, Warning::FewObservations { .. })));
+    assert!(p.trust().concerns.iter().any(|w| matches!(w, Concern::FewObservations { .. })));
     let y = p.parameters[1].in_coordinate;
     assert!((y.mean - 0.5).abs() < 0.01 && (y.sd - 12f64.sqrt().recip()).abs() < 0.01, "{y:?}");
 
@@ -239,7 +239,7 @@ fn two_observations_leave_the_prior_in_charge_and_a_hundred_thousand_do_not_over
     let sd = (0.005f64 / m as f64).sqrt();
     assert!((x.mean - 0.25).abs() < 0.2 * sd, "{x:?}");
     assert!((x.sd / sd - 1.0).abs() < 0.1, "{x:?} {sd}");
-    assert!(p.warnings.iter().any(|w| matches!(w, Warning::PathThinned { .. })));
+    assert!(p.trust().concerns.iter().any(|w| matches!(w, Concern::PathThinned { .. })));
     assert!(p.log_evidence.value.is_finite());
 }
 
@@ -269,7 +269,7 @@ fn a_hundred_thousand_observations_are_right_or_distrusted_however_few_the_sampl
                 (x.mean - mean).abs() < 0.3 * sd && (x.sd / sd - 1.0).abs() < 0.2
             });
             let told = distrusted(&p);
-            assert!(good || told, "{samples} samples, seed {seed}: {:?}", p.warnings);
+            assert!(good || told, "{samples} samples, seed {seed}: {:?}", p.trust().concerns);
             right += u32::from(good && !told);
             warned += u32::from(!good && told);
         }
@@ -296,7 +296,7 @@ fn two_observations_of_known_noise_give_the_conjugate_posterior() {
     let (mean, sd) = (1.2 / 0.25 / precision, f64::sqrt(1.0 / precision));
     let x = p.parameters[0].in_coordinate;
     assert!((x.mean - mean).abs() < 0.02 * sd && (x.sd / sd - 1.0).abs() < 0.02, "{x:?}");
-    assert!(!distrusted(&p), "{:?}", p.warnings);
+    assert!(!distrusted(&p), "{:?}", p.trust().concerns);
 }
 
 #[test]
@@ -314,9 +314,9 @@ fn samples_that_are_all_the_same_number_end_as_that_number() {
     assert!((x.in_si.mean - 1.0).abs() <= 4.0 * f64::EPSILON, "{x:?}");
     assert!(x.in_si.sd <= 4.0 * f64::EPSILON && p.log_evidence.value.is_finite(), "{x:?}");
     assert!(
-        p.warnings.iter().any(|w| matches!(w, Warning::NotInformed { .. })),
+        p.trust().concerns.iter().any(|w| matches!(w, Concern::NotInformed { .. })),
         "{:?}",
-        p.warnings
+        p.trust().concerns
     );
 }
 
@@ -326,7 +326,11 @@ fn one_sample_is_a_result_that_says_not_to_trust_it() {
     for samples in [1, 2, 3, 7, 20] {
         let problem = line_problem(&simulator, Noise::default());
         let p = calibrate(&problem, &settings(samples), &mut ()).unwrap();
-        assert!(p.samples.len() == samples && distrusted(&p), "{samples}: {:?}", p.warnings);
+        assert!(
+            p.samples.len() == samples && distrusted(&p),
+            "{samples}: {:?}",
+            p.trust().concerns
+        );
         assert!(p.parameters.iter().all(|x| x.in_coordinate.mean.is_finite()));
     }
 }

@@ -2,9 +2,8 @@
 
 use std::fmt::Write as _;
 
-use super::PHI_RANGE;
-use super::report::{Comparison, Entry, Report};
-use super::verdict::{Strength, bayes_factor};
+use super::comparison::{Comparison, Entry, PHI_RANGE, Report};
+use super::strength::{Strength, bayes_factor};
 use crate::number::{significant, with_error};
 use crate::summary::INFORMED_BITS;
 

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use dem_core::bed::Sample;
 use serde::Serialize;
 
-use crate::scene_command::NECKS_MEET;
+use crate::scene::NECKS_MEET;
 use crate::weighted::Weighted;
 
 /// What is said of time.
@@ -71,7 +71,9 @@ impl Moment {
         }
     }
 
-    fn of_target(&self, target: Target) -> f64 {
+    /// The target's quantity.
+    #[must_use]
+    pub fn of_target(&self, target: Target) -> f64 {
         match target {
             Target::RelativeDensity(_) => self.relative_density,
             Target::ContactRatio(_) => self.mean_contact_ratio,

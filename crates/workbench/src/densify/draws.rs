@@ -1,16 +1,14 @@
-//! Which posterior draws the bed is run for, and what each says of its contacts.
+//! The choice of posterior draws that the bed is run for.
 
-use dem_core::bed::{Growing, SinteringTable};
-use dem_core::{Kinetics, PairSpec, Powder, Sintering, time_to_contact_ratio};
+use dem_core::{Sintering, time_to_contact_ratio};
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt as _, SeedableRng as _};
 use serde::Serialize;
 
-use crate::error::{Failure, InputError, Mistake};
-use crate::posterior_file::PosteriorFile;
-use crate::prior_file::ParameterName;
+use crate::error::{InputError, Mistake};
+use crate::pair_draws::PairDraws;
 
-/// The contact ratio by whose time draws are put in order.
+/// Contact ratio of the pair whose time puts the draws in order.
 const ORDER_BY: f64 = 0.4;
 
 /// A posterior draw.
@@ -30,79 +28,35 @@ pub struct Draw {
 ///
 /// # Errors
 ///
-/// [`Failure`] for more draws than there are.
+/// [`InputError`] for more draws than there are.
 pub(super) fn choose(
-    file: &PosteriorFile,
-    theta: &[Vec<f64>],
+    calibrated: &PairDraws,
     count: usize,
     seed: u64,
-) -> Result<Vec<Draw>, Failure> {
-    let rows = theta.first().map_or(0, Vec::len);
+) -> Result<Vec<Draw>, InputError> {
+    let rows = calibrated.len();
     if count > rows {
         return Err(InputError::new("--draws", Mistake::OutOfRange)
             .found(count)
-            .expected(format_args!("at most {rows}, as many as draws.csv holds"))
-            .into());
+            .expected(format_args!("at most {rows}, as many as draws.csv holds")));
     }
-    let plan = &file.plan;
-    let kinetics = plan.kinetics()?;
-    let names = plan.parameter_names()?;
-    let powder: Powder = plan.powder();
-    let mut order = Vec::with_capacity(rows);
-    for row in 0..rows {
-        let parameters: Vec<f64> = theta.iter().map(|column| column[row]).collect();
-        let phi = value(&names, &parameters, ParameterName::Phi)
-            .unwrap_or(plan.experiment.final_contact_ratio);
-        let sintering = sintering(&names, &parameters, None);
-        let time = PairSpec::new(powder, phi)
-            .build()
-            .ok()
-            .and_then(|pair| time_to_contact_ratio(&pair, kinetics, &sintering, ORDER_BY));
-        order.push((time.unwrap_or(f64::INFINITY), Draw { row, parameters }));
-    }
-    order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.row.cmp(&b.1.row)));
+    let unused = Sintering { c1: 1.0, tau_s: 1.0, delta_c: 1.0 };
+    let mut order: Vec<(f64, usize)> = (0..rows)
+        .map(|row| {
+            let sintering = calibrated.sintering(row, unused);
+            let time = calibrated.pair(row, calibrated.powder.radius_m).ok().and_then(|pair| {
+                time_to_contact_ratio(&pair, calibrated.kinetics, &sintering, ORDER_BY)
+            });
+            (time.unwrap_or(f64::INFINITY), row)
+        })
+        .collect();
+    order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let start: f64 = ChaCha8Rng::seed_from_u64(seed).random();
     Ok((0..count)
         .map(|k| {
             let place = (k as f64 + start) * rows as f64 / count as f64;
-            order[(place as usize).min(rows - 1)].1.clone()
+            let row = order[(place as usize).min(rows - 1)].1;
+            Draw { row, parameters: calibrated.parameters(row) }
         })
         .collect())
-}
-
-/// A parameter of a draw, if it was calibrated.
-#[must_use]
-pub(super) fn value(
-    names: &[ParameterName],
-    parameters: &[f64],
-    name: ParameterName,
-) -> Option<f64> {
-    names.iter().position(|known| *known == name).map(|place| parameters[place])
-}
-
-/// The sintering parameters of a draw; those that the kinetics have no use for are the scene's.
-fn sintering(
-    names: &[ParameterName],
-    parameters: &[f64],
-    scene: Option<&SinteringTable>,
-) -> Sintering {
-    let of = |name, unused: Option<f64>| value(names, parameters, name).or(unused).unwrap_or(1.0);
-    Sintering {
-        c1: of(ParameterName::C1, scene.map(|table| table.c1)),
-        tau_s: of(ParameterName::TauS, scene.map(|table| table.tau_s)),
-        delta_c: of(ParameterName::DeltaC, scene.map(|table| table.delta_c)),
-    }
-}
-
-/// How contacts grow by a draw.
-#[must_use]
-pub(super) fn growing(
-    names: &[ParameterName],
-    draw: &Draw,
-    kinetics: Kinetics,
-    calibrated_radius_m: f64,
-    scene: &SinteringTable,
-) -> Growing {
-    let sintering = sintering(names, &draw.parameters, Some(scene));
-    Growing { kinetics, sintering, calibrated_radius_m }
 }

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use dem_core::Kinetics;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -10,7 +11,7 @@ use super::curve::{Curve, Point, Target, TimeTo, bands};
 use super::draws::Draw;
 use super::spread::{Spread, divide};
 use crate::number::significant;
-use crate::scene_command::NECKS_MEET;
+use crate::scene::NECKS_MEET;
 use figures::{DensificationFigure, Role};
 
 /// Version of the layout of `densify.json`.
@@ -28,7 +29,7 @@ pub struct DensifyPlan {
     /// Tells posteriors apart: of the plan and the draws.
     pub posterior_fingerprint: String,
     /// Kinetics of both.
-    pub kinetics: String,
+    pub kinetics: Kinetics,
     /// Radius that tau_s was calibrated at \[m\].
     pub calibrated_radius_m: f64,
     /// Number of draws.
@@ -140,10 +141,7 @@ impl Report {
                     time_to_target_s: curve.time_to(target),
                     model_ends_s: ends.map(|(time, _)| time),
                     model_ends_at: ends.map(|(_, at)| at),
-                    last: curve.moments.last().map_or(f64::NAN, |last| match target {
-                        Target::RelativeDensity(_) => last.relative_density,
-                        Target::ContactRatio(_) => last.mean_contact_ratio,
-                    }),
+                    last: curve.moments.last().map_or(f64::NAN, |last| last.of_target(target)),
                     error_estimate: curve.error_estimate,
                 }
             })
@@ -222,7 +220,7 @@ impl Report {
 
     /// `draws.csv`: every draw with what became of it; empty cells where something does not happen.
     #[must_use]
-    pub fn draws_csv(&self, units: &[String]) -> String {
+    pub fn draws_csv(&self, units: &[&str]) -> String {
         let mut text = String::from("draw,row");
         for (name, unit) in self.parameters.iter().zip(units) {
             let _ = write!(text, ",{name} [{unit}]");

@@ -1,9 +1,10 @@
 //! Figures 2, 4, 5 and 6 of the paper, redone.
 
-use std::f64::consts::PI;
+use dem_core::Kinetic as _;
+use dem_core::kinetics::RegimeMap;
 
-use super::Calibrated;
-use crate::error::Failure;
+use super::calibrated::Calibrated;
+use crate::error::{Failure, RunError};
 use crate::material::Material;
 use crate::model::NeckGrowth;
 use crate::pictures;
@@ -19,22 +20,12 @@ const POINTS: usize = 241;
 /// [`Failure::Input`] for a plan that this version does not know.
 pub fn regime_map(one: &Calibrated) -> Result<RegimeMapFigure, Failure> {
     let plan = &one.planned.plan;
-    let model = NeckGrowth::of(plan)?;
-    let map = model.sintering(&one.calibration.posterior.map.theta);
-    let powder = plan.powder();
-    let a0 = powder.adhesive_contact_ratio();
-    let radius_m = powder.radius_m;
-    let b_per_s = 63.0 * PI.powi(3) / 16.0
-        * (map.delta_c / radius_m).powi(2)
-        * (2.0 * map.c1 * powder.surface_tension_n_per_m / radius_m);
-    let zipping = |time_s: f64| (b_per_s * time_s).powf(1.0 / 7.0);
-    let stretching = |time_s: f64| (time_s / map.tau_s).sqrt();
-    let p1_s = a0.powi(7) / b_per_s;
-    // (B t)^(2/7) = t / tau_s
-    let p2_s = map.tau_s.powf(1.4) * b_per_s.powf(0.4);
+    let map = NeckGrowth::of(plan)?.sintering(&one.calibration.posterior.map.theta);
+    let lines = RegimeMap::new(&plan.scene()?, &map).map_err(RunError::new)?;
+    let (p1, p2) = (lines.p1(), lines.p2());
     let experiment = &plan.experiment;
     let last = experiment.time_s.last().copied().unwrap_or(1.0);
-    let first = 0.03 * p1_s;
+    let first = 0.03 * p1.0;
     let ratio = (3.0 * last / first).ln();
     let grid_s: Vec<f64> =
         (0..POINTS).map(|k| first * (ratio * k as f64 / (POINTS - 1) as f64).exp()).collect();
@@ -46,11 +37,11 @@ pub fn regime_map(one: &Calibrated) -> Result<RegimeMapFigure, Failure> {
         .unzip();
     Ok(RegimeMapFigure {
         title: format!("Regime map, {}", one.material.title()),
-        a0,
-        a1: grid_s.iter().map(|time| zipping(*time)).collect(),
-        a2: grid_s.iter().map(|time| stretching(*time)).collect(),
-        p1: Some((p1_s, a0)),
-        p2: Some((p2_s, stretching(p2_s))),
+        a0: p1.1,
+        a1: grid_s.iter().map(|time| lines.zipping_contact_ratio(*time)).collect(),
+        a2: grid_s.iter().map(|time| lines.stretching_contact_ratio(*time)).collect(),
+        p1: Some(p1),
+        p2: Some(p2),
         final_ratio: Some(experiment.final_contact_ratio),
         data_time_s,
         data_ratio,
@@ -72,11 +63,18 @@ pub fn sintering_curve(one: &Calibrated) -> (&'static str, FitFigure) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::watch::Unwatched;
 
     #[test]
     fn p1_and_p2_are_where_the_lines_of_the_regime_map_meet() {
-        let one =
-            Calibrated::new(Material::Peek, dem_core::Kinetics::RegimeMap, 1024, 1).expect("a run");
+        let one = Calibrated::new(
+            Material::Peek,
+            dem_core::Kinetics::RegimeMap,
+            1024,
+            1,
+            &Unwatched::default(),
+        )
+        .expect("a run");
         let figure = regime_map(&one).expect("a figure");
         let at = |line: &[f64], time_s: f64| {
             let k = figure.grid_s.partition_point(|t| *t < time_s);

@@ -3,12 +3,11 @@
 use std::fmt::Write as _;
 
 use super::readings::{Quantity, STATED};
-use super::report::{CURVES, Form, MaterialReport, Report, Row};
-use crate::args::Table3Args;
+use super::record::{CURVES, Form, MaterialReport, Report, ReportPlan, Row};
 use crate::number::{percentile, significant, with_error};
 use crate::summary::INFORMED_BITS;
 
-/// A document around `table3.tex`, to see that it compiles: `pdflatex document.tex`.
+/// `document.tex`, a document around `table3.tex`: `pdflatex document.tex`.
 pub const DOCUMENT: &str = "\
 \\documentclass{article}
 \\usepackage[margin=25mm]{geometry}
@@ -18,9 +17,9 @@ pub const DOCUMENT: &str = "\
 \\end{document}
 ";
 
-/// What the folder holds, the command that made it, and the revision.
+/// `README.md`: what the folder holds, the command that made it, and the revision.
 #[must_use]
-pub fn readme(args: &Table3Args, revision: &str) -> String {
+pub fn readme(plan: &ReportPlan, revision: &str) -> String {
     format!(
         "# Table 3, regenerated
 
@@ -43,7 +42,7 @@ number of threads; other versions of the sampler give the same numbers within th
 
 How Table 3 of the paper must be read, and the evidence for it: `crates/workbench/docs/reading-table3.md`.
 ",
-        args.samples, args.seed
+        plan.samples, plan.seed
     )
 }
 

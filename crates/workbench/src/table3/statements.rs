@@ -3,7 +3,7 @@
 use dem_core::{Kinetics, PairScene, Sintering, knee, time_to_contact_ratio};
 use serde::{Deserialize, Serialize};
 
-use super::Calibrated;
+use super::calibrated::Calibrated;
 use crate::derived::{Estimate, estimate};
 use crate::error::Failure;
 use crate::material::Material;

@@ -1,4 +1,4 @@
-//! A check that was not fitted: what the posterior of one PA12 pair says of another one.
+//! The prediction of a pair that was not fitted: what the posterior of one PA12 pair says of another one.
 //!
 //! C1 and delta_c belong to the material, `tau_s = eta R/gamma` to the radius: for the other pair it is multiplied
 //! by the ratio of the radii (Table 1 calls the 32.1 um of the fitted pair 31.5 um; the other one, 30.4 um, is
@@ -6,11 +6,12 @@
 
 use std::path::PathBuf;
 
+use dem_core::Sintering;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use smc_calib::{Draw, Posterior, SimError, normal};
 
-use super::Calibrated;
+use super::calibrated::Calibrated;
 use crate::args::RunArgs;
 use crate::calibration::Calibration;
 use crate::error::{Failure, RunError};
@@ -18,6 +19,7 @@ use crate::material::Material;
 use crate::model::NeckGrowth;
 use crate::plan::Planned;
 use crate::posterior_file::FitError;
+use crate::watch::Watch;
 use crate::weighted::Weighted;
 use figures::{Band, FitFigure};
 
@@ -81,132 +83,161 @@ pub struct Point {
 /// # Errors
 ///
 /// [`Failure`] for a curve that cannot be computed.
-pub fn predict(calibrated: &[Calibrated]) -> Result<(Unfitted, FitFigure), Failure> {
+pub fn predict(
+    calibrated: &[Calibrated],
+    watch: &dyn Watch,
+) -> Result<(Unfitted, FitFigure), Failure> {
     let one = calibrated
         .iter()
         .find(|one| one.material == Material::Pa12)
         .ok_or_else(|| RunError::new("PA12 was not calibrated"))?;
     let sampler = &one.planned.plan.sampler;
-    let args = RunArgs {
+    let other = Planned::from_args(&RunArgs {
         material: Some(Material::Pa12),
         experiment: Some(PathBuf::from(EXPERIMENT)),
         samples: sampler.samples,
         seed: sampler.seed,
         ..RunArgs::default()
+    })?;
+    let own = Calibration::run(&other, &mut (), &|| !watch.stop().asked())?.posterior;
+    let pair = Pair {
+        one,
+        model: NeckGrowth::of(&other.plan)?,
+        fitted_radius_m: one.planned.plan.experiment.radius_m,
+        radius_m: other.plan.experiment.radius_m,
+        measured: &other.plan.experiment.contact_ratio,
     };
-    let other = Planned::from_args(&args)?;
-    let own = Calibration::run(&other, &mut (), &|| true)?.posterior;
-    let other = other.plan;
-    let model = NeckGrowth::of(&other)?;
-    let fitted_radius_m = one.planned.plan.experiment.radius_m;
-    let radius_m = other.experiment.radius_m;
     let failed = |error: SimError| RunError::new(error.to_string());
+    Ok((pair.judged(&own).map_err(failed)?, pair.figure().map_err(failed)?))
+}
 
-    let (times, measured) = (&other.experiment.time_s, &other.experiment.contact_ratio);
-    let at_data = curves(one, &model, fitted_radius_m, radius_m).map_err(failed)?;
-    let means: Vec<f64> = (0..times.len()).map(|i| mean(&at_data, i)).collect();
-    let points: Vec<Point> = (0..times.len())
-        .map(|i| {
-            let rank = at_data
-                .iter()
-                .map(|(curve, sigma)| normal::cdf((measured[i] - curve[i]) / sigma))
-                .sum::<f64>()
-                / at_data.len() as f64;
-            Point {
+/// The pair that is predicted.
+struct Pair<'a> {
+    one: &'a Calibrated,
+    /// Its model at the times of its measurements.
+    model: NeckGrowth,
+    fitted_radius_m: f64,
+    radius_m: f64,
+    measured: &'a [f64],
+}
+
+impl Pair<'_> {
+    /// The prediction beside the measurements; `own` is the posterior of the predicted pair alone.
+    fn judged(&self, own: &Posterior) -> Result<Unfitted, SimError> {
+        let (times, measured) = (self.model.times_s(), self.measured);
+        let curves = self.curves(&self.model, self.fitted_radius_m)?;
+        let means = curves.means();
+        let points: Vec<Point> = (0..times.len())
+            .map(|i| Point {
                 time_s: times[i],
                 measured: measured[i],
                 mean: means[i],
-                noisy90: band(&at_data, i, true),
-                rank,
-            }
-        })
-        .collect();
-    let share = |inside: &dyn Fn(&Point) -> bool| {
-        points.iter().filter(|point| inside(point)).count() as f64 / points.len() as f64
-    };
-    let coverage = [0.5, 0.9, 0.95].map(|p| share(&|point| (point.rank - 0.5).abs() <= 0.5 * p));
-    let inside_curve = (0..times.len())
-        .filter(|&i| {
-            let [lower, upper] = band(&at_data, i, false);
+                noisy90: curves.band(i, true),
+                rank: curves.rank(i, measured[i]),
+            })
+            .collect();
+        let share = |inside: &dyn Fn(usize) -> bool| {
+            (0..points.len()).filter(|&i| inside(i)).count() as f64 / points.len() as f64
+        };
+        let inside_curve = |i: usize| {
+            let [lower, upper] = curves.band(i, false);
             (lower..=upper).contains(&measured[i])
-        })
-        .count();
-    let without = curves(one, &model, radius_m, radius_m).map_err(failed)?;
-    let without: Vec<f64> = (0..times.len()).map(|i| mean(&without, i)).collect();
-    let largest = points.iter().max_by(|a, b| {
+        };
+        let without = self.curves(&self.model, self.radius_m)?.means();
         let off = |point: &Point| (point.measured - point.mean).abs();
-        off(a).total_cmp(&off(b))
-    });
-    let file = &one.calibration.file;
-    let unfitted = Unfitted {
-        fitted: one.planned.plan.experiment.name.clone(),
-        predicted: EXPERIMENT.to_owned(),
-        fitted_radius_m,
-        predicted_radius_m: radius_m,
-        coverage,
-        curve_coverage90: inside_curve as f64 / times.len() as f64,
-        error: FitError::of(measured, &means),
-        largest_at_s: largest.map_or(0.0, |point| point.time_s),
-        error_without_transfer: FitError::of(measured, &without),
-        error_of_fit: file.fit.posterior_mean,
-        sigma: file.sigma.map_or(0.0, |sigma| sigma.median),
-        tau_s_predicted: tau_s(&one.calibration.posterior).map(|t| t * radius_m / fitted_radius_m),
-        tau_s_own: tau_s(&own),
-        points,
-    };
+        let largest = points.iter().max_by(|a, b| off(a).total_cmp(&off(b)));
+        let file = &self.one.calibration.file;
+        let transferred = |t: f64| t * self.radius_m / self.fitted_radius_m;
+        Ok(Unfitted {
+            fitted: self.one.planned.plan.experiment.name.clone(),
+            predicted: EXPERIMENT.to_owned(),
+            fitted_radius_m: self.fitted_radius_m,
+            predicted_radius_m: self.radius_m,
+            coverage: [0.5, 0.9, 0.95].map(|p| share(&|i| (points[i].rank - 0.5).abs() <= 0.5 * p)),
+            curve_coverage90: share(&inside_curve),
+            error: FitError::of(measured, &means),
+            largest_at_s: largest.map_or(0.0, |point| point.time_s),
+            error_without_transfer: FitError::of(measured, &without),
+            error_of_fit: file.fit.posterior_mean,
+            sigma: file.sigma.map_or(0.0, |sigma| sigma.median),
+            tau_s_predicted: tau_s(&self.one.calibration.posterior).map(transferred),
+            tau_s_own: tau_s(own),
+            points,
+        })
+    }
 
-    let last = 1.02 * times.last().copied().unwrap_or(1.0);
-    let grid_s: Vec<f64> = (0..GRID).map(|k| last * k as f64 / (GRID - 1) as f64).collect();
-    let on_grid = model.at_times(grid_s.clone());
-    let drawn = curves(one, &on_grid, fitted_radius_m, radius_m).map_err(failed)?;
-    let column = |noisy: bool| -> Band {
-        let ends: Vec<[f64; 2]> =
-            (0..GRID).into_par_iter().map(|i| band(&drawn, i, noisy)).collect();
-        Band {
-            lower: ends.iter().map(|end| end[0]).collect(),
-            upper: ends.iter().map(|end| end[1]).collect(),
-        }
-    };
-    let single = |sintering: dem_core::Sintering| {
-        let mut curve = vec![0.0; GRID];
-        let there = sintering.at_radius(fitted_radius_m, radius_m);
-        on_grid.curve(&there, &mut curve).map(|()| curve).map_err(failed)
-    };
-    let theta = &one.calibration.posterior.map.theta;
-    let figure = FitFigure {
-        title: "PA12 R = 30.4 µm, predicted from R = 32.1 µm".to_owned(),
-        time_s: times.clone(),
-        contact_ratio: measured.clone(),
-        mean: (0..GRID).map(|i| mean(&drawn, i)).collect(),
-        band90: column(false),
-        predictive90: column(true),
-        map: single(model.sintering(theta))?,
-        paper: single(Material::Pa12.table3_sintering())?,
-        grid_s,
-        ..FitFigure::default()
-    };
-    Ok((unfitted, figure))
-}
+    fn figure(&self) -> Result<FitFigure, SimError> {
+        let times = self.model.times_s();
+        let last = 1.02 * times.last().copied().unwrap_or(1.0);
+        let grid_s: Vec<f64> = (0..GRID).map(|k| last * k as f64 / (GRID - 1) as f64).collect();
+        let on_grid = self.model.at_times(grid_s.clone());
+        let curves = self.curves(&on_grid, self.fitted_radius_m)?;
+        let band = |noisy: bool| -> Band {
+            let ends: Vec<[f64; 2]> =
+                (0..GRID).into_par_iter().map(|i| curves.band(i, noisy)).collect();
+            Band {
+                lower: ends.iter().map(|end| end[0]).collect(),
+                upper: ends.iter().map(|end| end[1]).collect(),
+            }
+        };
+        let single = |sintering: Sintering| {
+            let mut curve = vec![0.0; GRID];
+            let there = sintering.at_radius(self.fitted_radius_m, self.radius_m);
+            on_grid.curve(&there, &mut curve).map(|()| curve)
+        };
+        Ok(FitFigure {
+            title: "PA12 R = 30.4 µm, predicted from R = 32.1 µm".to_owned(),
+            time_s: times.to_vec(),
+            contact_ratio: self.measured.to_vec(),
+            mean: curves.means(),
+            band90: band(false),
+            predictive90: band(true),
+            map: single(self.model.sintering(&self.one.calibration.posterior.map.theta))?,
+            paper: single(Material::Pa12.table3_sintering())?,
+            grid_s,
+            ..FitFigure::default()
+        })
+    }
 
-/// The curves of the posterior draws with tau_s taken from one radius to the other, each with its sigma.
-fn curves(
-    one: &Calibrated,
-    model: &NeckGrowth,
-    from_radius_m: f64,
-    to_radius_m: f64,
-) -> Result<Vec<(Vec<f64>, f64)>, SimError> {
-    let posterior = &one.calibration.posterior;
-    posterior
-        .draws
-        .par_iter()
-        .map(|draw: &Draw| {
+    /// The curves of the posterior draws, tau_s transferred from a radius to that of the predicted pair.
+    fn curves(&self, model: &NeckGrowth, from_radius_m: f64) -> Result<Curves, SimError> {
+        let posterior = &self.one.calibration.posterior;
+        let curves = posterior.draws.par_iter().map(|draw: &Draw| {
             let theta = &posterior.samples[draw.sample].theta;
-            let sintering = model.sintering(theta).at_radius(from_radius_m, to_radius_m);
+            let sintering = model.sintering(theta).at_radius(from_radius_m, self.radius_m);
             let mut curve = vec![0.0; model.times_s().len()];
             model.curve(&sintering, &mut curve)?;
             Ok((curve, draw.sigma.unwrap_or(0.0)))
-        })
-        .collect()
+        });
+        Ok(Curves(curves.collect::<Result<_, _>>()?))
+    }
+}
+
+/// Curves of posterior draws, each with its sigma.
+struct Curves(Vec<(Vec<f64>, f64)>);
+
+impl Curves {
+    fn means(&self) -> Vec<f64> {
+        let points = self.0.first().map_or(0, |(curve, _)| curve.len());
+        let mean = |i: usize| self.0.iter().map(|(curve, _)| curve[i]).sum::<f64>();
+        (0..points).map(|i| mean(i) / self.0.len() as f64).collect()
+    }
+
+    /// Predictive probability of a value below the measured one.
+    fn rank(&self, i: usize, measured: f64) -> f64 {
+        let below = self.0.iter().map(|(curve, sigma)| normal::cdf((measured - curve[i]) / sigma));
+        below.sum::<f64>() / self.0.len() as f64
+    }
+
+    /// 90 % band of the curves, or of new measurements; their noise is stratified by the golden-ratio sequence.
+    fn band(&self, i: usize, noisy: bool) -> [f64; 2] {
+        let values = self.0.iter().enumerate().map(|(k, (curve, sigma))| {
+            let u = ((k as f64 + 0.5) * 0.618_033_988_749_894_9).fract();
+            let noise = if noisy { sigma * normal::quantile(u) } else { 0.0 };
+            (curve[i] + noise, 1.0)
+        });
+        Weighted::new(values).interval(0.9)
+    }
 }
 
 /// Median and 95 % interval of tau_s.
@@ -216,18 +247,4 @@ fn tau_s(posterior: &Posterior) -> [f64; 3] {
         let si = &summary.in_si;
         [si.eti95.lower, si.median, si.eti95.upper]
     })
-}
-
-fn mean(curves: &[(Vec<f64>, f64)], i: usize) -> f64 {
-    curves.iter().map(|(curve, _)| curve[i]).sum::<f64>() / curves.len() as f64
-}
-
-/// 90 % band of the curves, or of new measurements; their noise is stratified by the golden-ratio sequence.
-fn band(curves: &[(Vec<f64>, f64)], i: usize, noisy: bool) -> [f64; 2] {
-    let values = curves.iter().enumerate().map(|(k, (curve, sigma))| {
-        let u = ((k as f64 + 0.5) * 0.618_033_988_749_894_9).fract();
-        let noise = if noisy { sigma * normal::quantile(u) } else { 0.0 };
-        (curve[i] + noise, 1.0)
-    });
-    Weighted::new(values).interval(0.9)
 }

@@ -1,8 +1,8 @@
-//! Empirical distribution function of the ranks minus the uniform one, one panel per quantity, with the band.
+//! Figure of the ranks: their empirical distribution function minus the uniform one, a panel per quantity, with the band.
 
 use std::fmt::Write as _;
 
-use super::Report;
+use super::ranks::Ranks;
 
 /// Size of a panel and of the space around it \[pt\].
 const PANEL: [f64; 2] = [140.0, 90.0];
@@ -10,20 +10,20 @@ const GAP: [f64; 2] = [34.0, 34.0];
 const COLUMNS: usize = 3;
 
 /// The figure as SVG.
-pub(super) fn svg(report: &Report) -> String {
-    let n = report.data_sets as f64;
+pub(super) fn svg(ranks: &Ranks) -> String {
+    let n = ranks.data_sets as f64;
     let off = |k: usize, count: usize| count as f64 / n - (k + 1) as f64 / 100.0;
-    let reach = report
+    let reach = ranks
         .band
         .iter()
         .enumerate()
         .flat_map(|(k, (low, high))| [off(k, *low), off(k, *high)])
-        .chain(report.ranked.iter().flat_map(|r| {
+        .chain(ranks.ranked.iter().flat_map(|r| {
             r.counts.iter().enumerate().map(|(k, c)| off(k, *c)).collect::<Vec<f64>>()
         }))
         .fold(0.0, |most: f64, v| most.max(v.abs()))
         * 1.1;
-    let rows = report.ranked.len().div_ceil(COLUMNS);
+    let rows = ranks.ranked.len().div_ceil(COLUMNS);
     let width = GAP[0] + COLUMNS as f64 * (PANEL[0] + GAP[0]);
     let height = GAP[1] + rows as f64 * (PANEL[1] + GAP[1]);
     let mut text = format!(
@@ -31,9 +31,9 @@ pub(super) fn svg(report: &Report) -> String {
          font-family=\"DejaVu Sans, sans-serif\" font-size=\"7.5\">\n\
          <rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n\
          <text x=\"{}\" y=\"14\">{}</text>\n",
-        GAP[0], report.title
+        GAP[0], ranks.title
     );
-    for (place, ranked) in report.ranked.iter().enumerate() {
+    for (place, ranked) in ranks.ranked.iter().enumerate() {
         let left = GAP[0] + (place % COLUMNS) as f64 * (PANEL[0] + GAP[0]);
         let top = GAP[1] + (place / COLUMNS) as f64 * (PANEL[1] + GAP[1]);
         let x = |k: usize| left + PANEL[0] * (k + 1) as f64 / 100.0;
@@ -44,9 +44,9 @@ pub(super) fn svg(report: &Report) -> String {
                 text
             })
         };
-        let lower: Vec<_> = report.band.iter().enumerate().map(|(k, b)| (k, off(k, b.0))).collect();
+        let lower: Vec<_> = ranks.band.iter().enumerate().map(|(k, b)| (k, off(k, b.0))).collect();
         let upper =
-            report.band.iter().enumerate().rev().map(|(k, b)| (k, off(k, b.1))).collect::<Vec<_>>();
+            ranks.band.iter().enumerate().rev().map(|(k, b)| (k, off(k, b.1))).collect::<Vec<_>>();
         let line = ranked.counts.iter().enumerate().map(|(k, c)| (k, off(k, *c))).collect();
         let _ = write!(
             text,

@@ -1,0 +1,237 @@
+//! The main job: calibrate, write the run's folder, say what was found.
+
+use std::path::{Path, PathBuf};
+
+use dem_core::Kinetics;
+use smc_calib::Noise;
+use workbench::calibration::{self, Finished, RunOptions};
+use workbench::error::{Failure, RunError};
+use workbench::material::Material;
+use workbench::output::{pool, pretty};
+use workbench::plan::{self, PairOptions, Planned};
+use workbench::{report, verify};
+
+use crate::arguments::{self, SolverChoice};
+use crate::terminal::{self, OnInterrupt, Terminal};
+
+/// The main job: calibrate one material.
+#[derive(Debug, Clone, PartialEq, clap::Args)]
+pub(crate) struct CalibrateArgs {
+    /// Built-in material: its powder, measurements and priors
+    #[arg(short, long, value_name = "NAME", value_parser = arguments::material(), help_heading = "What to calibrate")]
+    material: Option<Material>,
+
+    /// Own measurements: a description (.toml), a bare table (.csv; needs --material), or the name of
+    /// a built-in experiment [default: the material's]
+    #[arg(short, long, value_name = "FILE", help_heading = "What to calibrate")]
+    experiment: Option<PathBuf>,
+
+    /// Own priors (.toml) [default: the material's]
+    #[arg(short, long, value_name = "FILE", help_heading = "What to calibrate")]
+    prior: Option<PathBuf>,
+
+    /// Calibrate any simulator, as a plan file (.toml or .json) says: parameters, experiments, commands,
+    /// executor; see crates/workbench/docs/plan-files.md
+    #[arg(long, value_name = "FILE", conflicts_with_all = NOT_WITH_A_PLAN, help_heading = "What to calibrate")]
+    plan: Option<PathBuf>,
+
+    /// Go on with a run of a plan that was interrupted, from its folder; nothing that finished is run again
+    #[arg(long, value_name = "DIR", conflicts_with_all = NOT_WITH_A_PLAN, conflicts_with_all = ["out", "dry_run"], help_heading = "What to calibrate")]
+    resume: Option<PathBuf>,
+
+    /// Fit only the observations from T0 to T1, in seconds; either may be left out, as in 0.5:
+    /// [default: all]
+    #[arg(long, value_name = "T0:T1", value_parser = arguments::window, allow_hyphen_values = true, help_heading = "What to calibrate")]
+    window: Option<[f64; 2]>,
+
+    /// How the neck grows
+    #[arg(long, value_name = "NAME", default_value = "three-stage", value_parser = arguments::kinetics(), help_heading = "Model")]
+    kinetics: Kinetics,
+
+    /// How the curve is computed; auto takes the cheapest solver within --tolerance
+    #[arg(long, value_name = "NAME", default_value = "auto", value_parser = arguments::solver(), help_heading = "Model")]
+    solver: SolverChoice,
+
+    /// Largest error of a/R allowed to the solver
+    #[arg(long, value_name = "A/R", default_value = "1e-4", value_parser = arguments::tolerance, help_heading = "Model")]
+    tolerance: f64,
+
+    /// How measurements scatter: inferred, inferred:NU0,S0, fixed:SIGMA, fixed:table (the column
+    /// sigma), fixed-relative:SHARE of the value, ess-target:SHARE (GrainLearning's tuning; the result
+    /// is not a posterior). inferred stands for inferred:4,0.05
+    #[arg(long, value_name = "MODEL", default_value = "inferred", value_parser = arguments::noise, help_heading = "Model")]
+    noise: Noise,
+
+    /// Simulations in total
+    #[arg(short = 'n', long, value_name = "N", default_value_t = 16_384, value_parser = arguments::samples, help_heading = "Sampling")]
+    samples: usize,
+
+    /// Adaptive stages, over which the proposal is refined [default: 8; up to 1000 simulations 20
+    /// small ones, placed by a Gaussian process]
+    #[arg(long, value_name = "N", value_parser = arguments::iterations, help_heading = "Sampling")]
+    iterations: Option<usize>,
+
+    /// Stop refining early once the effective sample size reaches N [default: use all samples]
+    #[arg(long, value_name = "N", value_parser = arguments::effective_samples, help_heading = "Sampling")]
+    ess: Option<f64>,
+
+    /// Seed of the random numbers; the same seed gives the same bits, for any number of threads
+    #[arg(short, long, value_name = "N", default_value_t = 1, help_heading = "Sampling")]
+    seed: u64,
+
+    /// Threads [default: all cores]
+    #[arg(short = 'j', long, value_name = "N", value_parser = arguments::threads, help_heading = "Sampling")]
+    threads: Option<usize>,
+
+    /// Folder for the results [default: results/NAME of the material or experiment]
+    #[arg(short, long, value_name = "DIR", help_heading = "Output")]
+    out: Option<PathBuf>,
+
+    /// What Ctrl-C does to jobs on a cluster: detach leaves them running for --resume, cancel ends them.
+    /// Runs on this machine are ended in any case
+    #[arg(long, value_name = "WHAT", default_value = "detach", value_parser = arguments::on_interrupt(), help_heading = "Output")]
+    on_interrupt: OnInterrupt,
+
+    /// Print the plan and stop: what would be read, run and written
+    #[arg(long, help_heading = "Output")]
+    dry_run: bool,
+
+    /// Say nothing but warnings and errors
+    #[arg(short, long, help_heading = "Output")]
+    quiet: bool,
+
+    /// Print the summary (or with --dry-run the plan) as JSON
+    #[arg(long, help_heading = "Output")]
+    json: bool,
+
+    /// With --dry-run: print the plan file that does the same, for --plan
+    #[arg(long, requires = "dry_run", conflicts_with = "json", help_heading = "Output")]
+    toml: bool,
+
+    /// Hold the posterior against quadrature afterwards, and fail where they differ
+    #[arg(long, help_heading = "Output")]
+    verify: bool,
+}
+
+/// Options that a plan file says itself.
+const NOT_WITH_A_PLAN: [&str; 13] = [
+    "material",
+    "experiment",
+    "prior",
+    "window",
+    "kinetics",
+    "solver",
+    "tolerance",
+    "noise",
+    "samples",
+    "iterations",
+    "ess",
+    "seed",
+    "verify",
+];
+
+impl CalibrateArgs {
+    /// Whether nothing was asked for.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.material.is_none()
+            && self.experiment.is_none()
+            && self.plan.is_none()
+            && self.resume.is_none()
+    }
+
+    /// What is asked of one pair of particles.
+    pub(crate) fn pair(&self) -> PairOptions {
+        PairOptions {
+            material: self.material,
+            experiment: self.experiment.clone(),
+            prior: self.prior.clone(),
+            window_s: self.window,
+            kinetics: self.kinetics,
+            solver: self.solver,
+            tolerance: self.tolerance,
+            noise: self.noise.clone(),
+            samples: self.samples,
+            iterations: self.iterations,
+            ess: self.ess,
+            seed: self.seed,
+        }
+    }
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
+    let planned = match (&args.plan, &args.resume) {
+        (Some(file), _) => Some(Planned::read(file)?),
+        (None, None) => Some(args.pair().plan()?),
+        (None, Some(_)) => None,
+    };
+    let options = RunOptions {
+        out: args.out.clone(),
+        threads: args.threads,
+        worker: vec![program()?, "run-task".to_owned()],
+    };
+    let finished = match (&args.resume, &planned) {
+        (Some(dir), given) => {
+            let terminal = Terminal::new(args.quiet, args.on_interrupt);
+            let finished = calibration::resume(dir, given.as_ref(), &options, &terminal)?;
+            say(args, &terminal, finished)?
+        }
+        (None, Some(planned)) => {
+            let out = options.folder(planned)?;
+            if args.dry_run {
+                return dry_run(args, planned, &out);
+            }
+            let terminal = Terminal::new(args.quiet, args.on_interrupt);
+            let finished = calibration::run(planned, &options, &terminal)?;
+            say(args, &terminal, finished)?
+        }
+        (None, None) => return Ok(()),
+    };
+    if args.verify {
+        let checked = pool(args.threads)?.install(|| verify::verify(&finished.record))?;
+        if !args.quiet {
+            eprint!("{}", checked.text());
+        }
+        checked.passed()?;
+    }
+    Ok(())
+}
+
+/// This program, by which jobs on a cluster call it.
+fn program() -> Result<String, RunError> {
+    std::env::current_exe().map(|path| path.display().to_string()).map_err(|error| {
+        RunError::new(format_args!("the path of this program is not known: {error}"))
+    })
+}
+
+fn dry_run(args: &CalibrateArgs, planned: &Planned, out: &Path) -> Result<(), Failure> {
+    let text = match (args.json, args.toml) {
+        (true, _) => pretty(&planned.plan)?,
+        (_, true) => planned.text.clone(),
+        _ => plan::dry_run(planned, out),
+    };
+    terminal::write(text.as_bytes())?;
+    for warning in &planned.warnings {
+        eprintln!("warning: {warning}");
+    }
+    Ok(())
+}
+
+fn say(
+    args: &CalibrateArgs,
+    terminal: &Terminal,
+    finished: Finished,
+) -> Result<Finished, Failure> {
+    let Finished { record, out, published, timings } = &finished;
+    terminal.announce(published, out);
+    terminal.advise(&record.advice);
+    terminal.print(args.json, || match args.json {
+        true => {
+            let mut text = report::json(record, Some(out)).map_err(RunError::new)?;
+            text.push('\n');
+            Ok(text)
+        }
+        false => Ok(report::text(record, Some(timings.inference_seconds), Some(out))),
+    })?;
+    Ok(finished)
+}

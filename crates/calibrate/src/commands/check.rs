@@ -1,0 +1,46 @@
+//! `calibrate check`: what the program understands of files, or what is wrong with them.
+
+use std::path::PathBuf;
+
+use workbench::check::file_at;
+use workbench::error::Failure;
+
+use crate::terminal;
+
+/// Files to validate.
+#[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
+pub(crate) struct CheckArgs {
+    /// Descriptions, priors and plans (.toml), observation tables (.csv), posteriors (.json)
+    #[arg(value_name = "FILE", required = true)]
+    files: Vec<PathBuf>,
+
+    /// Say nothing about files that are right
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// Runs the command; it goes on after a mistake, so that all are reported.
+pub(crate) fn run(args: &CheckArgs) -> Result<(), Failure> {
+    let mut right = true;
+    for file in &args.files {
+        match file_at(file) {
+            Ok(understood) => {
+                if !args.quiet {
+                    let mut text = format!("{}: ok, {}\n", file.display(), understood.headline);
+                    for detail in &understood.details {
+                        text.push_str(&format!("  {detail}\n"));
+                    }
+                    terminal::write(text.as_bytes())?;
+                }
+                for warning in &understood.warnings {
+                    eprintln!("warning: {warning}");
+                }
+            }
+            Err(error) => {
+                right = false;
+                eprintln!("error: {error}");
+            }
+        }
+    }
+    if right { Ok(()) } else { Err(Failure::InputReported) }
+}

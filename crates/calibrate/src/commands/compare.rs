@@ -1,0 +1,101 @@
+//! `calibrate compare`: which kinetics the data support.
+
+use std::path::PathBuf;
+
+use workbench::compare::{CompareOptions, Compared, RECORD, render};
+use workbench::error::Failure;
+use workbench::material::Material;
+use workbench::output::RunFolder;
+use workbench::run::{pool, pretty};
+
+use crate::arguments;
+use crate::terminal::{OnInterrupt, Terminal};
+
+const EXAMPLES: &str = "\
+Examples:
+  calibrate compare                             all three built-in materials
+  calibrate compare --material ps --phi         with the final contact ratio as a fourth parameter
+  calibrate compare --experiment experiments/example-my-powder.toml --prior priors/example-my-powder.toml
+
+The priors are those of the materials, the same for every kinetics that has the parameter.";
+
+/// A comparison of kinetics.
+#[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct CompareArgs {
+    /// Built-in material [default: all three]
+    #[arg(short, long, value_name = "NAME", value_parser = arguments::material())]
+    material: Option<Material>,
+
+    /// Own measurements: a description (.toml), a bare table (.csv; needs --material), or the name of
+    /// a built-in experiment
+    #[arg(short, long, value_name = "FILE")]
+    experiment: Option<PathBuf>,
+
+    /// Own priors (.toml) [default: the material's]
+    #[arg(short, long, value_name = "FILE", requires = "experiment")]
+    prior: Option<PathBuf>,
+
+    /// Calibrate the final contact ratio phi too, uniform from 1.0 to 1.35 for every kinetics
+    #[arg(long)]
+    phi: bool,
+
+    /// Simulations per calibration
+    #[arg(short = 'n', long, value_name = "N", default_value_t = 16_384, value_parser = arguments::samples)]
+    samples: usize,
+
+    /// Seed of the random numbers
+    #[arg(short, long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+
+    /// Threads [default: all cores]
+    #[arg(short = 'j', long, value_name = "N", value_parser = arguments::threads)]
+    threads: Option<usize>,
+
+    /// Logarithmic time axis in the figures
+    #[arg(long)]
+    log_time: bool,
+
+    /// Folder for the results
+    #[arg(short, long, value_name = "DIR", default_value = "results/compare")]
+    out: PathBuf,
+
+    /// Say nothing but warnings and errors
+    #[arg(short, long)]
+    quiet: bool,
+
+    /// Print the comparison as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &CompareArgs) -> Result<(), Failure> {
+    let folder = RunFolder::prepare(&args.out, RECORD)?;
+    let terminal = Terminal::new(args.quiet, OnInterrupt::Detach);
+    let options = CompareOptions {
+        material: args.material,
+        experiment: args.experiment.clone(),
+        prior: args.prior.clone(),
+        phi: args.phi,
+        samples: args.samples,
+        seed: args.seed,
+        log_time: args.log_time,
+    };
+    let (compared, published) = pool(args.threads)?.install(|| {
+        let compared = Compared::new(&options, &terminal)?;
+        let published = compared.publish(&folder)?;
+        Ok::<_, Failure>((compared, published))
+    })?;
+    terminal.announce(&published, &args.out);
+    terminal.print(args.json, || {
+        if args.json {
+            return Ok(pretty(&compared.report)?);
+        }
+        let comparisons: String = compared.report.comparisons.iter().map(render::terminal).collect();
+        let out = args.out.display();
+        Ok(format!(
+            "{comparisons}files: {out}/ (compare.md, compare.csv, compare.json, compare-*.png, .svg)\n"
+        ))
+    })
+}

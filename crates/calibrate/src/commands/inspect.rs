@@ -1,0 +1,32 @@
+//! `calibrate inspect`: a saved posterior as tables in the terminal.
+
+use std::path::PathBuf;
+
+use workbench::error::{Failure, RunError};
+use workbench::{record, report};
+
+use crate::terminal;
+
+/// A saved run.
+#[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
+pub(crate) struct InspectArgs {
+    /// A posterior.json, or the folder it is in
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+
+    /// Print the summary as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
+    let record = record::read(&args.file)?;
+    let text = if args.json {
+        report::json(&record, None).map_err(RunError::new)?
+    } else {
+        let summary = report::text(&record, None, None);
+        format!("{summary}\n{}", report::details(&record).trim_end())
+    };
+    terminal::write(format!("{text}\n").as_bytes())
+}

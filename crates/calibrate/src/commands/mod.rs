@@ -1,0 +1,204 @@
+//! The commands, one file each: its options, and how they become a call of the library.
+
+mod calibrate;
+mod check;
+mod compare;
+mod completions;
+mod densify;
+mod export;
+mod inspect;
+mod plot;
+mod predict;
+mod run_task;
+mod scene;
+mod simulate;
+mod status;
+mod table3;
+mod validate;
+
+use clap::{CommandFactory as _, Parser, Subcommand};
+use workbench::error::Failure;
+
+use calibrate::CalibrateArgs;
+use check::CheckArgs;
+use compare::CompareArgs;
+use completions::CompletionsArgs;
+use densify::DensifyArgs;
+use export::ExportArgs;
+use inspect::InspectArgs;
+use plot::PlotArgs;
+use predict::PredictArgs;
+use run_task::RunTaskArgs;
+use scene::SceneArgs;
+use simulate::SimulateArgs;
+use status::StatusArgs;
+use table3::Table3Args;
+use validate::ValidateArgs;
+
+const AFTER_HELP: &str = "\
+Examples:
+  calibrate --material ps                       measured neck growth of polystyrene -> results/ps/
+  calibrate --material pa12 --dry-run           say what would be done, and stop
+  calibrate --material ps --experiment my.csv   own measurements of a built-in powder
+  calibrate --experiment experiments/example-my-powder.toml --prior priors/example-my-powder.toml
+                                                own powder, own measurements, own priors
+  calibrate --plan experiments/external/impact.toml
+                                                own simulation program, own measurements of any kind
+  calibrate --resume results/impact             go on after an interruption
+  calibrate inspect results/ps/posterior.json   print a posterior again
+  calibrate plot results/ps --width full        draw its figures again
+  calibrate compare --material ps               which kinetics do the data support?
+  calibrate table3                              the paper's Table 3, all three materials
+
+All quantities are SI. Exit codes: 0 done, 1 the run failed, 2 a mistake in what was given,
+130 interrupted.";
+
+/// What `calibrate` alone prints.
+pub(crate) const SHORT_HELP: &str = "\
+Posteriors of sintering parameters from measured neck growth.
+
+  calibrate --material ps        calibrate polystyrene and write results/ps/
+  calibrate --help               everything else
+
+Built-in materials: ps, pa12, peek.";
+
+/// Posteriors of sintering parameters (C1, tau_s, delta_c) from the measured neck growth of two
+/// particles
+#[derive(Debug, Clone, PartialEq, Parser)]
+#[command(
+    name = "calibrate",
+    version,
+    override_usage = "calibrate --material <NAME> [OPTIONS]\n       calibrate --experiment <FILE> [--prior <FILE>] [OPTIONS]\n       calibrate --plan <FILE> [OPTIONS]\n       calibrate --resume <DIR>\n       calibrate <COMMAND>",
+    after_help = AFTER_HELP,
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    disable_help_subcommand = true,
+    infer_subcommands = false,
+    max_term_width = 100
+)]
+pub(crate) struct Args {
+    /// A command other than the main job.
+    #[command(subcommand)]
+    command: Option<Command>,
+    /// The main job.
+    #[command(flatten)]
+    run: CalibrateArgs,
+}
+
+impl Args {
+    /// Whether nothing was asked for.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.command.is_none() && self.run.is_empty()
+    }
+}
+
+/// The commands beside the main job.
+#[derive(Debug, Clone, PartialEq, Subcommand)]
+enum Command {
+    /// Compute one neck growth curve, without calibrating anything
+    Simulate(SimulateArgs),
+    /// Print the posterior of a run that was saved
+    Inspect(InspectArgs),
+    /// Draw the figures of a saved run again, without simulating anything
+    Plot(PlotArgs),
+    /// Compare the five kinetics on measured data: evidence, errors, prediction of left-out points
+    Compare(CompareArgs),
+    /// Regenerate Table 3 of the paper: calibrate PS, PA12 and PEEK 450PF and report
+    Table3(Table3Args),
+    /// Read experiment, prior or posterior files and say what is wrong with them, without running
+    Check(CheckArgs),
+    /// Predict sintering times of a pair from a saved posterior, with their intervals
+    Predict(PredictArgs),
+    /// Run a powder bed for draws of a posterior: density over time, time to a target density
+    Densify(DensifyArgs),
+    /// Run a scene of many particles: series, pictures, VTK files
+    Scene(SceneArgs),
+    /// Check the sampler by simulation-based calibration: made data, ranks, coverage
+    Validate(ValidateArgs),
+    /// Say how far the run of a plan is: done, running, failed by cause, time left
+    Status(StatusArgs),
+    /// Write what the run of a plan has so far as tables, also while it runs
+    Export(ExportArgs),
+    /// Make given runs of a plan; what a job on a cluster calls
+    #[command(hide = true)]
+    RunTask(RunTaskArgs),
+    /// Print the completion script for a shell
+    Completions(CompletionsArgs),
+}
+
+/// Runs what was asked for.
+pub(crate) fn dispatch(args: &Args) -> Result<(), Failure> {
+    match &args.command {
+        None => calibrate::run(&args.run),
+        Some(Command::Simulate(args)) => simulate::run(args),
+        Some(Command::Inspect(args)) => inspect::run(args),
+        Some(Command::Plot(args)) => plot::run(args),
+        Some(Command::Compare(args)) => compare::run(args),
+        Some(Command::Table3(args)) => table3::run(args),
+        Some(Command::Check(args)) => check::run(args),
+        Some(Command::Predict(args)) => predict::run(args),
+        Some(Command::Densify(args)) => densify::run(args),
+        Some(Command::Scene(args)) => scene::run(args),
+        Some(Command::Validate(args)) => validate::run(args),
+        Some(Command::Status(args)) => status::run(args),
+        Some(Command::Export(args)) => export::run(args),
+        Some(Command::RunTask(args)) => run_task::run(args),
+        Some(Command::Completions(args)) => completions::run(args, Args::command()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use dem_core::Kinetics;
+    use smc_calib::Noise;
+        use workbench::material::Material;
+    use workbench::plan::PairOptions;
+
+    use super::*;
+
+    fn parse(line: &str) -> Result<Args, clap::Error> {
+        Args::try_parse_from(std::iter::once("calibrate").chain(line.split_whitespace()))
+    }
+
+    fn refused(line: &str) -> String {
+        let error = parse(line).expect_err(line);
+        assert_eq!(error.exit_code(), 2, "{line}");
+        error.to_string()
+    }
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Args::command().debug_assert();
+    }
+
+    #[test]
+    fn the_main_job_needs_a_material_and_has_the_documented_defaults() {
+        let args = parse("--material ps").expect("valid");
+        assert_eq!(args.command, None);
+        let documented = PairOptions { material: Some(Material::Ps), ..PairOptions::default() };
+        assert_eq!(args.run.pair(), documented);
+        assert_eq!((documented.samples, documented.iterations), (16_384, None));
+        assert_eq!((documented.tolerance, documented.seed), (1e-4, 1));
+        assert_eq!((documented.kinetics, documented.solver), (Kinetics::ThreeStage, None));
+        assert_eq!(documented.noise, Noise::Inferred { nu0: 4.0, s0: 0.05 });
+        assert!(parse("").expect("nothing").is_empty());
+    }
+
+    #[test]
+    fn mistakes_on_the_command_line_exit_2_and_offer_a_remedy() {
+        assert!(refused("--material pekk").contains("peek"));
+        assert!(refused("--material ps --kinetics frenkle").contains("frenkel"));
+        assert!(refused("--material ps --solver verlett").contains("verlet"));
+        assert!(refused("--materiel ps").contains("--material"));
+        assert!(refused("--material ps --samples 0").contains("from 16 to"));
+        assert!(refused("--material ps --samples 1.5").contains("whole number"));
+        assert!(refused("--material ps --tolerance 0").contains("1e-12"));
+        assert!(refused("--material ps --window 2:1").contains("1:2"));
+        assert!(refused("--material ps --resume").contains("--resume"));
+        assert!(refused("simulate --material ps --tau-s -1").contains("> 0"));
+        assert!(refused("simulate --material ps --tau-s 1,5").contains("1.5"));
+        assert!(refused("simulate --table3 --c1 1").contains("--c1"));
+        assert!(refused("check").contains("FILE"));
+        assert_eq!(parse("--material ps --samples 1e5").expect("1e5").run.pair().samples, 100_000);
+    }
+}

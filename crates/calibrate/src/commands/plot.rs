@@ -1,0 +1,71 @@
+//! `calibrate plot`: the figures of a saved run, drawn again from its files.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use figures::Width;
+use workbench::error::{Failure, InputError, Mistake, RunError};
+use workbench::{output, record, report};
+
+use crate::arguments;
+use crate::terminal;
+
+/// Figures of a saved run.
+#[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
+#[command(after_help = PLOT_EXAMPLES)]
+pub(crate) struct PlotArgs {
+    /// A posterior.json, or the folder it is in; samples.csv must be beside it
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+
+    /// Logarithmic time axes, for stages that span decades
+    #[arg(long)]
+    log_time: bool,
+
+    /// Printed width: column is 85 mm, full is 170 mm
+    #[arg(long, value_name = "WIDTH", default_value = "column", value_parser = arguments::width())]
+    width: Width,
+
+    /// Folder for the figures [default: the folder of the run]
+    #[arg(short, long, value_name = "DIR")]
+    out: Option<PathBuf>,
+
+    /// Say nothing but errors
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &PlotArgs) -> Result<(), Failure> {
+    let path = record::locate(&args.file);
+    let record = record::read(&args.file)?;
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    let samples = report::read_samples(&record, folder)?;
+    let out = args.out.as_deref().unwrap_or(folder);
+    if args.out.is_some() {
+        fs::create_dir_all(out).map_err(|error| {
+            InputError::new("--out", Mistake::Unwritable)
+                .found(format_args!("{} ({error})", out.display()))
+                .expected("a folder for the figures")
+        })?;
+    }
+    output::check_file(&out.join("corner.png"))?;
+    let figures = report::pictures(&record, &samples, args.log_time);
+    report::draw_all(&figures, args.width, &|name, bytes| {
+        output::write_file(&out.join(name), bytes)
+            .map_err(|error| RunError::new(format_args!("{}: {error}", out.join(name).display())))
+    })?;
+    if args.quiet {
+        return Ok(());
+    }
+    let width = match args.width {
+        Width::Column => "85 mm",
+        Width::Full => "170 mm",
+    };
+    let names: Vec<&str> = figures.iter().map(|(name, _)| name.as_str()).collect();
+    let names = names.join(", ");
+    terminal::write(format!("{}/: {names} (.png, .svg; {width} wide)\n", out.display()).as_bytes())
+}

@@ -1,0 +1,65 @@
+//! `calibrate predict`: sintering times of a pair from a saved posterior.
+
+use std::path::PathBuf;
+
+use workbench::error::Failure;
+use workbench::output::write_file;
+use workbench::pair_draws::PairDraws;
+use workbench::predict::predict;
+use workbench::run::pretty;
+
+use crate::arguments;
+use crate::terminal;
+
+const EXAMPLES: &str = "\
+Examples:
+  calibrate predict --posterior results/pa12 --contact-ratio 0.9
+  calibrate predict --posterior results/pa12 --coalescence 60 --coalescence 100
+  calibrate predict --posterior results/pa12 --after 1,2,5 --radius-m 25e-6";
+
+/// What to predict from a saved posterior.
+#[derive(Debug, Clone, PartialEq, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct PredictArgs {
+    /// A posterior.json, or the folder it is in; draws.csv must be beside it
+    #[arg(short, long, value_name = "FILE")]
+    posterior: PathBuf,
+
+    /// When is this contact ratio a/R reached?
+    #[arg(short, long, value_name = "A/R", value_delimiter = ',', value_parser = arguments::contact_ratio, allow_negative_numbers = true)]
+    contact_ratio: Vec<f64>,
+
+    /// When is this much coalescence reached, in percent of a/R = 1?
+    #[arg(long, value_name = "PERCENT", value_delimiter = ',', value_parser = arguments::percent, allow_negative_numbers = true)]
+    coalescence: Vec<f64>,
+
+    /// What is a/R after this time in seconds?
+    #[arg(short, long, value_name = "S", value_delimiter = ',', value_parser = arguments::positive, allow_negative_numbers = true)]
+    after: Vec<f64>,
+
+    /// Radius of the pair in metres [default: the one that was calibrated]; tau_s moves in proportion
+    #[arg(short, long, value_name = "M", value_parser = arguments::positive, allow_negative_numbers = true)]
+    radius_m: Option<f64>,
+
+    /// Write the predictions as CSV too
+    #[arg(short, long, value_name = "FILE")]
+    out: Option<PathBuf>,
+
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &PredictArgs) -> Result<(), Failure> {
+    let mut targets = args.contact_ratio.clone();
+    // The paper counts coalescence in percent of a/R = 1.
+    targets.extend(args.coalescence.iter().map(|percent| percent / 100.0));
+    let calibrated = PairDraws::read(&args.posterior)?;
+    let prediction = predict(&calibrated, &targets, &args.after, args.radius_m)?;
+    if let Some(out) = &args.out {
+        write_file(out, prediction.csv().as_bytes())?;
+    }
+    let text = if args.json { pretty(&prediction)? } else { prediction.text() };
+    terminal::write(text.as_bytes())
+}

@@ -1,0 +1,74 @@
+//! `calibrate validate`: does the sampler hold the truth as often as it says?
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use workbench::args::RunArgs;
+use workbench::error::{Failure, RunError};
+use workbench::material::Material;
+use workbench::plan::Planned;
+use workbench::run::pool;
+use workbench::validation::{self, Size, Verdict};
+
+use crate::arguments;
+use crate::terminal::{OnInterrupt, Terminal};
+
+/// Simulation-based calibration: does the sampler hold the truth as often as it says?
+#[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
+pub(crate) struct ValidateArgs {
+    /// Built-in material: its times, priors and powder [default: ps]
+    #[arg(short, long, value_name = "NAME", value_parser = arguments::material())]
+    material: Option<Material>,
+
+    /// Own times and powder: a description (.toml), a bare table (.csv; needs --material), or the name of
+    /// a built-in experiment
+    #[arg(short, long, value_name = "FILE")]
+    experiment: Option<PathBuf>,
+
+    /// Own priors (.toml) [default: the material's]
+    #[arg(short, long, value_name = "FILE", requires = "experiment")]
+    prior: Option<PathBuf>,
+
+    /// Number of data sets that are made and calibrated
+    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = arguments::data_sets)]
+    data_sets: usize,
+
+    /// Simulations per calibration; by default those of the main job
+    #[arg(short = 'n', long, value_name = "N", default_value_t = 16_384, value_parser = arguments::samples_of_many)]
+    samples: usize,
+
+    /// Seed of the data sets and of the calibrations
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+
+    /// Number of threads [default: all cores]
+    #[arg(short = 'j', long, value_name = "N", value_parser = arguments::threads)]
+    threads: Option<usize>,
+
+    /// Folder for the table and the figure
+    #[arg(short, long, value_name = "DIR", default_value = "results/validation")]
+    out: PathBuf,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
+    let by_default = args.experiment.is_none().then_some(Material::Ps);
+    let planned = Planned::from_args(&RunArgs {
+        material: args.material.or(by_default),
+        experiment: args.experiment.clone(),
+        prior: args.prior.clone(),
+        ..RunArgs::default()
+    })?;
+    let size = Size { data_sets: args.data_sets, samples: args.samples, seed: args.seed };
+    let terminal = Terminal::new(false, OnInterrupt::Detach);
+    let pool = pool(args.threads)?;
+    let start = Instant::now();
+    let ranks = pool.install(|| validation::study(&planned, size, &terminal))?;
+    let text = ranks.markdown(start.elapsed().as_secs_f64(), pool.current_num_threads());
+    validation::write(&ranks, &text, &args.out, &planned.plan.name)?;
+    eprint!("{text}");
+    match ranks.verdict() {
+        Verdict::Passed => Ok(()),
+        Verdict::Failed(why) => Err(RunError::new(format_args!("validation failed: {why}")).into()),
+    }
+}

@@ -1,0 +1,67 @@
+//! Factors of small symmetric matrices, row by row in plain slices.
+//!
+//! Written here because their bits are part of every result: samples are placed and weighted by these factors, and
+//! another order of the sums would move them.
+
+/// Lower Cholesky factor of a symmetric matrix (row by row), or none where it is not positive definite.
+pub(crate) fn cholesky(matrix: &[f64], d: usize) -> Option<Vec<f64>> {
+    let mut l = vec![0.0; d * d];
+    for i in 0..d {
+        for j in 0..=i {
+            let dot: f64 = (0..j).map(|k| l[i * d + k] * l[j * d + k]).sum();
+            let rest = matrix[i * d + j] - dot;
+            if i == j {
+                if !(rest > 0.0 && rest.is_finite()) {
+                    return None;
+                }
+                l[i * d + i] = rest.sqrt();
+            } else {
+                l[i * d + j] = rest / l[j * d + j];
+            }
+        }
+    }
+    Some(l)
+}
+
+/// Inverse of a lower triangular factor, lower triangle packed row by row.
+pub(crate) fn packed_inverse(factor: &[f64], d: usize) -> Vec<f64> {
+    let mut full = vec![0.0; d * d];
+    for j in 0..d {
+        full[j * d + j] = 1.0 / factor[j * d + j];
+        for i in j + 1..d {
+            let dot: f64 = (j..i).map(|k| factor[i * d + k] * full[k * d + j]).sum();
+            full[i * d + j] = -dot / factor[i * d + i];
+        }
+    }
+    (0..d).flat_map(|i| (0..=i).map(move |j| (i, j))).map(|(i, j)| full[i * d + j]).collect()
+}
+
+/// Solves `factor factor^T x = right`, the factor lower triangular, row by row.
+pub(crate) fn solve(factor: &[f64], right: &[f64]) -> Vec<f64> {
+    let p = right.len();
+    let mut x = right.to_vec();
+    for a in 0..p {
+        let dot: f64 = (0..a).map(|b| factor[a * p + b] * x[b]).sum();
+        x[a] = (x[a] - dot) / factor[a * p + a];
+    }
+    for a in (0..p).rev() {
+        let dot: f64 = (a + 1..p).map(|b| factor[b * p + a] * x[b]).sum();
+        x[a] = (x[a] - dot) / factor[a * p + a];
+    }
+    x
+}
+
+/// W^T W of a lower triangle W, packed row by row.
+pub(crate) fn gram(lower: &[f64], d: usize) -> Vec<f64> {
+    let mut sum = vec![0.0; d * d];
+    let mut row = 0;
+    for i in 0..d {
+        for a in 0..=i {
+            for b in 0..=i {
+                sum[a * d + b] += lower[row + a] * lower[row + b];
+            }
+        }
+        row += i + 1;
+    }
+    sum
+}

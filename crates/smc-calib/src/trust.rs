@@ -1,0 +1,314 @@
+//! Whether a result can be trusted: the one judgement that tables, files and users ask for.
+//!
+//! A result has *converged* where nothing speaks against its weights and it has the effective samples wished for; it is
+//! *rough* where only those are missing; else it is *untrusted*. What else a user should know of it (parameters that the
+//! data do not inform, a poor fit, ..) are its [`Concern`]s. All limits are in [`limits`].
+
+mod concern;
+pub mod limits;
+#[cfg(test)]
+mod tests;
+
+pub use concern::Concern;
+
+use self::limits::*;
+use crate::posterior::{Evidence, ParameterSummary, Posterior, Residuals};
+use crate::prior::PriorSpec;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// Whether a result is what it says, to the accuracy that users expect.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// Nothing speaks against it, and it has the effective samples wished for.
+    Converged,
+    /// Nothing speaks against it but few effective samples.
+    Rough,
+    /// Means, intervals and evidence may be wrong.
+    Untrusted,
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Converged => "converged",
+            Self::Rough => "rough",
+            Self::Untrusted => "NOT TO BE TRUSTED",
+        })
+    }
+}
+
+/// How far a result can be trusted, and why.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Trust {
+    /// The verdict.
+    pub verdict: Verdict,
+    /// Effective samples, by the importance weights.
+    pub effective_samples: f64,
+    /// Effective samples wished for: a third of the simulations, at least 40 and at most 400.
+    pub effective_samples_wished: f64,
+    /// Pareto shape of the importance weights, the largest over the weights and all parameters.
+    pub khat: f64,
+    /// Pareto shape from which on weights cannot be trusted.
+    pub khat_limit: f64,
+    /// Whether the standard error of the log evidence can be believed.
+    pub evidence_error_known: bool,
+    /// Reasons to be careful.
+    pub concerns: Vec<Concern>,
+}
+
+impl Trust {
+    /// Whether the result has converged.
+    pub fn is_full(&self) -> bool {
+        self.verdict == Verdict::Converged
+    }
+
+    /// One line: the verdict, and what it was read from. `evidence` is that of the same result.
+    pub fn line(&self, evidence: &Evidence) -> String {
+        let wished = self.effective_samples_wished;
+        let of = if self.effective_samples < wished {
+            format!(" of at least {wished:.0} wished for")
+        } else {
+            String::new()
+        };
+        format!(
+            "{}; {:.0} effective samples{of}, k-hat {:.2} (limit {}), {}",
+            self.verdict,
+            self.effective_samples,
+            self.khat,
+            self.khat_limit,
+            self.evidence(evidence)
+        )
+    }
+
+    /// The log evidence in words, with its standard error only where that can be believed.
+    pub fn evidence(&self, Evidence { value, se, .. }: &Evidence) -> String {
+        if self.concerns.contains(&Concern::NotAPosterior) {
+            "no evidence".to_owned()
+        } else if self.evidence_error_known {
+            format!("log evidence {} +- {}", to_its_error(*value, *se), two_digits(*se))
+        } else {
+            format!("log evidence {value:.1} or more, its error unknown")
+        }
+    }
+}
+
+/// A value with the decimals at which its error has two digits, three to nine.
+fn to_its_error(value: f64, error: f64) -> String {
+    let decimals = if error > 0.0 && error.is_finite() {
+        (1.0 - error.log10().floor()).clamp(3.0, 9.0) as usize
+    } else {
+        3
+    };
+    format!("{value:.decimals$}")
+}
+
+/// Two significant digits, with a power of ten below 0.001 and from 10 000.
+fn two_digits(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return value.to_string();
+    }
+    let scientific = format!("{value:.1e}");
+    let exponent: i32 =
+        scientific.split_once('e').and_then(|(_, e)| e.parse().ok()).unwrap_or_default();
+    if (-3..4).contains(&exponent) {
+        let decimals = (1 - exponent).max(0) as usize;
+        format!("{value:.decimals$}")
+    } else {
+        scientific
+    }
+}
+
+/// Whether the Pareto shape of weights lets them be trusted; not where it is not a number.
+pub fn khat_holds(khat: f64) -> bool {
+    khat < KHAT_LIMIT
+}
+
+impl Posterior {
+    /// Judges the result.
+    pub fn trust(&self) -> Trust {
+        let wished = (self.counters.simulations as f64 / SIMULATIONS_PER_SAMPLE)
+            .clamp(FEWEST_EFFECTIVE_SAMPLES, EFFECTIVE_SAMPLES);
+        let ess = self.ess.importance;
+        let sound = self.is_posterior
+            && khat_holds(self.khat)
+            && self.log_evidence.agree
+            && ess >= FEWEST_EFFECTIVE_SAMPLES;
+        Trust {
+            verdict: match (sound, ess >= wished) {
+                (true, true) => Verdict::Converged,
+                (true, false) => Verdict::Rough,
+                (false, _) => Verdict::Untrusted,
+            },
+            effective_samples: ess,
+            effective_samples_wished: wished,
+            khat: self.khat,
+            khat_limit: KHAT_LIMIT,
+            evidence_error_known: sound,
+            concerns: self.concerns(wished),
+        }
+    }
+
+    fn concerns(&self, wished: f64) -> Vec<Concern> {
+        let mut list = Vec::new();
+        let ess = self.ess.importance;
+        if !self.is_posterior {
+            list.push(Concern::NotAPosterior);
+        }
+        if ess < wished {
+            list.push(Concern::FewEffectiveSamples { ess, wished });
+        }
+        if self.is_posterior {
+            list.extend(self.about_weights());
+            list.extend(self.about_budget(wished));
+            list.extend(self.parameters.iter().filter_map(about_information));
+        }
+        let (observations, parameters) = (self.residuals.values.len(), self.parameters.len());
+        if observations < parameters {
+            list.push(Concern::FewObservations { observations, parameters });
+        }
+        list.extend(self.residuals().filter_map(about_independence));
+        list.extend((0..parameters).flat_map(|j| self.about_bounds(j)));
+        list.extend(self.about_correlations());
+        list.extend(self.about_failures());
+        list.extend(self.residuals().filter_map(about_fit));
+        list.extend(self.parameters.iter().filter_map(about_magnitude));
+        let kept = if self.path.is_empty() { self.predictive.len() } else { self.path.len() };
+        if (1..observations).contains(&kept) {
+            list.push(Concern::PathThinned { kept, observations });
+        }
+        list
+    }
+
+    /// Tails of the importance weights, and the two estimates of the evidence.
+    fn about_weights(&self) -> Vec<Concern> {
+        let heavy: Vec<_> = self.parameters.iter().filter(|p| !khat_holds(p.khat)).collect();
+        let mut list: Vec<Concern> = if heavy.len() == self.parameters.len() {
+            vec![Concern::HighKhat { parameter: None, khat: self.khat }]
+        } else {
+            let of_one = |p: &&ParameterSummary| Concern::HighKhat {
+                parameter: Some(p.parameter.name.clone()),
+                khat: p.khat,
+            };
+            heavy.iter().map(of_one).collect()
+        };
+        let e = &self.log_evidence;
+        if !e.agree {
+            list.push(Concern::EvidenceDisagrees {
+                pooled: e.pooled_value,
+                frozen: e.frozen_value,
+                se: e.pooled_se.hypot(e.frozen_se),
+            });
+        }
+        list
+    }
+
+    /// Signs that the budget was too small; those whose few samples a Gaussian process places are asked more closely.
+    fn about_budget(&self, wished: f64) -> Option<Concern> {
+        let ess = self.ess.importance;
+        let flattened = self.stages.last().is_some_and(|s| s.beta < 1.0);
+        let mut signs = Vec::new();
+        if self.settings.surrogate {
+            if ess < FEWEST_OF_SMALL_BUDGET {
+                signs.push("fewer than ten effective samples");
+            }
+            if !khat_holds(self.khat) {
+                signs.push("the importance weights have a heavy tail");
+            }
+            if !self.log_evidence.agree {
+                signs.push("the evidence of the last samples is not that of all");
+            }
+            if flattened {
+                signs
+                    .push("the likelihood was not yet known well enough to place the last samples");
+            }
+        } else if ess < wished && self.stages.len() > 1 && flattened {
+            signs.push("the last proposal was still fitted to a flattened likelihood");
+        }
+        (!signs.is_empty()).then(|| Concern::BudgetTooSmall {
+            simulations: self.counters.simulations,
+            reason: signs.join("; "),
+        })
+    }
+
+    /// Residuals of each group with its name, or those of the one group without.
+    fn residuals(&self) -> impl Iterator<Item = (Option<String>, &Residuals)> {
+        let one = self.groups.is_empty().then_some((None, &self.residuals));
+        one.into_iter().chain(self.groups.iter().map(|g| (Some(g.name.clone()), &g.residuals)))
+    }
+
+    /// Posterior mass at the bounds of parameter `j`.
+    fn about_bounds(&self, j: usize) -> Vec<Concern> {
+        let parameter = &self.parameters[j].parameter;
+        let (lower, upper) = parameter.prior.support();
+        let bounded = matches!(
+            parameter.prior.spec(),
+            PriorSpec::Uniform { .. }
+                | PriorSpec::LogUniform { .. }
+                | PriorSpec::TruncatedNormal { .. }
+        );
+        let at = |(bound, sign): (f64, f64)| {
+            let beyond = self.samples.iter().filter(|s| sign * s.z[j] > BOUND_SCORE);
+            let share: f64 = beyond.map(|s| s.weight).sum();
+            let parameter = parameter.name.clone();
+            (bounded && share > BOUND_SHARE).then_some(Concern::AtPriorBound {
+                parameter,
+                bound,
+                share,
+            })
+        };
+        [(lower, -1.0), (upper, 1.0)].into_iter().filter_map(at).collect()
+    }
+
+    fn about_correlations(&self) -> Vec<Concern> {
+        let name = |j: usize| self.parameters[j].parameter.name.clone();
+        let pairs = self.correlation.iter().enumerate().flat_map(|(i, row)| {
+            row.iter().take(i).enumerate().map(move |(j, correlation)| (i, j, *correlation))
+        });
+        pairs
+            .filter(|(.., correlation)| correlation.abs() > CORRELATION_LIMIT)
+            .map(|(i, j, correlation)| Concern::NotSeparable {
+                first: name(j),
+                second: name(i),
+                correlation,
+            })
+            .collect()
+    }
+
+    fn about_failures(&self) -> Option<Concern> {
+        let failed: usize = self.failures.iter().map(|f| f.count).sum();
+        let simulations = self.counters.simulations;
+        (failed as f64 > FAILED_SHARE * simulations as f64).then(|| Concern::ManyFailures {
+            failed,
+            simulations,
+            commonest: self.failures.first().map_or_else(String::new, |f| f.cause.clone()),
+        })
+    }
+}
+
+fn about_information(p: &ParameterSummary) -> Option<Concern> {
+    let (parameter, bits) = (p.parameter.name.clone(), p.information_gain_bits);
+    (bits < INFORMED_BITS).then_some(Concern::NotInformed { parameter, bits })
+}
+
+fn about_magnitude(p: &ParameterSummary) -> Option<Concern> {
+    let interval = &p.in_si.eti95;
+    let factor = interval.upper / interval.lower;
+    let parameter = p.parameter.name.clone();
+    (interval.lower > 0.0 && factor > MAGNITUDE)
+        .then_some(Concern::OrderOfMagnitude { parameter, factor })
+}
+
+fn about_independence((group, r): (Option<String>, &Residuals)) -> Option<Concern> {
+    let dependent = r.values.len() >= FEWEST_RESIDUALS && !r.independent;
+    let (lag1, runs_z) = (r.lag1, r.runs_z);
+    dependent.then_some(Concern::ResidualsNotIndependent { lag1, runs_z, group })
+}
+
+fn about_fit((group, r): (Option<String>, &Residuals)) -> Option<Concern> {
+    r.misfit.filter(|ratio| *ratio > MISFIT_LIMIT).map(|ratio| Concern::PoorFit { ratio, group })
+}

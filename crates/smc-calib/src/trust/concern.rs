@@ -1,0 +1,237 @@
+//! What may be wrong with a result.
+
+use super::limits::{KHAT_LIMIT, UNINFORMED_BITS};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// A reason to be careful with a result.
+///
+/// [`Concern::what`] says what is wrong and by how much, [`Concern::meaning`] what that means for the result,
+/// [`Concern::remedy`] what to do; `Display` says all three.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+#[non_exhaustive]
+pub enum Concern {
+    /// Weights were tuned, not derived: not a posterior.
+    NotAPosterior,
+    /// Too few effective samples.
+    FewEffectiveSamples {
+        /// Effective sample size.
+        ess: f64,
+        /// Effective samples wished for.
+        wished: f64,
+    },
+    /// Heavy-tailed importance weights.
+    HighKhat {
+        /// Parameter, or none for the weights themselves.
+        parameter: Option<String>,
+        /// Pareto shape.
+        khat: f64,
+    },
+    /// Evidence from all samples and from the final proposal alone differ by more than three standard errors.
+    EvidenceDisagrees {
+        /// From all samples.
+        pooled: f64,
+        /// From the final proposal alone.
+        frozen: f64,
+        /// Standard error of the difference.
+        se: f64,
+    },
+    /// Budget too small for the result wished for.
+    BudgetTooSmall {
+        /// Simulations done.
+        simulations: usize,
+        /// Signs of it.
+        reason: String,
+    },
+    /// The data hardly moved this parameter.
+    NotInformed {
+        /// Parameter.
+        parameter: String,
+        /// Information gained, in bits.
+        bits: f64,
+    },
+    /// Fewer observations than parameters.
+    FewObservations {
+        /// Observations.
+        observations: usize,
+        /// Parameters.
+        parameters: usize,
+    },
+    /// Neighbouring residuals are alike, or alternate.
+    ResidualsNotIndependent {
+        /// Lag-1 autocorrelation.
+        lag1: f64,
+        /// z-score of the number of runs.
+        runs_z: f64,
+        /// Group of observations, where there are several.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        group: Option<String>,
+    },
+    /// Posterior mass at the edge of the prior.
+    AtPriorBound {
+        /// Parameter.
+        parameter: String,
+        /// The bound, in SI.
+        bound: f64,
+        /// Posterior probability of the outermost hundredth of the prior on that side.
+        share: f64,
+    },
+    /// Two parameters cannot be told apart.
+    NotSeparable {
+        /// First parameter.
+        first: String,
+        /// Second parameter.
+        second: String,
+        /// Correlation.
+        correlation: f64,
+    },
+    /// Many simulations failed.
+    ManyFailures {
+        /// Failed.
+        failed: usize,
+        /// Done.
+        simulations: usize,
+        /// The commonest cause.
+        commonest: String,
+    },
+    /// The best curve misses the data by much more than the noise that was expected.
+    PoorFit {
+        /// Root mean square residual of the MAP curve, in expected noise standard deviations.
+        ratio: f64,
+        /// Group of observations, where there are several.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        group: Option<String>,
+    },
+    /// A parameter is known to its order of magnitude at best.
+    OrderOfMagnitude {
+        /// Parameter.
+        parameter: String,
+        /// Ratio of the ends of its 95 % interval.
+        factor: f64,
+    },
+    /// The path keeps only some of the observations.
+    PathThinned {
+        /// Kept.
+        kept: usize,
+        /// All.
+        observations: usize,
+    },
+}
+
+impl Concern {
+    /// What is wrong, and by how much.
+    pub fn what(&self) -> String {
+        match self {
+            Self::NotAPosterior => "the noise was tuned to a wished-for effective sample size and proposals were not corrected for".to_owned(),
+            Self::FewEffectiveSamples { ess, .. } => format!("only {ess:.0} effective samples"),
+            Self::HighKhat { parameter, khat } => format!(
+                "the importance weights{} have a heavy tail (k-hat {khat:.2}, trustworthy below {KHAT_LIMIT})",
+                parameter.as_ref().map_or(String::new(), |p| format!(" for {p}"))
+            ),
+            Self::EvidenceDisagrees { pooled, frozen, se } => format!(
+                "two estimates of the log evidence differ ({pooled:.3} from all samples, {frozen:.3} from the final ones, standard error {se:.3})"
+            ),
+            Self::BudgetTooSmall { simulations, .. } => format!("{simulations} simulations were too few"),
+            Self::NotInformed { parameter, bits } => format!(
+                "the data say {}about {parameter} ({bits:.2} bits)",
+                if *bits < UNINFORMED_BITS { "almost nothing " } else { "little " }
+            ),
+            Self::FewObservations { observations, parameters } => {
+                format!("{observations} observations for {parameters} parameters")
+            }
+            Self::ResidualsNotIndependent { lag1, runs_z, group } => format!(
+                "neighbouring residuals{} {} (lag-1 correlation {lag1:.2}, runs test z {runs_z:.1})",
+                of_group(group),
+                if *lag1 < 0.0 { "alternate" } else { "are alike" }
+            ),
+            Self::AtPriorBound { parameter, bound, share } => format!(
+                "{:.0} % of the posterior of {parameter} lies against its prior bound {bound:.3e}",
+                100.0 * share
+            ),
+            Self::NotSeparable { first, second, correlation } => {
+                format!("{first} and {second} cannot be told apart (correlation {correlation:.4})")
+            }
+            Self::ManyFailures { failed, simulations, commonest } => {
+                format!("{failed} of {simulations} simulations failed (most often: {commonest})")
+            }
+            Self::PoorFit { ratio, group } => format!(
+                "the best curve misses the data{} by {ratio:.1} times the expected noise",
+                of_group(group)
+            ),
+            Self::OrderOfMagnitude { parameter, factor } => {
+                format!("the 95 % interval of {parameter} spans a factor of {factor:.0}")
+            }
+            Self::PathThinned { kept, observations } => {
+                format!("the path keeps {kept} of {observations} observations")
+            }
+        }
+    }
+
+    /// What that means for the result.
+    pub fn meaning(&self) -> &str {
+        match self {
+            Self::NotAPosterior => "this is not a posterior, and its intervals mean nothing",
+            Self::FewEffectiveSamples { .. } => "means and intervals are rough",
+            Self::HighKhat { .. } => "the posterior may be incomplete",
+            Self::EvidenceDisagrees { .. } => "part of the posterior may be unseen",
+            Self::BudgetTooSmall { reason, .. } => reason,
+            Self::NotInformed { bits, .. } if *bits < UNINFORMED_BITS => {
+                "its posterior is its prior"
+            }
+            Self::NotInformed { .. } => "its posterior is near its prior",
+            Self::FewObservations { .. } => "the priors decide what the data cannot",
+            Self::ResidualsNotIndependent { lag1, .. } if *lag1 < 0.0 => {
+                "the noise is not independent, and the intervals are too wide or the model is wrong"
+            }
+            Self::ResidualsNotIndependent { .. } => {
+                "the noise is not independent or the model misses the shape, and the intervals are too narrow"
+            }
+            Self::AtPriorBound { .. } => "the prior, not the data, ends the interval there",
+            Self::NotSeparable { .. } => "only a combination of them is known",
+            Self::ManyFailures { .. } => {
+                "the posterior is that of the parameters that can be simulated"
+            }
+            Self::PoorFit { .. } => "the model or the data are in doubt, not only the parameters",
+            Self::OrderOfMagnitude { .. } => "it is known to its order of magnitude at best",
+            Self::PathThinned { .. } => "the posterior uses all of them",
+        }
+    }
+
+    /// What to do.
+    pub fn remedy(&self) -> &'static str {
+        match self {
+            Self::NotAPosterior => "calibrate with inferred or fixed noise",
+            Self::FewEffectiveSamples { .. }
+            | Self::HighKhat { .. }
+            | Self::EvidenceDisagrees { .. }
+            | Self::BudgetTooSmall { .. } => "run more simulations",
+            Self::NotInformed { .. } | Self::OrderOfMagnitude { .. } => {
+                "measure where it matters, or give a prior that holds what is known of it"
+            }
+            Self::FewObservations { .. } => "measure more, or fix what is known",
+            Self::ResidualsNotIndependent { .. } => {
+                "look at the residuals, and mend the model where they follow a pattern"
+            }
+            Self::AtPriorBound { .. } => "widen the prior if it is not a hard limit",
+            Self::NotSeparable { .. } => "measure what tells them apart, or fix one",
+            Self::ManyFailures { .. } => {
+                "mend the commonest cause, or narrow the priors to where the simulator works"
+            }
+            Self::PoorFit { .. } => "look at the fit, and at what the model leaves out",
+            Self::PathThinned { .. } => "there is nothing to do",
+        }
+    }
+}
+
+impl fmt::Display for Concern {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}; {}", self.what(), self.meaning(), self.remedy())
+    }
+}
+
+/// " of NAME" of one of several groups.
+fn of_group(group: &Option<String>) -> String {
+    group.as_ref().map_or_else(String::new, |name| format!(" of {name}"))
+}

@@ -1,0 +1,61 @@
+//! All limits by which a result is judged.
+
+/// k-hat (Pareto shape of the importance weights) from which on estimates cannot be trusted: their error then falls too
+/// slowly with the number of samples for any error bar (A. Vehtari et al., JMLR 25 (2024) 72, section 3.2).
+pub const KHAT_LIMIT: f64 = 0.7;
+
+/// Effective samples wished for: they give a mean to a twentieth of the posterior's standard deviation, and the ends of
+/// a 95 % interval to about a seventh of it.
+pub const EFFECTIVE_SAMPLES: f64 = 400.0;
+
+/// Simulations per effective sample wished for: 1200 and more are expected to give [`EFFECTIVE_SAMPLES`], fewer give
+/// in proportion what a good proposal gives.
+pub const SIMULATIONS_PER_SAMPLE: f64 = 3.0;
+
+/// Effective samples below which a result is not even rough: the ends of a 95 % interval rest on one or two samples.
+pub const FEWEST_EFFECTIVE_SAMPLES: f64 = 40.0;
+
+/// Effective samples below which a small budget was too small, whatever else is known.
+pub const FEWEST_OF_SMALL_BUDGET: f64 = 10.0;
+
+/// Standard errors by which the two estimates of the log evidence may differ: by chance they do so in 0.3 % of runs.
+pub const EVIDENCE_ERRORS: f64 = 3.0;
+
+/// Information gained \[bits\] below which the posterior of a parameter is its prior: a normal would have become
+/// narrower by about a tenth.
+pub const UNINFORMED_BITS: f64 = 0.1;
+
+/// Information gained \[bits\] below which a parameter counts as not informed by the data: a normal would have become
+/// narrower by about 40 %.
+pub const INFORMED_BITS: f64 = 0.5;
+
+/// Normal score of the outermost hundredth of a prior.
+pub const BOUND_SCORE: f64 = 2.326_347_874;
+
+/// Posterior probability of the outermost hundredth of a bounded prior above which its bound cuts the posterior off:
+/// ten times that of the prior.
+pub const BOUND_SHARE: f64 = 0.1;
+
+/// Size of the correlation above which two parameters are not told apart: along one combination of them the posterior
+/// is then more than ten times narrower than along the other.
+pub const CORRELATION_LIMIT: f64 = 0.995;
+
+/// Root mean square residual of the best curve, in expected noise standard deviations, above which the fit is poor.
+pub const MISFIT_LIMIT: f64 = 2.0;
+
+/// Share of failed simulations above which the posterior is that of the parameters that can be simulated.
+pub const FAILED_SHARE: f64 = 0.1;
+
+/// Ratio of the ends of a 95 % interval above which a positive parameter is known to its order of magnitude at best.
+pub const MAGNITUDE: f64 = 100.0;
+
+/// Fewest residuals whose independence is judged: the tests' distributions are those of many.
+pub const FEWEST_RESIDUALS: usize = 8;
+
+/// Score of the lag-1 correlation and of the runs test above which residuals are not independent: two two-sided tests
+/// at 2.5 % each, 5 % for both.
+pub const RESIDUAL_SCORE: f64 = 2.241;
+
+/// Lag-1 correlation below which the effective number of observations, m (1 - r)/(1 + r), hardly changes: over
+/// thousands of observations a correlation of 0.03 is certain and changes no interval.
+pub const RESIDUAL_CORRELATION: f64 = 0.1;

@@ -1,0 +1,309 @@
+//! Each limit, on both sides.
+
+use super::*;
+use crate::{
+    Coordinate, Counters, EffectiveSampleSize, Failure, GroupSummary, Interval, Moments, Noise,
+    Parameter, PathPoint, Prior, Sample, Settings, StageRecord, StopReason,
+};
+
+fn parameter(name: &str) -> ParameterSummary {
+    let prior = Prior::new(PriorSpec::Uniform { lower: -1.0, upper: 9.0 }).expect("a prior");
+    let eti95 = Interval { lower: 1.0, upper: 2.0, ..Interval::default() };
+    ParameterSummary {
+        parameter: Parameter::new(name, "1", prior),
+        coordinate: Coordinate::Linear,
+        in_coordinate: Moments::default(),
+        in_si: Moments { eti95, ..Moments::default() },
+        map: 1.0,
+        khat: 0.2,
+        information_gain_bits: 3.0,
+        prior_mean: 0.0,
+        prior_sd: 1.0,
+    }
+}
+
+fn sample(z: f64, weight: f64) -> Sample {
+    let (theta, z) = (vec![0.0; 2], vec![z, 0.0]);
+    let (log_likelihood, log_weight) = (Some(0.0), Some(0.0));
+    Sample { z, theta, log_likelihood, log_weight, weight, stage: 0, replicate: 0 }
+}
+
+fn stage(beta: f64) -> StageRecord {
+    StageRecord {
+        stage: 0,
+        last: true,
+        simulations: 0,
+        total: 0,
+        failed: 0,
+        failed_total: 0,
+        beta,
+        ess: 0.0,
+        log_evidence: 0.0,
+        log_evidence_se: 0.0,
+        khat: 0.0,
+        means: Vec::new(),
+        sds: Vec::new(),
+        proposal: crate::MixtureRecord::default(),
+    }
+}
+
+/// A result of two parameters and ten observations that nothing speaks against.
+fn sound() -> Posterior {
+    Posterior {
+        is_posterior: true,
+        noise: Noise::default(),
+        settings: Settings::default(),
+        samples: vec![sample(0.0, 1.0)],
+        draws: Vec::new(),
+        parameters: vec![parameter("a"), parameter("b")],
+        correlation: vec![vec![1.0, 0.0], vec![0.0, 1.0]],
+        correlation_si: Vec::new(),
+        log_evidence: Evidence { value: -3.25, se: 0.012, agree: true, ..Evidence::default() },
+        ess: EffectiveSampleSize { importance: 5000.0, per_simulation: 0.5 },
+        khat: 0.2,
+        map: crate::MapPoint::default(),
+        sigma: None,
+        residuals: Residuals { values: vec![0.1; 10], independent: true, ..Residuals::default() },
+        predictive: Vec::new(),
+        path: vec![PathPoint::default(); 10],
+        stages: vec![stage(1.0), stage(1.0)],
+        failures: Vec::new(),
+        stop: StopReason::BudgetSpent,
+        counters: Counters { simulations: 10_000, ..Counters::default() },
+        groups: Vec::new(),
+    }
+}
+
+/// The judgement of a sound result after a change.
+fn after(change: impl FnOnce(&mut Posterior)) -> Trust {
+    let mut posterior = sound();
+    change(&mut posterior);
+    posterior.trust()
+}
+
+/// The only concern after a change, or none.
+fn concern(change: impl FnOnce(&mut Posterior)) -> Option<Concern> {
+    let mut concerns = after(change).concerns;
+    assert!(concerns.len() < 2, "{concerns:?}");
+    concerns.pop()
+}
+
+#[test]
+fn nothing_speaks_against_a_sound_result() {
+    let trust = after(|_| ());
+    assert!(trust.is_full() && trust.evidence_error_known && trust.concerns.is_empty());
+    assert_eq!(
+        trust.line(&sound().log_evidence),
+        "converged; 5000 effective samples, k-hat 0.20 (limit 0.7), log evidence -3.250 +- 0.012"
+    );
+}
+
+#[test]
+fn a_tuned_result_is_untrusted_and_has_no_evidence() {
+    let trust = after(|p| p.is_posterior = false);
+    assert_eq!(trust.verdict, Verdict::Untrusted);
+    assert_eq!(trust.concerns, [Concern::NotAPosterior]);
+    assert!(trust.line(&Evidence::default()).ends_with("no evidence"));
+}
+
+#[test]
+fn effective_samples_are_judged_at_400_at_a_third_of_few_simulations_and_at_40() {
+    for (simulations, limit) in [(10_000, 400.0), (300, 100.0), (60, 40.0)] {
+        let at = |ess| {
+            after(|p| {
+                (p.counters.simulations, p.ess.importance) = (simulations, ess);
+            })
+        };
+        assert!(at(limit).is_full() && at(limit).concerns.is_empty());
+        let below = at(limit - 0.1);
+        let ess = limit - 0.1;
+        assert_eq!(below.concerns, [Concern::FewEffectiveSamples { ess, wished: limit }]);
+        let rough = if limit > 40.0 { Verdict::Rough } else { Verdict::Untrusted };
+        assert_eq!(below.verdict, rough, "{simulations}");
+    }
+    let few = after(|p| p.ess.importance = 39.9);
+    assert_eq!((few.verdict, few.evidence_error_known), (Verdict::Untrusted, false));
+    let line = few.line(&sound().log_evidence);
+    assert_eq!(
+        line,
+        "NOT TO BE TRUSTED; 40 effective samples of at least 400 wished for, k-hat 0.20 (limit 0.7), \
+         log evidence -3.2 or more, its error unknown"
+    );
+}
+
+#[test]
+fn a_khat_of_seven_tenths_is_one_too_many() {
+    let set = |khat| {
+        move |p: &mut Posterior| {
+            p.khat = khat;
+            p.parameters.iter_mut().for_each(|parameter| parameter.khat = khat);
+        }
+    };
+    assert!(after(set(0.699)).is_full());
+    for khat in [0.7, 10.0] {
+        let trust = after(set(khat));
+        assert_eq!(trust.verdict, Verdict::Untrusted);
+        assert_eq!(trust.concerns, [Concern::HighKhat { parameter: None, khat }]);
+    }
+    assert_eq!(after(|p| p.khat = f64::NAN).verdict, Verdict::Untrusted);
+    let of_one = concern(|p| (p.khat, p.parameters[1].khat) = (0.8, 0.8));
+    assert_eq!(of_one, Some(Concern::HighKhat { parameter: Some("b".to_owned()), khat: 0.8 }));
+}
+
+#[test]
+fn estimates_of_the_evidence_that_disagree_are_a_reason_not_to_trust() {
+    let trust = after(|p| p.log_evidence.agree = false);
+    assert_eq!(trust.verdict, Verdict::Untrusted);
+    assert!(matches!(trust.concerns[..], [Concern::EvidenceDisagrees { .. }]));
+}
+
+#[test]
+fn a_flattened_last_stage_with_few_samples_means_too_small_a_budget() {
+    let too_small = |ess, beta| {
+        let trust = after(|p| {
+            p.ess.importance = ess;
+            p.stages[1].beta = beta;
+        });
+        trust.concerns.iter().any(|c| matches!(c, Concern::BudgetTooSmall { .. }))
+    };
+    assert!(too_small(399.0, 0.99) && !too_small(399.0, 1.0) && !too_small(400.0, 0.99));
+}
+
+#[test]
+fn a_small_budget_is_too_small_with_fewer_than_ten_samples_or_a_flattened_likelihood() {
+    let reason = |ess, beta| {
+        let trust = after(|p| {
+            p.settings.surrogate = true;
+            p.ess.importance = ess;
+            p.stages[1].beta = beta;
+        });
+        trust.concerns.into_iter().find_map(|c| match c {
+            Concern::BudgetTooSmall { reason, .. } => Some(reason),
+            _ => None,
+        })
+    };
+    assert_eq!(reason(10.0, 1.0), None);
+    assert_eq!(reason(9.9, 1.0).as_deref(), Some("fewer than ten effective samples"));
+    assert!(reason(5000.0, 0.99).is_some_and(|r| r.contains("not yet known well enough")));
+}
+
+#[test]
+fn information_is_judged_at_half_a_bit_and_called_almost_none_below_a_tenth() {
+    let told = |bits| concern(|p| p.parameters[1].information_gain_bits = bits);
+    assert_eq!(told(0.5), None);
+    let text = |bits| told(bits).map(|c| c.to_string()).unwrap_or_default();
+    assert!(
+        text(0.499).starts_with("the data say little about b (0.50 bits): its posterior is near")
+    );
+    assert!(text(0.1).contains("say little") && text(0.099).contains("say almost nothing about b"));
+}
+
+#[test]
+fn as_many_observations_as_parameters_are_enough() {
+    let with = |m: usize| {
+        concern(|p| {
+            p.residuals.values.truncate(m);
+            p.path.truncate(m);
+        })
+    };
+    assert_eq!(with(2), None);
+    assert_eq!(with(1), Some(Concern::FewObservations { observations: 1, parameters: 2 }));
+}
+
+#[test]
+fn dependent_residuals_are_told_from_eight_on_and_by_group() {
+    let with = |m: usize| {
+        concern(|p| {
+            p.residuals.values.truncate(m);
+            p.path.truncate(m);
+            (p.residuals.independent, p.residuals.lag1) = (false, -0.8);
+        })
+    };
+    assert_eq!(with(7), None);
+    let told = with(8).map(|c| c.to_string()).unwrap_or_default();
+    assert!(told.contains("alternate") && told.contains("too wide"), "{told}");
+    let of_group = concern(|p| {
+        p.groups = vec![GroupSummary {
+            name: "near".to_owned(),
+            noise: Noise::default(),
+            first: 0,
+            observations: 10,
+            log_likelihood: 0.0,
+            sigma: None,
+            sigma_draws: Vec::new(),
+            residuals: Residuals { values: vec![0.1; 10], lag1: 0.8, ..Residuals::default() },
+        }];
+    });
+    let told = of_group.map(|c| c.to_string()).unwrap_or_default();
+    assert!(told.starts_with("neighbouring residuals of near are alike"), "{told}");
+}
+
+#[test]
+fn a_tenth_of_the_posterior_beyond_the_outermost_hundredth_of_the_prior_is_at_its_bound() {
+    let with = |z: f64, weight: f64| {
+        concern(|p| p.samples = vec![sample(z, weight), sample(0.0, 1.0 - weight)])
+    };
+    assert_eq!(with(2.33, 0.1), None);
+    assert_eq!(with(2.32, 0.9), None);
+    let at = |bound, share| Concern::AtPriorBound { parameter: "a".to_owned(), bound, share };
+    assert_eq!(with(2.33, 0.11), Some(at(9.0, 0.11)));
+    assert_eq!(with(-2.33, 0.11), Some(at(-1.0, 0.11)));
+    let unbounded = concern(|p| {
+        p.samples = vec![sample(3.0, 1.0)];
+        let normal = Prior::new(PriorSpec::Normal { mean: 0.0, sd: 1.0 });
+        p.parameters[0].parameter.prior = normal.expect("a prior");
+    });
+    assert_eq!(unbounded, None);
+}
+
+#[test]
+fn parameters_are_told_apart_up_to_a_correlation_of_0_995() {
+    let with = |correlation| concern(|p| p.correlation[1][0] = correlation);
+    assert_eq!(with(0.995), None);
+    for correlation in [0.9951, -0.9951] {
+        let (first, second) = ("a".to_owned(), "b".to_owned());
+        assert_eq!(with(correlation), Some(Concern::NotSeparable { first, second, correlation }));
+    }
+}
+
+#[test]
+fn more_failures_than_one_in_ten_are_told_with_the_commonest_cause() {
+    let with =
+        |count| concern(|p| p.failures = vec![Failure { cause: "no contact".to_owned(), count }]);
+    assert_eq!(with(1000), None);
+    let told = with(1001).map(|c| c.what()).unwrap_or_default();
+    assert_eq!(told, "1001 of 10000 simulations failed (most often: no contact)");
+}
+
+#[test]
+fn a_misfit_of_twice_the_expected_noise_is_the_last_that_passes() {
+    let with = |misfit| concern(|p| p.residuals.misfit = misfit);
+    assert_eq!((with(None), with(Some(2.0))), (None, None));
+    assert_eq!(with(Some(2.01)), Some(Concern::PoorFit { ratio: 2.01, group: None }));
+}
+
+#[test]
+fn an_interval_over_more_than_two_decades_is_knowledge_of_the_magnitude() {
+    let with = |lower, upper| {
+        concern(|p| p.parameters[0].in_si.eti95 = Interval { lower, upper, ..Interval::default() })
+    };
+    assert_eq!((with(1.0, 100.0), with(-1.0, 1000.0)), (None, None));
+    let (parameter, factor) = ("a".to_owned(), 101.0);
+    assert_eq!(with(1.0, 101.0), Some(Concern::OrderOfMagnitude { parameter, factor }));
+}
+
+#[test]
+fn a_thinned_path_is_told() {
+    let with = |kept: usize| concern(|p| p.path.truncate(kept));
+    assert_eq!(with(10), None);
+    assert_eq!(with(9), Some(Concern::PathThinned { kept: 9, observations: 10 }));
+}
+
+#[test]
+fn a_judgement_read_from_a_file_is_the_one_that_was_written() {
+    let trust = after(|p| (p.khat, p.ess.importance, p.correlation[1][0]) = (0.9, 3.0, 1.0));
+    let text = serde_json::to_string(&trust).expect("plain data");
+    assert!(text.starts_with(r#"{"verdict":"untrusted","effective_samples":3.0"#), "{text}");
+    assert_eq!(serde_json::from_str::<Trust>(&text).expect("the same"), trust);
+    assert!(serde_json::from_str::<Trust>(&text.replace("khat_limit", "other")).is_err());
+}

@@ -1,0 +1,157 @@
+//! Curves of a pair on a fine grid of times, with their posterior bands: what the fit plot draws.
+
+use dem_core::{Kinetics, Sintering};
+use rayon::prelude::*;
+use smc_calib::{FixedSigma, Noise, SimError, Simulator as _};
+
+use super::neck_growth::{OfPair, simulation_failure};
+use crate::error::{Failure, RunError};
+use crate::model::NeckGrowth;
+use crate::record::Curves;
+
+/// Most posterior draws that are run on the fine grid of times.
+const GRID_DRAWS: usize = 1024;
+/// Number of evenly spaced times of that grid, and of logarithmically spaced ones for a logarithmic axis.
+const GRID_LINEAR: usize = 201;
+const GRID_LOG: usize = 60;
+
+/// Curves at the observation times.
+pub(super) struct AtData {
+    pub(super) paper: Option<Vec<f64>>,
+    pub(super) frenkel: Option<Vec<f64>>,
+}
+
+/// Times for plots: evenly spaced ones from zero, and logarithmic ones from below the first observation.
+fn grid(observed_s: &[f64]) -> Vec<f64> {
+    let last = observed_s.last().copied().unwrap_or(1.0);
+    let last = if last > 0.0 { 1.02 * last } else { 1.0 };
+    let mut times: Vec<f64> =
+        (0..GRID_LINEAR).map(|k| last * k as f64 / (GRID_LINEAR - 1) as f64).collect();
+    let first = observed_s.iter().copied().find(|t| *t > 0.0).unwrap_or(last);
+    let first = (0.1 * first).min(1e-2 * last);
+    times.extend((0..GRID_LOG).map(|k| first * (last / first).powf(k as f64 / GRID_LOG as f64)));
+    times.retain(|time| time.is_finite());
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    times
+}
+
+/// The bands and curves on the grid, and the curves of the paper and of the best Frenkel fit at the data.
+pub(super) fn curves(
+    of: &OfPair<'_>,
+    frenkel_tau_s: Option<f64>,
+) -> Result<(Curves, AtData), Failure> {
+    let failed = |error: SimError| simulation_failure(&error);
+    let on_grid = of.model.at_times(grid(&of.measured.control));
+    let Bands { columns: [mean, lower50, upper50, lower90, upper90, lower, upper], noise_is_known } =
+        bands(of, &on_grid)?;
+    let mut map = vec![0.0; on_grid.times_s().len()];
+    on_grid.simulate(&of.posterior.map.theta, &mut map).map_err(failed)?;
+    let run = |model: &NeckGrowth, kinetics, sintering: Option<Sintering>| {
+        let Some(sintering) = sintering else { return Ok(None) };
+        let model = model.with_kinetics(kinetics);
+        let mut curve = vec![0.0; model.times_s().len()];
+        model.curve(&sintering, &mut curve).map(|()| Some(curve)).map_err(failed)
+    };
+    let (paper, frenkel) =
+        (of.paper(), frenkel_tau_s.map(|tau_s| Sintering { c1: 1.0, tau_s, delta_c: 1.0 }));
+    let at_data = AtData {
+        paper: run(&of.model, Kinetics::ThreeStage, paper)?,
+        frenkel: run(&of.model, Kinetics::Frenkel, frenkel)?,
+    };
+    let curves = Curves {
+        time_s: on_grid.times_s().to_vec(),
+        mean,
+        curve50: [lower50, upper50],
+        curve90: [lower90, upper90],
+        noisy90: noise_is_known.then_some([lower, upper]),
+        map,
+        paper: run(&on_grid, Kinetics::ThreeStage, paper)?,
+        frenkel: run(&on_grid, Kinetics::Frenkel, frenkel)?,
+    };
+    Ok((curves, at_data))
+}
+
+/// Mean, 50 % band, 90 % band, and 90 % band of a new measurement, each over all times.
+struct Bands {
+    columns: [Vec<f64>; 7],
+    /// Whether the noise is known between the observations.
+    noise_is_known: bool,
+}
+
+fn bands(of: &OfPair<'_>, on_grid: &NeckGrowth) -> Result<Bands, Failure> {
+    let posterior = of.posterior;
+    let points = on_grid.times_s().len();
+    let draws = representative_draws(of);
+    // One run per distinct sample, however many draws it stands for.
+    let mut distinct: Vec<usize> = draws.iter().map(|&(sample, _)| sample).collect();
+    distinct.sort_unstable();
+    distinct.dedup();
+    let thetas: Vec<f64> =
+        distinct.iter().flat_map(|&sample| &posterior.samples[sample].theta).copied().collect();
+    let mut outputs = vec![0.0; distinct.len() * points];
+    let results = on_grid.simulate_batch(0, &thetas, &mut outputs);
+    let kept: Vec<(&[f64], Option<f64>, f64)> = draws
+        .iter()
+        .enumerate()
+        .filter_map(|(k, &(sample, sigma))| {
+            let run = distinct.binary_search(&sample).ok()?;
+            let curve = results[run].is_ok().then(|| &outputs[run * points..][..points])?;
+            // Noise by the golden-ratio sequence: stratified, and the same for every time, so that the band is smooth.
+            let u = ((k as f64 + 0.5) * 0.618_033_988_749_894_9).fract();
+            Some((curve, sigma, smc_calib::normal::quantile(u)))
+        })
+        .collect();
+    if kept.is_empty() {
+        return Err(
+            RunError::new("no posterior draw could be simulated between the observations").into()
+        );
+    }
+    // Noise that is stated row by row is not known between the rows.
+    let relative = match of.measured.noise {
+        Noise::Fixed { sigma: FixedSigma::Relative(share) } => share,
+        _ => 0.0,
+    };
+    let noise_is_known = relative > 0.0 || kept.iter().all(|(_, sigma, _)| sigma.is_some());
+    let rows: Vec<[f64; 7]> = (0..points)
+        .into_par_iter()
+        .map(|point| {
+            let mut values: Vec<f64> = kept.iter().map(|(curve, ..)| curve[point]).collect();
+            let mean = values.iter().sum::<f64>() / values.len() as f64;
+            values.sort_unstable_by(f64::total_cmp);
+            let mut noisy: Vec<f64> = kept
+                .iter()
+                .map(|(curve, sigma, score)| {
+                    curve[point] + sigma.map_or(relative * curve[point], |sigma| sigma) * score
+                })
+                .collect();
+            noisy.sort_unstable_by(f64::total_cmp);
+            let [lower50, upper50] = [0.25, 0.75].map(|p| quantile(&values, p));
+            let [lower90, upper90] = [0.05, 0.95].map(|p| quantile(&values, p));
+            let [noisy_lower, noisy_upper] = [0.05, 0.95].map(|p| quantile(&noisy, p));
+            [mean, lower50, upper50, lower90, upper90, noisy_lower, noisy_upper]
+        })
+        .collect();
+    let columns =
+        std::array::from_fn(|place| rows.iter().map(|row| row[place]).collect::<Vec<_>>());
+    Ok(Bands { columns, noise_is_known })
+}
+
+/// Evenly chosen draws, at most [`GRID_DRAWS`]: their samples, and the noise of this pair's observable.
+fn representative_draws(of: &OfPair<'_>) -> Vec<(usize, Option<f64>)> {
+    let all = &of.posterior.draws;
+    let sigma = |draw: usize| match of.posterior.groups.get(of.group) {
+        Some(group) => group.sigma_draws.get(draw).copied(),
+        None => all[draw].sigma,
+    };
+    let kept = all.len().min(GRID_DRAWS);
+    (0..kept).map(|k| k * all.len() / kept).map(|draw| (all[draw].sample, sigma(draw))).collect()
+}
+
+/// Quantile of sorted values, linear in between.
+fn quantile(sorted: &[f64], p: f64) -> f64 {
+    let position = p * (sorted.len() - 1) as f64;
+    let below = position.floor() as usize;
+    let above = (below + 1).min(sorted.len() - 1);
+    sorted[below] + (position - below as f64) * (sorted[above] - sorted[below])
+}

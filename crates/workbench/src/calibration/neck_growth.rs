@@ -1,0 +1,189 @@
+//! Results that only a pair of particles has: Table 3, the product, the fit errors, the knee and the curves.
+
+use dem_core::{Knee, Sintering, knee, printed};
+use smc_calib::{Posterior, SimError};
+
+use super::curves::{AtData, curves};
+use crate::error::{Failure, RunError};
+use crate::frenkel_fit;
+use crate::material::Material;
+use crate::model::NeckGrowth;
+use crate::parameter::ParameterName;
+use crate::plan::{ObservablePlan, PairPlan, Plan};
+use crate::product;
+use crate::record::{
+    Derived, Fit, FitError, KneeSummary, NeckGrowthRecord, ObservableRecord, PaperComparison,
+    PrintedParameter,
+};
+use crate::weighted::Weighted;
+
+/// One pair of a plan, its model and its posterior.
+pub(super) struct OfPair<'a> {
+    pub(super) plan: &'a Plan,
+    pub(super) pair: &'a PairPlan,
+    pub(super) measured: &'a ObservablePlan,
+    /// Place of the observable among those of the plan.
+    pub(super) group: usize,
+    pub(super) model: NeckGrowth,
+    pub(super) posterior: &'a Posterior,
+}
+
+impl<'a> OfPair<'a> {
+    pub(super) fn new(
+        plan: &'a Plan,
+        pair: &'a PairPlan,
+        (group, measured): (usize, &'a ObservablePlan),
+        posterior: &'a Posterior,
+    ) -> Result<Self, Failure> {
+        let model = NeckGrowth::new(pair, &plan.parameters, measured.control.clone())?;
+        Ok(Self { plan, pair, measured, group, model, posterior })
+    }
+
+    /// The paper's parameters, where the powder is one of the paper's.
+    pub(super) fn paper(&self) -> Option<Sintering> {
+        self.pair.material.map(|material| material.table3_sintering_at(self.pair.powder.radius_m))
+    }
+
+    /// Everything that only a pair has.
+    pub(super) fn record(&self, found: &ObservableRecord) -> Result<NeckGrowthRecord, Failure> {
+        let observed = &self.measured.values;
+        let frenkel_tau_s = frenkel_fit::best_tau_s(&self.model, observed)
+            .map_err(|error| simulation_failure(&error))?;
+        let paper = self.pair.material.map(|material| self.paper_comparison(material));
+        let (curves, at_data) = curves(self, frenkel_tau_s)?;
+        let AtData { paper: paper_at_data, frenkel: frenkel_at_data } = at_data;
+        let kinetics = self.pair.kinetics;
+        Ok(NeckGrowthRecord {
+            printed: self.printed_parameters(paper.as_ref()),
+            paper,
+            product: product::summary(self.plan, self.pair, self.posterior),
+            fit: Fit {
+                map: found.map_error,
+                posterior_mean: found.mean_error,
+                paper: paper_at_data.map(|curve| FitError::of(observed, &curve)),
+                frenkel: frenkel_at_data.map(|curve| FitError::of(observed, &curve)),
+                frenkel_tau_s,
+            },
+            knee: if kinetics.separates_c1_from_delta_c() { self.knee()? } else { None },
+            curves,
+        })
+    }
+
+    /// What is worth knowing of the kinetics: the data cannot divide a product between its factors.
+    pub(super) fn advice(&self) -> Option<String> {
+        let kinetics = self.pair.kinetics;
+        (kinetics.uses_c1_delta_c() && !kinetics.separates_c1_from_delta_c()).then(|| {
+            format!(
+                "under the {kinetics} kinetics c1 and delta_c enter only as c1 * delta_c^2: the data inform the product, \
+                 and the prior alone divides it between the two"
+            )
+        })
+    }
+
+    /// Values with the weights of their samples.
+    fn weighted(&self, value: impl Fn(&[f64]) -> f64) -> Weighted {
+        let samples = self.posterior.samples.iter().filter(|sample| sample.weight > 0.0);
+        Weighted::new(samples.map(|sample| (value(&sample.theta), sample.weight)))
+    }
+
+    fn paper_comparison(&self, material: Material) -> PaperComparison {
+        // The form of Table 3 belongs to a radius; at that of Table 1 it is what the paper prints, to the digit.
+        let radius_m = self.pair.powder.radius_m;
+        let si = material.table3_sintering_at(radius_m);
+        let printed = if radius_m == material.powder().radius_m {
+            material.table3()
+        } else {
+            printed::to_printed(&si, radius_m)
+        };
+        let percentile = |place: usize| {
+            let value = match self.model.name(place)? {
+                ParameterName::C1 => si.c1,
+                ParameterName::TauS => si.tau_s,
+                ParameterName::DeltaC => si.delta_c,
+                ParameterName::Phi => return None,
+            };
+            Some(100.0 * self.weighted(|theta| theta[place]).share_below(value))
+        };
+        PaperComparison {
+            printed: [printed.c1, printed.tau_s, printed.delta_c],
+            si: [si.c1, si.tau_s, si.delta_c],
+            percentile_si: (0..self.plan.parameters.len()).map(percentile).collect(),
+        }
+    }
+
+    /// The posterior pushed, sample by sample, through the map to the form of Table 3.
+    fn printed_parameters(&self, paper: Option<&PaperComparison>) -> Vec<PrintedParameter> {
+        let three = [ParameterName::C1, ParameterName::TauS, ParameterName::DeltaC];
+        if three.iter().any(|name| self.model.place(*name).is_none()) {
+            return Vec::new();
+        }
+        let radius_m = self.pair.powder.radius_m;
+        let push = |theta: &[f64]| {
+            let printed = printed::to_printed(&self.model.sintering(theta), radius_m);
+            [printed.c1, printed.tau_s, printed.delta_c]
+        };
+        let at_map = push(&self.posterior.map.theta);
+        // In the units that its numbers have: Table 3 itself prints 1/(Pa s) and s.
+        [("c1", "1/(Pa s m)"), ("tau_s", "s m"), ("delta_c", "m")]
+            .into_iter()
+            .enumerate()
+            .map(|(place, (name, unit))| {
+                let log10 = self.weighted(|theta| push(theta)[place].log10());
+                let back = |[lower, upper]: [f64; 2]| [10f64.powf(lower), 10f64.powf(upper)];
+                let (mean_log10, sd_log10) = log10.moments();
+                let paper = paper.map(|paper| paper.printed[place]);
+                PrintedParameter {
+                    name: name.to_owned(),
+                    unit: unit.to_owned(),
+                    map: at_map[place],
+                    median: 10f64.powf(log10.quantile(0.5)),
+                    mean_log10,
+                    sd_log10,
+                    eti50: back(log10.interval(0.5)),
+                    eti90: back(log10.interval(0.9)),
+                    eti95: back(log10.interval(0.95)),
+                    paper,
+                    paper_percentile: paper.map(|value| 100.0 * log10.share_below(value.log10())),
+                }
+            })
+            .collect()
+    }
+
+    fn knee(&self) -> Result<Option<KneeSummary>, Failure> {
+        let at = |theta: &[f64]| {
+            let scene = self.model.scene(theta).ok()?;
+            let knee = knee(&scene, &self.model.sintering(theta));
+            (knee.has_zipping && knee.has_stretching).then_some(knee)
+        };
+        let Some(at_map) = at(&self.posterior.map.theta) else { return Ok(None) };
+        let samples = &self.posterior.samples;
+        let total: f64 = samples.iter().map(|sample| sample.weight).sum();
+        let knees: Vec<(Knee, f64)> = samples
+            .iter()
+            .filter(|sample| sample.weight > 0.0)
+            .filter_map(|sample| at(&sample.theta).map(|knee| (knee, sample.weight)))
+            .collect();
+        let with_knee: f64 = knees.iter().map(|(_, weight)| weight).sum();
+        let scene = self.pair.scene()?;
+        let paper = self.paper().map(|sintering| knee(&scene, &sintering));
+        let derived = |of: fn(&Knee) -> f64| {
+            let marginal = Weighted::new(knees.iter().map(|(knee, weight)| (of(knee), *weight)));
+            Derived {
+                map: of(&at_map),
+                median: marginal.quantile(0.5),
+                eti95: marginal.interval(0.95),
+                paper: paper.as_ref().map(of),
+            }
+        };
+        Ok(Some(KneeSummary {
+            probability: (with_knee / total).min(1.0),
+            contact_ratio: derived(|knee| knee.contact_ratio),
+            time_s: derived(|knee| knee.time_s),
+        }))
+    }
+}
+
+/// A curve of the report that cannot be computed.
+pub(super) fn simulation_failure(error: &SimError) -> Failure {
+    RunError::new(format_args!("a curve of the report could not be computed: {error}")).into()
+}

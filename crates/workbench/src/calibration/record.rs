@@ -1,0 +1,111 @@
+//! The record of a posterior.
+
+use smc_calib::{BandPoint, Posterior};
+
+use super::neck_growth::OfPair;
+use crate::error::{Failure, RunError};
+use crate::plan::{Plan, SimulatorPlan};
+use crate::record::{ExperimentRecord, FitError, ObservableRecord, Record, SCHEMA_VERSION};
+
+/// The record of a plan's posterior; `warnings` are those on the input.
+pub(super) fn record(
+    plan: &Plan,
+    warnings: &[String],
+    posterior: &Posterior,
+) -> Result<Record, Failure> {
+    let trust = posterior.trust();
+    let mut advice = warnings.to_vec();
+    advice.extend(trust.concerns.iter().map(ToString::to_string));
+    let mut experiments = Vec::new();
+    let mut group = 0;
+    let mut first = 0;
+    for experiment in &plan.experiments {
+        let mut observables = Vec::new();
+        let of_experiment = group;
+        for observable in &experiment.observables {
+            let range = first..first + observable.values.len();
+            first = range.end;
+            let label = plan.label(experiment, observable);
+            observables.push(found(posterior, group, range, (label, observable))?);
+            group += 1;
+        }
+        let pair = match (&experiment.simulator, &experiment.observables[..]) {
+            (SimulatorPlan::Builtin(pair), [measured]) => {
+                Some(OfPair::new(plan, pair, (of_experiment, measured), posterior)?)
+            }
+            _ => None,
+        };
+        advice.extend(pair.as_ref().and_then(OfPair::advice));
+        let neck_growth = match (&pair, observables.first()) {
+            (Some(pair), Some(found)) => Some(pair.record(found)?),
+            _ => None,
+        };
+        let name = experiment.name.clone();
+        experiments.push(ExperimentRecord { name, observables, neck_growth });
+    }
+    if plan.design.is_some() {
+        advice.push(
+            "the parameter sets were given: they are weighted as draws from the prior, which is right only if they are \
+             that"
+                .to_owned(),
+        );
+    }
+    // Input and sampler may say the same (fewer observations than parameters): it is said once.
+    let mut seen = std::collections::BTreeSet::new();
+    advice.retain(|line| seen.insert(line.clone()));
+    Ok(Record {
+        schema_version: SCHEMA_VERSION,
+        plan: plan.clone(),
+        is_posterior: posterior.is_posterior,
+        parameters: posterior.parameters.clone(),
+        correlation: posterior.correlation.clone(),
+        correlation_si: posterior.correlation_si.clone(),
+        log_evidence: posterior.log_evidence,
+        ess: posterior.ess,
+        khat: posterior.khat,
+        trust,
+        map: posterior.map.clone(),
+        experiments,
+        path: posterior.path.clone(),
+        stages: posterior.stages.clone(),
+        failures: posterior.failures.clone(),
+        stop: posterior.stop,
+        advice,
+        counters: posterior.counters,
+    })
+}
+
+/// One observable, whose values are at `range` among those of all.
+fn found(
+    posterior: &Posterior,
+    group: usize,
+    range: std::ops::Range<usize>,
+    (label, observable): (String, &crate::plan::ObservablePlan),
+) -> Result<ObservableRecord, Failure> {
+    let map = posterior.map.outputs.get(range.clone()).map(<[f64]>::to_vec).ok_or_else(|| {
+        RunError::new("the posterior has fewer simulated values than there are observations")
+    })?;
+    let predictive: Vec<BandPoint> = posterior
+        .predictive
+        .iter()
+        .filter(|band| range.contains(&band.index))
+        .map(|band| BandPoint { index: band.index - range.start, ..*band })
+        .collect();
+    // With very many observations the bands are at some of them only.
+    let observed: Vec<f64> = predictive.iter().map(|band| observable.values[band.index]).collect();
+    let mean: Vec<f64> = predictive.iter().map(|band| band.mean).collect();
+    let (sigma, residuals) = match posterior.groups.get(group) {
+        Some(group) => (group.sigma, group.residuals.clone()),
+        None => (posterior.sigma, posterior.residuals.clone()),
+    };
+    Ok(ObservableRecord {
+        name: observable.name.clone(),
+        label,
+        sigma,
+        map_error: FitError::of(&observable.values, &map),
+        mean_error: FitError::of(&observed, &mean),
+        map,
+        residuals,
+        predictive,
+    })
+}

@@ -1,0 +1,365 @@
+//! A calibration in a folder of its own: run, kept, taken up again.
+//!
+//! A plan with built-in simulators is computed in this process, and its folder appears whole. The runs of programs are
+//! kept in the folder as they end, and the results are put beside them at the end. A resumed run is the
+//! same run once more: the sampler draws the same parameter sets, and those that were run before are answered from the
+//! folder.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use campaign::slurm::Slurm;
+use campaign::{Campaign, Damage, Event, Executor, ExecutorError, Local};
+use serde::Serialize;
+use smc_calib::Posterior;
+
+use super::store::{self, Stored, refused};
+use super::{Calibration, Stages, failure, record, sample};
+use crate::error::{Failure, InputError, Mistake, RunError};
+use crate::output::{Published, RunFolder, Staging, make_room, pool, pretty};
+use crate::plan::{ExecutorPlan, Plan, Planned};
+use crate::record::{FILE_NAME, Record};
+use crate::report;
+use crate::simulator::{Experiments, Runner, sample_of};
+use crate::watch::Watch;
+
+/// How a run is made; no part of its result.
+#[derive(Debug, Clone, Default)]
+pub struct RunOptions {
+    /// Folder of the results; `results/NAME` where there is none.
+    pub out: Option<PathBuf>,
+    /// Number of threads; the plan's, or all cores, where there is none.
+    pub threads: Option<usize>,
+    /// The program and arguments that make given runs of a campaign, for jobs on a cluster: `calibrate run-task`.
+    pub worker: Vec<String>,
+}
+
+/// Durations. Apart from the record, whose bytes do not depend on them.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Timings {
+    /// Number of threads.
+    pub threads: usize,
+    /// From the first simulation to the posterior \[s\].
+    pub inference_seconds: f64,
+    /// Each stage \[s\].
+    pub stage_seconds: Vec<f64>,
+    /// Tables and figures \[s\].
+    pub report_seconds: f64,
+}
+
+/// A run that is done and written.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Finished {
+    /// What was found.
+    pub record: Record,
+    /// Folder of the results.
+    pub out: PathBuf,
+    /// What became of an earlier run in the folder.
+    pub published: Published,
+    /// How long it took.
+    pub timings: Timings,
+}
+
+/// Folder of a plan's run.
+fn folder_of(plan: &Plan, options: &RunOptions) -> PathBuf {
+    options.out.clone().unwrap_or_else(|| Path::new("results").join(&plan.name))
+}
+
+impl RunOptions {
+    /// Checks that a plan's run can be written, and gives its folder.
+    ///
+    /// # Errors
+    ///
+    /// [`InputError`] for a folder that is not there for the taking.
+    pub fn folder(&self, planned: &Planned) -> Result<PathBuf, InputError> {
+        let out = folder_of(&planned.plan, self);
+        if planned.plan.commands().next().is_none() {
+            RunFolder::prepare(&out, FILE_NAME)?;
+        }
+        Ok(out)
+    }
+}
+
+/// Runs a plan and writes its results.
+///
+/// # Errors
+///
+/// [`Failure`] with the reason. In this process nothing has been written then, and earlier results are untouched; the
+/// runs of programs that had ended are in the folder.
+pub fn run(
+    planned: &Planned,
+    options: &RunOptions,
+    watch: &dyn Watch,
+) -> Result<Finished, Failure> {
+    let out = folder_of(&planned.plan, options);
+    if planned.plan.commands().next().is_some() {
+        let (campaign, stored) = store::create(&out, planned)?;
+        return Driver { dir: &out, campaign: &campaign, stored: &stored, watch }.drive(options);
+    }
+    let folder = RunFolder::prepare(&out, FILE_NAME)?;
+    let threads = match planned.executor {
+        ExecutorPlan::Threads { threads } => options.threads.or(threads),
+        _ => options.threads,
+    };
+    let pool = pool(threads)?;
+    let begun = Instant::now();
+    let mut stages = Stages::new(watch, None);
+    let Calibration { record, posterior } =
+        pool.install(|| Calibration::in_process(planned, &mut stages))?;
+    let mut timings = Timings {
+        threads: pool.current_num_threads(),
+        inference_seconds: begun.elapsed().as_secs_f64(),
+        stage_seconds: stages.seconds,
+        report_seconds: 0.0,
+    };
+    let staging = folder.stage()?;
+    pool.install(|| {
+        report::write_all(&record, &posterior, &|name, bytes| {
+            staging.write(&out, name, bytes).map_err(make_room)
+        })
+    })?;
+    timings.report_seconds = begun.elapsed().as_secs_f64() - timings.inference_seconds;
+    staging.write(&out, "timings.json", pretty(&timings)?.as_bytes()).map_err(make_room)?;
+    if watch.stop().asked() {
+        return Err(Failure::Interrupted);
+    }
+    let published = staging.publish()?;
+    Ok(Finished { record, out, published, timings })
+}
+
+/// Goes on with the runs of programs in a folder. A plan that is given mends a damaged copy, and may name another
+/// executor.
+///
+/// # Errors
+///
+/// As [`run`].
+pub fn resume(
+    dir: &Path,
+    given: Option<&Planned>,
+    options: &RunOptions,
+    watch: &dyn Watch,
+) -> Result<Finished, Failure> {
+    let (campaign, stored, damage) = store::open(dir, given)?;
+    report_damage(&damage, watch);
+    if given.is_none() {
+        about_the_plan_file(&stored, watch);
+    }
+    about_the_version(&stored.plan, watch);
+    Driver { dir, campaign: &campaign, stored: &stored, watch }.drive(options)
+}
+
+/// Says what was damaged. A line that was being written when the driver was killed is no damage.
+fn report_damage(damage: &[Damage], watch: &dyn Watch) {
+    for damage in damage.iter().filter(|damage| !damage.torn) {
+        watch.warn(&format!("{damage}; what it held is made again, the rest is used"));
+    }
+}
+
+/// A run goes on with the plan it began with; that the file has changed since is worth saying.
+fn about_the_plan_file(stored: &Stored, watch: &dyn Watch) {
+    let Ok(now) = Planned::read(&stored.file) else { return };
+    let file = stored.file.display();
+    if !store::same(&stored.plan, &now.plan) {
+        watch.note(&format!(
+            "{file} has changed since the run began; it goes on with the plan it began with"
+        ));
+    } else if now.executor != stored.executor {
+        watch.note(&format!(
+            "[executor] of {file} has changed; to use it: calibrate --resume DIR --plan {file}"
+        ));
+    }
+}
+
+fn about_the_version(plan: &Plan, watch: &dyn Watch) {
+    let version = env!("CARGO_PKG_VERSION");
+    if plan.version != version {
+        watch.warn(&format!(
+            "version {} of calibrate began this run, this is {version}: finished runs are used as far as this version \
+             asks for the same parameter sets",
+            plan.version
+        ));
+    }
+}
+
+/// Runs the programs of a plan in its folder.
+struct Driver<'a> {
+    dir: &'a Path,
+    campaign: &'a Campaign,
+    stored: &'a Stored,
+    watch: &'a dyn Watch,
+}
+
+impl Driver<'_> {
+    fn drive(&self, options: &RunOptions) -> Result<Finished, Failure> {
+        let plan = &self.stored.plan;
+        let begun = Instant::now();
+        self.watch.begin(self.total() as u64, self.ended() as u64, "runs");
+        let runner = Runner {
+            campaign: self.campaign,
+            executor: executor(&self.stored.executor, options)?,
+            on_event: Box::new(on_event(plan, self.watch)),
+        };
+        let experiments = Experiments::new(plan, Some(runner), self.watch)?;
+        let pool = pool(options.threads)?;
+        let mut stages = Stages::new(self.watch, Some(self.campaign));
+        let sampled = pool.install(|| sample(plan, &experiments, &mut stages));
+        self.watch.end();
+        let Stages { failed, seconds: stage_seconds, .. } = stages;
+        if let Some(error) = failed {
+            return Err(refused(self.dir, error));
+        }
+        if let Some(error) = experiments.take_failure() {
+            return Err(self.stopped(error));
+        }
+        let interrupted = || self.stopped(ExecutorError::Interrupted { detached: false });
+        let posterior = match sampled.map_err(|error| self.unfinished(error)) {
+            Ok(posterior) if !self.watch.stop().asked() => posterior,
+            Ok(_) | Err(Failure::Interrupted) => return Err(interrupted()),
+            Err(error) => return Err(error),
+        };
+        let timings = Timings {
+            threads: pool.current_num_threads(),
+            inference_seconds: begun.elapsed().as_secs_f64(),
+            stage_seconds,
+            report_seconds: 0.0,
+        };
+        pool.install(|| self.publish(&posterior, timings, begun))
+    }
+
+    /// Writes the results beside the runs.
+    fn publish(
+        &self,
+        posterior: &Posterior,
+        mut timings: Timings,
+        begun: Instant,
+    ) -> Result<Finished, Failure> {
+        let record = record::record(&self.stored.plan, &self.stored.warnings, posterior)?;
+        let staging = Staging::beside_runs(self.dir, FILE_NAME)?;
+        let write = |name: &str, bytes: &[u8]| {
+            staging.write(self.dir, name, bytes).map_err(|error| {
+                error.help(format_args!(
+                    "make room on the disk, then: calibrate --resume {}; no run is made again",
+                    self.dir.display()
+                ))
+            })
+        };
+        report::write_all(&record, posterior, &write)?;
+        timings.report_seconds = begun.elapsed().as_secs_f64() - timings.inference_seconds;
+        write("timings.json", pretty(&timings)?.as_bytes())?;
+        if self.watch.stop().asked() {
+            return Err(self.paused("every run has ended", false));
+        }
+        let published = staging.publish_beside_runs()?;
+        Ok(Finished { record, out: self.dir.to_owned(), published, timings })
+    }
+
+    /// Number of runs that the plan asks for.
+    fn total(&self) -> usize {
+        self.stored.plan.budget() * self.stored.plan.commands().count()
+    }
+
+    /// Number of runs that have ended.
+    fn ended(&self) -> usize {
+        let tasks = self.campaign.tasks();
+        tasks.iter().filter(|task| self.campaign.outcome(task.number).is_some()).count()
+    }
+
+    fn paused(&self, what: &str, detached: bool) -> Failure {
+        let jobs = if detached { "; jobs on the cluster go on" } else { "" };
+        Failure::Paused(format!(
+            "interrupted: {what}{jobs}\n  go on with: calibrate --resume {}",
+            self.dir.display()
+        ))
+    }
+
+    /// Why the runs stopped, as the user meets it.
+    fn stopped(&self, error: ExecutorError) -> Failure {
+        let resume = format!("then: calibrate --resume {}", self.dir.display());
+        match error {
+            ExecutorError::Interrupted { detached } => {
+                let (ended, total) = (self.ended(), self.total());
+                self.paused(&format!("{ended} of {total} runs have ended and are stored"), detached)
+            }
+            ExecutorError::CannotStart { .. } => RunError::new(&error)
+                .help("install the program, or correct argv in the plan and begin another run")
+                .help(resume)
+                .into(),
+            ExecutorError::Campaign(error) => refused(self.dir, error),
+            other => RunError::new(other).help(resume).into(),
+        }
+    }
+
+    /// A calibration that cannot give a posterior, although its runs were made.
+    fn unfinished(&self, error: smc_calib::CalibrateError) -> Failure {
+        let planned = Planned {
+            plan: self.stored.plan.clone(),
+            executor: self.stored.executor.clone(),
+            warnings: Vec::new(),
+            path: Some(self.stored.file.clone()),
+            text: String::new(),
+        };
+        match failure(&planned, error) {
+            Failure::Run(error) => error
+                .help(format_args!(
+                    "causes and runs as tables: calibrate export {}",
+                    self.dir.display()
+                ))
+                .into(),
+            other => other,
+        }
+    }
+}
+
+/// What is said of an event of a run.
+fn on_event<'a>(plan: &'a Plan, watch: &'a dyn Watch) -> impl FnMut(Event) + Send + 'a {
+    let place = |number: u64| {
+        let (sample, experiment) = sample_of(plan, number);
+        let of = match &plan.experiments[..] {
+            [_] => String::new(),
+            experiments => format!(", {}", experiments[experiment].name),
+        };
+        format!("run {number} (sample {}{of})", sample + 1)
+    };
+    let mut noted = BTreeSet::new();
+    move |event| match event {
+        Event::Ended { failed: None, .. } => watch.advance(),
+        Event::Ended { number, failed: Some(kind) } => {
+            watch.advance();
+            // The first of a kind; all are counted in the report.
+            let words = kind.to_string();
+            if noted.insert(words.clone()) {
+                watch.note(&format!("{}: {words}", place(number)));
+            }
+        }
+        Event::Retried { number, kind } => {
+            if noted.insert(format!("lost: {kind}")) {
+                watch.note(&format!("{}: {kind}; it is run again", place(number)));
+            }
+        }
+        Event::Note(words) => watch.note(&words),
+        _ => {}
+    }
+}
+
+fn executor(
+    plan: &ExecutorPlan,
+    options: &RunOptions,
+) -> Result<Box<dyn Executor + Send>, Failure> {
+    let cores = || std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    match plan {
+        ExecutorPlan::Threads { .. } => Ok(Box::new(Local { parallel: 1 })),
+        ExecutorPlan::Local { parallel } => {
+            Ok(Box::new(Local { parallel: parallel.unwrap_or_else(cores) }))
+        }
+        ExecutorPlan::Slurm(settings) => {
+            let slurm = Slurm::new(settings.clone(), options.worker.clone()).map_err(|error| {
+                InputError::new("plan", Mistake::OutOfRange)
+                    .in_field(format_args!("executor.{}", error.field))
+                    .found(error.found)
+                    .expected(error.expected)
+            })?;
+            Ok(Box::new(slurm))
+        }
+    }
+}

@@ -1,0 +1,327 @@
+//! A plan beside the runs of its programs: what is kept there, and how it is found again.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use campaign::{Call, Campaign, CampaignError, CampaignSpec, CommandSpec, Damage, OutputSpec};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::error::{Failure, InputError, Mistake, RunError};
+use crate::output::{CAMPAIGN, pretty};
+use crate::plan::{ExecutorPlan, ExperimentPlan, Plan, Planned, with_folder};
+
+/// The file with the plan as it was understood, tables and all.
+const RESOLVED: &str = "resolved-plan.json";
+
+/// What is kept of a plan, so that a run needs no other file to go on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Stored {
+    /// The plan file, by its whole path.
+    pub(crate) file: PathBuf,
+    /// The plan.
+    pub(crate) plan: Plan,
+    /// How the runs are executed.
+    pub(crate) executor: ExecutorPlan,
+    /// Warnings on the input.
+    pub(crate) warnings: Vec<String>,
+}
+
+impl Stored {
+    fn of(planned: &Planned) -> Result<Self, InputError> {
+        let path = planned.path.clone().unwrap_or_else(|| PathBuf::from("plan.toml"));
+        let file = std::path::absolute(&path).map_err(|error| {
+            InputError::new(path.display().to_string(), Mistake::Unreadable)
+                .found(format_args!("has no whole path: {error}"))
+        })?;
+        Ok(Self {
+            file,
+            plan: planned.plan.clone(),
+            executor: planned.executor.clone(),
+            warnings: planned.warnings.clone(),
+        })
+    }
+
+    /// The files that go beside the runs.
+    fn extra(&self, planned: &Planned) -> Result<BTreeMap<String, Vec<u8>>, Failure> {
+        let json = self.file.extension().is_some_and(|end| end.eq_ignore_ascii_case("json"));
+        let name = if json { "plan.json" } else { "plan.toml" };
+        let resolved = pretty(self)?;
+        Ok(BTreeMap::from([
+            (name.to_owned(), planned.text.clone().into_bytes()),
+            (RESOLVED.to_owned(), resolved.into_bytes()),
+        ]))
+    }
+
+    /// What the campaign runs.
+    fn spec(&self) -> Result<CampaignSpec, InputError> {
+        let folder = self.file.parent().unwrap_or(Path::new("/"));
+        let Some(folder_text) = folder.to_str() else {
+            return Err(InputError::new(folder.display().to_string(), Mistake::NotUtf8)
+                .found("the folder of the plan, whose name is not UTF-8")
+                .help("move the plan to another folder"));
+        };
+        let fill = |text: &String| {
+            with_folder(text, folder_text).map_err(|_| {
+                InputError::new(self.file.display().to_string(), Mistake::Syntax)
+                    .found(format_args!("the template \"{text}\""))
+            })
+        };
+        let command = |experiment: &ExperimentPlan, call: &Call| {
+            let mut argv = call.argv.iter().map(fill).collect::<Result<Vec<_>, _>>()?;
+            if let Some(program) = argv.first_mut()
+                && program.contains('/')
+                && Path::new(&*program).is_relative()
+            {
+                *program = folder.join(&*program).display().to_string();
+            }
+            let environment = call
+                .environment
+                .iter()
+                .map(|(name, value)| Ok((name.clone(), fill(value)?)))
+                .collect::<Result<BTreeMap<_, _>, InputError>>()?;
+            let outputs = experiment.observables.iter().filter_map(|observable| {
+                let result = observable.result.clone()?;
+                Some(OutputSpec { result, at: observable.control.clone() })
+            });
+            Ok(CommandSpec {
+                name: experiment.name.clone(),
+                call: Call { argv, environment, ..call.clone() },
+                outputs: outputs.collect(),
+            })
+        };
+        let commands = self
+            .plan
+            .commands()
+            .map(|(_, experiment, call)| command(experiment, call))
+            .collect::<Result<_, InputError>>()?;
+        let (parameter_names, seed) = (self.plan.parameter_names(), self.plan.sampler.seed);
+        Ok(CampaignSpec { parameter_names, commands, seed })
+    }
+}
+
+/// Makes the folder of the runs in the folder of a calibration.
+pub(super) fn create(dir: &Path, planned: &Planned) -> Result<(Campaign, Stored), Failure> {
+    let stored = Stored::of(planned)?;
+    let (spec, extra) = (stored.spec()?, stored.extra(planned)?);
+    refuse_older_layout(dir)?;
+    let occupied = std::fs::read_dir(dir).is_ok_and(|mut entries| entries.next().is_some());
+    if occupied {
+        return Err(exists(dir).into());
+    }
+    let campaign = Campaign::create(&dir.join(CAMPAIGN), &spec, &extra)
+        .map_err(|error| refused(dir, error))?;
+    Ok((campaign, stored))
+}
+
+/// A folder that a new run cannot have.
+fn exists(dir: &Path) -> InputError {
+    let name = dir.display().to_string();
+    let error = InputError::new(&name, Mistake::NotOurs);
+    if dir.join(CAMPAIGN).is_dir() {
+        error
+            .found("a folder that holds a run already")
+            .help(format_args!("go on with it: calibrate --resume {name}"))
+            .help("or begin another beside it, with --out")
+    } else {
+        error
+            .found("a folder that holds something else than the runs of a plan")
+            .help("choose another folder with --out, or move this one away")
+    }
+}
+
+/// Runs of earlier versions lay in the folder itself.
+fn refuse_older_layout(dir: &Path) -> Result<(), InputError> {
+    if !dir.join("campaign.json").is_file() || dir.join(CAMPAIGN).is_dir() {
+        return Ok(());
+    }
+    let name = dir.display();
+    Err(InputError::new(name.to_string(), Mistake::NotOurs)
+        .found("a run in the layout of an older version of calibrate, with its runs in the folder itself")
+        .expected(format_args!("the runs in {name}/{CAMPAIGN}"))
+        .help("go on with the version of calibrate that began it, or begin anew with --plan and another --out"))
+}
+
+/// Opens the runs in the folder of a calibration. A plan that is given must be the run's own; it mends a damaged copy,
+/// and how its runs are executed is taken from it.
+pub(super) fn open(
+    dir: &Path,
+    given: Option<&Planned>,
+) -> Result<(Campaign, Stored, Vec<Damage>), Failure> {
+    refuse_older_layout(dir)?;
+    let runs = dir.join(CAMPAIGN);
+    let (campaign, damage) = match given {
+        None => Campaign::open(&runs),
+        Some(planned) => {
+            let stored = Stored::of(planned)?;
+            Campaign::restore(&runs, &stored.spec()?, &stored.extra(planned)?)
+        }
+    }
+    .map_err(|error| refused(dir, error))?;
+    let place = runs.join(RESOLVED).display().to_string();
+    let Some(bytes) = campaign.extra(RESOLVED) else {
+        let damaged = damage.iter().filter(|damage| !damage.torn).map(ToString::to_string);
+        return Err(damaged
+            .fold(InputError::new(place, Mistake::Syntax), InputError::help)
+            .found("damaged or missing: what was run is not known from it")
+            .help(format_args!(
+                "give the plan again: calibrate --resume {} --plan FILE; finished runs are kept",
+                dir.display()
+            ))
+            .into());
+    };
+    let mut stored: Stored = serde_json::from_slice(bytes).map_err(|error| {
+        InputError::new(place, Mistake::Syntax)
+            .found(format_args!("no plan of this version ({error})"))
+            .help(format_args!(
+                "go on with the version of calibrate that began it, or begin anew with --plan {} --out ANOTHER",
+                runs.join("plan.toml").display()
+            ))
+    })?;
+    if let Some(planned) = given {
+        if let Some((field, was, is)) = difference(&stored.plan, &planned.plan) {
+            let file = planned.path.as_deref().unwrap_or(Path::new("plan"));
+            return Err(InputError::new(file.display().to_string(), Mistake::Conflict)
+                .in_field(field)
+                .found(is)
+                .expected(format_args!("{was}, as in the run in {}", dir.display()))
+                .help("a run goes on with the plan it began with; begin another with --plan and --out")
+                .help("only [executor] may be another")
+                .into());
+        }
+        stored.executor.clone_from(&planned.executor);
+    }
+    Ok((campaign, stored, damage))
+}
+
+/// Reads the plan of a run without its lock, while it may be running.
+pub(crate) fn read_stored(dir: &Path) -> Result<Stored, Failure> {
+    refuse_older_layout(dir)?;
+    let path = dir.join(CAMPAIGN).join(RESOLVED);
+    let text = crate::text_file::read(&path)?;
+    serde_json::from_str(&text).map_err(|error| {
+        InputError::new(path.display().to_string(), Mistake::Syntax)
+            .at_line(error.line().max(1))
+            .found(format_args!("no plan of this version ({error})"))
+            .help(format_args!("calibrate --resume {} --plan FILE mends it", dir.display()))
+            .into()
+    })
+}
+
+/// Whether two plans give the same result; the version of the program is no part of this.
+pub(super) fn same(was: &Plan, is: &Plan) -> bool {
+    Plan { version: was.version.clone(), ..is.clone() } == *was
+}
+
+/// Where two plans differ first: the field, and both values. The version of the program is no part of this.
+fn difference(was: &Plan, is: &Plan) -> Option<(String, String, String)> {
+    let was = Plan { version: is.version.clone(), ..was.clone() };
+    let tree = |plan: &Plan| serde_json::to_value(plan).unwrap_or(Value::Null);
+    first_difference("", &tree(&was), &tree(is))
+}
+
+fn first_difference(path: &str, was: &Value, is: &Value) -> Option<(String, String, String)> {
+    let inner = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
+    match (was, is) {
+        (Value::Object(a), Value::Object(b)) => {
+            let mut keys: Vec<&String> = a.keys().chain(b.keys()).collect();
+            keys.sort();
+            keys.dedup();
+            let value =
+                |map: &serde_json::Map<_, _>, key| map.get(key).cloned().unwrap_or_default();
+            keys.into_iter()
+                .find_map(|key| first_difference(&inner(key), &value(a, key), &value(b, key)))
+        }
+        (Value::Array(a), Value::Array(b)) if a.len() == b.len() => (0..a.len()).find_map(|k| {
+            let name = a[k].get("name").and_then(Value::as_str);
+            let key = name.map_or_else(|| k.to_string(), str::to_owned);
+            first_difference(&inner(&key), &a[k], &b[k])
+        }),
+        (Value::Array(a), Value::Array(b)) => {
+            Some((path.to_owned(), format!("{} entries", a.len()), format!("{} entries", b.len())))
+        }
+        (a, b) if a == b => None,
+        (a, b) => Some((path.to_owned(), a.to_string(), b.to_string())),
+    }
+}
+
+/// A campaign's refusal as the user meets it.
+pub(crate) fn refused(dir: &Path, error: CampaignError) -> Failure {
+    let name = dir.display().to_string();
+    match &error {
+        CampaignError::Exists { .. } => exists(dir).into(),
+        CampaignError::NotACampaign { .. } => {
+            let error = InputError::new(&name, Mistake::NotOurs);
+            if dir.join(crate::record::FILE_NAME).is_file() {
+                return error
+                    .found("a run that is finished, computed in this program: it has no runs to go on with")
+                    .help(format_args!("its results: calibrate inspect {name}"))
+                    .into();
+            }
+            let found =
+                if dir.exists() { "a folder without a run of a plan" } else { "no such folder" };
+            error
+                .found(found)
+                .expected("the folder of a run that was begun with calibrate --plan")
+                .into()
+        }
+        CampaignError::Spec(spec) => InputError::new(&name, Mistake::OutOfRange).found(spec).into(),
+        CampaignError::Damaged { .. } => InputError::new(&name, Mistake::Syntax)
+            .found(&error)
+            .help(format_args!("calibrate --resume {name} --plan FILE; finished runs are kept"))
+            .into(),
+        CampaignError::Locked { .. } => RunError::new(&error)
+            .help(format_args!("to see how far it is: calibrate status {name}"))
+            .into(),
+        CampaignError::TaskDiffers { .. } => RunError::new(&error)
+            .help(
+                "go on with the version of calibrate, and the kind of machine, that began the run",
+            )
+            .help(format_args!("what finished can be had as tables: calibrate export {name}"))
+            .into(),
+        CampaignError::DiskFull { .. } => {
+            RunError::new(&error).help(format_args!("then: calibrate --resume {name}")).into()
+        }
+        _ => RunError::new(error).into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use campaign::slurm::SlurmSettings;
+
+    #[test]
+    fn every_executor_is_stored_and_read_back() {
+        let full = SlurmSettings {
+            partition: Some("short".to_owned()),
+            extra: vec!["--qos=low".to_owned()],
+            chunk: 3,
+            poll_min_s: 0.5,
+            ..SlurmSettings::default()
+        };
+        for executor in [
+            ExecutorPlan::Threads { threads: None },
+            ExecutorPlan::Local { parallel: Some(3) },
+            ExecutorPlan::Slurm(SlurmSettings::default()),
+            ExecutorPlan::Slurm(full),
+        ] {
+            let text = serde_json::to_string(&executor).expect("JSON");
+            assert_eq!(serde_json::from_str::<ExecutorPlan>(&text).expect(&text), executor);
+        }
+    }
+
+    #[test]
+    fn the_first_difference_is_named_with_its_place() {
+        let was =
+            serde_json::json!({"a": 1, "list": [{"name": "k", "x": 1.5}, {"name": "c", "x": 2}]});
+        let mut is = was.clone();
+        assert_eq!(first_difference("", &was, &is), None);
+        is["list"][1]["x"] = 3.into();
+        let (field, from, to) = first_difference("", &was, &is).expect("differs");
+        assert_eq!((field.as_str(), from.as_str(), to.as_str()), ("list.c.x", "2", "3"));
+        is["list"] = serde_json::json!([]);
+        assert_eq!(first_difference("", &was, &is).expect("shorter").0, "list");
+    }
+}

@@ -1,0 +1,224 @@
+//! A comparison as data: what `compare.json` holds.
+
+use serde::{Deserialize, Serialize};
+use smc_calib::LeaveOneOut;
+
+use super::strength::Strength;
+use crate::plan::Plan;
+use crate::posterior_file::{FitError, PosteriorFile};
+use crate::summary::{self, INFORMED_BITS};
+
+/// Version of the layout of `compare.json`.
+pub const SCHEMA_VERSION: u32 = 1;
+
+/// Range of the final contact ratio where it is calibrated: from no flattening at all to a little beyond full
+/// coalescence, the same for every material and kinetics.
+pub const PHI_RANGE: [f64; 2] = [1.0, 1.35];
+
+/// Everything that `calibrate compare` finds.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Report {
+    /// [`SCHEMA_VERSION`].
+    pub schema_version: u32,
+    /// What decided the result.
+    pub plan: ReportPlan,
+    /// One entry per material or experiment.
+    pub comparisons: Vec<Comparison>,
+}
+
+/// What decided the result.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ReportPlan {
+    /// Simulations per calibration.
+    pub samples: usize,
+    /// Seed.
+    pub seed: u64,
+    /// Whether phi was calibrated.
+    pub phi: bool,
+    /// The experiments, each with its first plan (the others differ in kinetics and parameters).
+    pub experiments: Vec<Plan>,
+}
+
+/// The kinetics on one experiment.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Comparison {
+    /// Name of the run.
+    pub name: String,
+    /// Heading.
+    pub title: String,
+    /// Number of observations.
+    pub observations: usize,
+    /// The final contact ratio where it was not calibrated.
+    pub final_contact_ratio: f64,
+    /// Why it is what it is.
+    pub final_contact_ratio_reason: Option<String>,
+    /// One entry per kinetics.
+    pub entries: Vec<Entry>,
+    /// What the data say, in plain words.
+    pub verdict: Vec<String>,
+    /// Where the prior or the method decides, and other reasons to be careful.
+    pub warnings: Vec<String>,
+}
+
+/// One kinetics.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Entry {
+    /// Its name.
+    pub kinetics: String,
+    /// Log evidence.
+    pub log_evidence: f64,
+    /// Its standard error.
+    pub log_evidence_se: f64,
+    /// Log evidence minus that of the best kinetics.
+    pub log_bayes_factor: f64,
+    /// What that is called.
+    pub strength: Strength,
+    /// Errors of the MAP curve.
+    pub error: FitError,
+    /// Leave-one-out predictive density.
+    pub leave_one_out: LeaveOneOut,
+    /// Observations whose predictive density was computed by calibrating again without them.
+    pub refitted: Vec<usize>,
+    /// The same minus that of the best kinetics by it.
+    pub leave_one_out_difference: f64,
+    /// Spread of that difference over data sets.
+    pub leave_one_out_difference_spread: f64,
+    /// Parameters with what was learnt of each \[bits\].
+    pub informed: Vec<Informed>,
+    /// How many of them, or of their combinations where only these matter, the data inform.
+    pub informed_parameters: usize,
+    /// Lag-1 autocorrelation of the MAP curve's residuals.
+    pub residual_lag1: f64,
+    /// Whether these may be independent, as the likelihood takes them to be.
+    pub residuals_independent: bool,
+    /// Effective sample size.
+    pub ess: f64,
+    /// Pareto shape of the importance weights.
+    pub khat: f64,
+    /// Whether the sampler's diagnostics let the posterior be trusted.
+    pub trusted: bool,
+}
+
+/// What was learnt of a parameter.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Informed {
+    /// The parameter, or `c1 * delta_c^2`.
+    pub name: String,
+    /// Divergence of its posterior from its prior \[bits\].
+    pub bits: f64,
+    /// Posterior median.
+    pub median: f64,
+    /// 95 % interval.
+    pub eti95: [f64; 2],
+    /// Whether it counts: not for C1 and delta_c where only their product matters.
+    pub counts: bool,
+}
+
+impl Comparison {
+    /// From the entries of all kinetics; verdict and warnings are not filled in.
+    pub(super) fn new(plan: &Plan, entries: Vec<Entry>) -> Self {
+        Self {
+            name: plan.name.clone(),
+            title: plan.title.clone(),
+            observations: plan.experiment.time_s.len(),
+            final_contact_ratio: plan.experiment.final_contact_ratio,
+            final_contact_ratio_reason: plan.experiment.final_contact_ratio_reason.clone(),
+            entries,
+            verdict: Vec::new(),
+            warnings: Vec::new(),
+        }
+    }
+
+    /// Whether phi was calibrated.
+    #[must_use]
+    pub fn with_phi(&self) -> bool {
+        self.entries.iter().all(|e| e.informed.iter().any(|informed| informed.name == "phi"))
+    }
+
+    /// The entry with the largest evidence.
+    #[must_use]
+    pub fn best(&self) -> Option<&Entry> {
+        self.entries.iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+    }
+}
+
+impl Entry {
+    pub(super) fn new(
+        file: &PosteriorFile,
+        leave_one_out: LeaveOneOut,
+        refitted: Vec<usize>,
+    ) -> Self {
+        let mut informed: Vec<Informed> = file
+            .parameters
+            .iter()
+            .map(|summary| Informed {
+                name: summary.parameter.name.clone(),
+                bits: summary.information_gain_bits,
+                median: summary.in_si.median,
+                eti95: [summary.in_si.eti95.lower, summary.in_si.eti95.upper],
+                counts: true,
+            })
+            .collect();
+        if let Some(product) = &file.product {
+            for one in &mut informed {
+                one.counts = one.name != "c1" && one.name != "delta_c";
+            }
+            informed.push(Informed {
+                name: product.name.clone(),
+                bits: product.information_gain_bits,
+                median: product.median,
+                eti95: product.eti95,
+                counts: true,
+            });
+        }
+        let counted = informed.iter().filter(|one| one.counts && one.bits >= INFORMED_BITS).count();
+        Self {
+            kinetics: file.plan.kinetics.clone(),
+            log_evidence: file.log_evidence.value,
+            log_evidence_se: file.log_evidence.se,
+            log_bayes_factor: 0.0,
+            strength: Strength::None,
+            error: file.fit.map,
+            leave_one_out_difference: 0.0,
+            leave_one_out_difference_spread: 0.0,
+            leave_one_out,
+            refitted,
+            informed_parameters: counted,
+            informed,
+            residual_lag1: file.residuals.lag1,
+            residuals_independent: file.residuals.independent,
+            ess: file.ess.importance,
+            khat: file.khat,
+            trusted: summary::trusted(file),
+        }
+    }
+}
+
+/// Fills in the differences to the best; `densities` are the log predictive densities of each observation, per entry.
+pub(super) fn rank(entries: &mut [Entry], densities: &[Vec<f64>]) {
+    let best = |value: &dyn Fn(&Entry) -> f64| {
+        entries.iter().enumerate().max_by(|a, b| value(a.1).total_cmp(&value(b.1))).map(|(k, _)| k)
+    };
+    let (Some(by_evidence), Some(by_prediction)) =
+        (best(&|entry| entry.log_evidence), best(&|entry| entry.leave_one_out.ln_density))
+    else {
+        return;
+    };
+    let top = entries[by_evidence].log_evidence;
+    for (entry, density) in entries.iter_mut().zip(densities) {
+        entry.log_bayes_factor = entry.log_evidence - top;
+        entry.strength = Strength::of(-entry.log_bayes_factor);
+        let differences: Vec<f64> =
+            density.iter().zip(&densities[by_prediction]).map(|(a, b)| a - b).collect();
+        let m = differences.len() as f64;
+        let mean = differences.iter().sum::<f64>() / m;
+        let squares: f64 = differences.iter().map(|d| (d - mean).powi(2)).sum();
+        entry.leave_one_out_difference = m * mean;
+        entry.leave_one_out_difference_spread = (m * squares / (m - 1.0).max(1.0)).sqrt();
+    }
+}

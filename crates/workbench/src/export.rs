@@ -1,0 +1,317 @@
+//! Everything that the runs of programs have so far as tables, also while they run.
+
+use std::collections::HashMap;
+use std::fmt::Write as _;
+use std::fs;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+
+use campaign::{Contents, Outcome, Task};
+use smc_calib::{Likelihood, Observer, Posterior, SimError, Simulator, StageRecord};
+
+use crate::calibration::{Stored, groups, read_stored, refused, sample};
+use crate::error::{Failure, InputError, Mistake};
+use crate::model::NeckGrowth;
+use crate::output::{self, CAMPAIGN};
+use crate::plan::Plan;
+use crate::report::quoted;
+use crate::sample_table;
+use crate::simulator::{cause, models, run_number, sample_of, stored};
+
+/// Tables that were written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Exported {
+    /// Their folder.
+    pub out: PathBuf,
+    /// Number of samples.
+    pub samples: usize,
+    /// Number of samples with weights.
+    pub weighted: usize,
+    /// Number of runs.
+    pub runs: usize,
+}
+
+/// Writes the tables of the run in a folder, to `out` or to `export` in it.
+///
+/// # Errors
+///
+/// [`Failure::Input`] for a folder without runs of programs, or a place that cannot be written.
+pub fn export(dir: &Path, out: Option<&Path>) -> Result<Exported, Failure> {
+    let contents = campaign::contents(&dir.join(CAMPAIGN)).map_err(|error| refused(dir, error))?;
+    let stored = read_stored(dir)?;
+    let plan = &stored.plan;
+    let out = out.map_or_else(|| dir.join("export"), Path::to_owned);
+    fs::create_dir_all(&out).map_err(|error| {
+        InputError::new("--out", Mistake::Unwritable)
+            .found(format_args!("{} ({error})", out.display()))
+            .expected("a folder for the tables")
+    })?;
+    let replay = Replay::new(&stored, &contents)?;
+    let posterior = replay.posterior();
+    let samples = samples(&replay, posterior.as_ref());
+    let sets: Vec<&[f64]> = samples.iter().map(|sample| sample.theta).collect();
+    let names = plan.parameter_names();
+    let grain_learning = sample_table::write(&plan.name, &names, sets.iter().copied());
+    for (name, text) in [
+        ("samples.csv", samples_csv(plan, &replay, &samples)),
+        ("runs.csv", runs_csv(plan, &contents)),
+        ("samples-grainlearning.txt", grain_learning),
+    ] {
+        output::write_file(&out.join(name), text.as_bytes())?;
+    }
+    let weighted = samples.iter().filter(|sample| sample.weight.is_some()).count();
+    Ok(Exported { out, samples: samples.len(), weighted, runs: contents.tasks.len() })
+}
+
+/// The sampler once more, answered from what is stored.
+struct Replay<'a> {
+    stored: &'a Stored,
+    models: Vec<Option<NeckGrowth>>,
+    tasks: HashMap<u64, &'a Task>,
+    outcomes: &'a HashMap<u64, Outcome>,
+}
+
+/// What became of a sample.
+enum Simulated {
+    /// Its values.
+    Values(Vec<f64>),
+    /// Why it failed.
+    Failed(String),
+    /// Some of its runs have not ended.
+    Missing,
+}
+
+impl<'a> Replay<'a> {
+    fn new(stored: &'a Stored, contents: &'a Contents) -> Result<Self, Failure> {
+        Ok(Self {
+            stored,
+            models: models(&stored.plan)?,
+            tasks: contents.tasks.iter().map(|task| (task.number, task)).collect(),
+            outcomes: &contents.outcomes,
+        })
+    }
+
+    fn sample(&self, sample: usize, theta: &[f64]) -> Simulated {
+        let plan = &self.stored.plan;
+        let mut values = Vec::new();
+        let mut missing = false;
+        for (place, (model, experiment)) in self.models.iter().zip(&plan.experiments).enumerate() {
+            let found =
+                match model {
+                    Some(model) => {
+                        let mut own = vec![0.0; experiment.width()];
+                        let simulated = model.simulate(theta, &mut own);
+                        Some(simulated.map(|()| own).map_err(|error| {
+                            SimError::recoverable(cause(plan, place, error.cause()))
+                        }))
+                    }
+                    None => {
+                        let outcome = self.outcomes.get(&run_number(plan, sample, place));
+                        stored(plan, place, outcome.cloned())
+                    }
+                };
+            match found {
+                Some(Ok(own)) => values.extend(own),
+                Some(Err(error)) => return Simulated::Failed(error.cause().to_owned()),
+                None => missing = true,
+            }
+        }
+        if missing { Simulated::Missing } else { Simulated::Values(values) }
+    }
+
+    /// The posterior of the stages that are complete; none before the first.
+    fn posterior(&self) -> Option<Posterior> {
+        let mut complete = StopAfter { stages: usize::MAX, seen: 0 };
+        let all = sample(&self.stored.plan, self, &mut complete);
+        if let Ok(posterior) = all {
+            return Some(posterior);
+        }
+        let mut again = StopAfter { stages: complete.seen, seen: 0 };
+        if again.stages == 0 {
+            return None;
+        }
+        sample(&self.stored.plan, self, &mut again).ok()
+    }
+}
+
+/// Ends a run after some stages.
+struct StopAfter {
+    stages: usize,
+    seen: usize,
+}
+
+impl Observer for StopAfter {
+    fn stage(&mut self, _: &StageRecord) -> ControlFlow<()> {
+        self.seen += 1;
+        if self.seen >= self.stages { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
+
+impl Simulator for Replay<'_> {
+    fn parameters(&self) -> usize {
+        self.stored.plan.parameters.len()
+    }
+
+    fn observables(&self) -> usize {
+        self.stored.plan.observations()
+    }
+
+    fn simulate(&self, _: &[f64], _: &mut [f64]) -> Result<(), SimError> {
+        Err(SimError::fatal("only samples are stored"))
+    }
+
+    fn simulate_batch(
+        &self,
+        first: usize,
+        thetas: &[f64],
+        outputs: &mut [f64],
+    ) -> Vec<Result<(), SimError>> {
+        let (d, m) = (self.parameters(), self.observables());
+        thetas
+            .chunks_exact(d)
+            .zip(outputs.chunks_exact_mut(m))
+            .enumerate()
+            .map(|(row, (theta, out))| match self.sample(first + row, theta) {
+                Simulated::Values(values) => {
+                    out.copy_from_slice(&values);
+                    Ok(())
+                }
+                Simulated::Failed(cause) => Err(SimError::recoverable(cause)),
+                Simulated::Missing => Err(SimError::Interrupted),
+            })
+            .collect()
+    }
+}
+
+/// A sample so far.
+struct SampleSoFar<'a> {
+    number: usize,
+    theta: &'a [f64],
+    log_likelihood: Option<f64>,
+    weight: Option<f64>,
+    stage: Option<usize>,
+}
+
+/// Every sample that is known: those of complete stages with their weights, those that were submitted after them.
+fn samples<'a>(replay: &'a Replay<'_>, posterior: Option<&'a Posterior>) -> Vec<SampleSoFar<'a>> {
+    let mut samples: Vec<SampleSoFar<'a>> = posterior
+        .map_or(&[][..], |posterior| &posterior.samples)
+        .iter()
+        .enumerate()
+        .map(|(number, sample)| SampleSoFar {
+            number,
+            theta: &sample.theta,
+            log_likelihood: sample.log_likelihood,
+            weight: Some(sample.weight),
+            stage: Some(sample.stage),
+        })
+        .collect();
+    let known = samples.len();
+    let mut later: Vec<(usize, &Task)> = replay
+        .tasks
+        .values()
+        .map(|task| (sample_of(&replay.stored.plan, task.number).0, *task))
+        .filter(|(sample, _)| *sample >= known)
+        .collect();
+    later.sort_by_key(|(sample, task)| (*sample, task.number));
+    later.dedup_by_key(|(sample, _)| *sample);
+    samples.extend(later.into_iter().map(|(number, task)| SampleSoFar {
+        number,
+        theta: &task.parameters,
+        log_likelihood: None,
+        weight: None,
+        stage: None,
+    }));
+    samples
+}
+
+fn samples_csv(plan: &Plan, replay: &Replay<'_>, samples: &[SampleSoFar<'_>]) -> String {
+    let likelihoods: Vec<_> = groups(plan)
+        .unwrap_or_default()
+        .into_iter()
+        .filter_map(|group| Likelihood::new(&group.noise, &group.observations).ok())
+        .collect();
+    let mut text = String::from("sample");
+    for parameter in &plan.parameters {
+        text.push(',');
+        text.push_str(&quoted(&format!("{} [{}]", parameter.name, parameter.unit)));
+    }
+    text.push_str(",state,cause,log_likelihood,weight,stage");
+    for (experiment, observable) in plan.observables() {
+        let label = plan.label(experiment, observable);
+        for control in &observable.control {
+            let _ = match &observable.control_column {
+                Some(column) => {
+                    write!(text, ",{}", quoted(&format!("{label} at {column} = {control}")))
+                }
+                None => write!(text, ",{}", quoted(&format!("{label} in row {control}"))),
+            };
+        }
+    }
+    text.push('\n');
+    for sample in samples {
+        let _ = write!(text, "{}", sample.number + 1);
+        for value in sample.theta {
+            let _ = write!(text, ",{value:e}");
+        }
+        let simulated = replay.sample(sample.number, sample.theta);
+        let (state, cause, values) = match &simulated {
+            Simulated::Values(values) => ("finished", "", values.as_slice()),
+            Simulated::Failed(cause) => ("failed", cause.as_str(), &[][..]),
+            Simulated::Missing => ("missing", "", &[][..]),
+        };
+        let log_likelihood = sample.log_likelihood.or_else(|| {
+            let mut rest = values;
+            let mut sum = 0.0;
+            for likelihood in &likelihoods {
+                let width = likelihood.values().len();
+                if rest.len() < width {
+                    return None;
+                }
+                let (own, after) = rest.split_at(width);
+                sum += likelihood.ln_joint(own);
+                rest = after;
+            }
+            Some(sum)
+        });
+        let or_empty = |text: Option<String>| text.unwrap_or_default();
+        let _ = write!(
+            text,
+            ",{state},{},{},{},{}",
+            quoted(cause),
+            or_empty(log_likelihood.map(|l| l.to_string())),
+            or_empty(sample.weight.map(|weight| format!("{weight:e}"))),
+            or_empty(sample.stage.map(|stage| stage.to_string())),
+        );
+        for place in 0..replay.observables() {
+            text.push(',');
+            if let Some(value) = values.get(place) {
+                let _ = write!(text, "{value:e}");
+            }
+        }
+        text.push('\n');
+    }
+    text
+}
+
+fn runs_csv(plan: &Plan, contents: &Contents) -> String {
+    let mut text = String::from("run,sample,experiment,state,cause,detail,attempts,seconds\n");
+    for task in &contents.tasks {
+        let (sample, experiment) = sample_of(plan, task.number);
+        let name = plan.experiments.get(experiment).map_or("", |experiment| &experiment.name);
+        let _ = write!(text, "{},{},{}", task.number, sample + 1, quoted(name));
+        let _ = match contents.outcomes.get(&task.number) {
+            Some(Outcome::Finished { attempts, seconds, .. }) => {
+                writeln!(text, ",finished,,,{attempts},{seconds}")
+            }
+            Some(Outcome::Failed { kind, detail, attempts, seconds }) => writeln!(
+                text,
+                ",failed,{},{},{attempts},{seconds}",
+                quoted(&kind.to_string()),
+                quoted(detail)
+            ),
+            None => writeln!(text, ",missing,,,,"),
+        };
+    }
+    text
+}

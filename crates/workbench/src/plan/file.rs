@@ -1,0 +1,287 @@
+//! Plan files: what `calibrate --plan FILE` reads, in TOML or JSON. `crates/workbench/docs/plan-files.md` has every
+//! field.
+
+use std::path::{Path, PathBuf};
+
+use smc_calib::{Noise, Parameter};
+
+use super::command::command;
+use super::executor::executor;
+use super::observable::observable;
+use super::pair_file::{check_all_used, check_priors, check_radii, pair};
+use super::sampler::sampler;
+use super::types::{ExecutorPlan, ExperimentPlan, Plan, SimulatorPlan};
+use super::{template, toml::toml};
+use crate::error::{InputError, Mistake};
+use crate::experiment::{checked_name, is_toml};
+use crate::prior_file;
+use crate::text_file;
+use crate::toml_fields::{At, Document, Fields};
+
+/// A checked plan, how its runs are executed, and the file that says the same.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Planned {
+    /// What decides the result.
+    pub plan: Plan,
+    /// How the runs are executed.
+    pub executor: ExecutorPlan,
+    /// What is allowed and yet worth saying.
+    pub warnings: Vec<String>,
+    /// The plan file, which relative names in it begin at; none for a plan of options.
+    pub path: Option<PathBuf>,
+    /// The text of the plan file.
+    pub text: String,
+}
+
+impl Planned {
+    /// A plan of options, executed by threads of this process.
+    pub(super) fn in_process(plan: Plan, warnings: Vec<String>) -> Self {
+        let text = toml(&plan);
+        let executor = ExecutorPlan::Threads { threads: None };
+        Self { plan, executor, warnings, path: None, text }.warned()
+    }
+
+    /// Reads a plan file and the tables that it names.
+    ///
+    /// # Errors
+    ///
+    /// [`InputError`] with file, line, field, value and remedy.
+    pub fn read(path: &Path) -> Result<Self, InputError> {
+        let text = text_file::read(path)?;
+        Self::parse(path, text)
+    }
+
+    /// As [`read`](Self::read), with the text of the file given. Tables are looked for beside `path`.
+    ///
+    /// # Errors
+    ///
+    /// As [`read`](Self::read).
+    pub fn parse(path: &Path, text: String) -> Result<Self, InputError> {
+        let name = path.display().to_string();
+        let json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
+        if !json && !is_toml(path) {
+            return Err(InputError::new(name, Mistake::Syntax)
+                .found("neither .toml nor .json")
+                .expected("a plan in TOML or JSON")
+                .help("see experiments/external/impact.toml for how it looks"));
+        }
+        let document =
+            if json { Document::parse_json(&name, &text)? } else { Document::parse(&name, &text)? };
+        let mut warnings = Vec::new();
+        let (plan, executor) = read_plan(path, &document.top(), &mut warnings)?;
+        drop(document);
+        Ok(Self { plan, executor, warnings, path: Some(path.to_owned()), text }.warned())
+    }
+
+    /// The folder that relative names in the plan begin at.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        self.path.as_deref().map_or(Path::new("."), folder_of)
+    }
+
+    /// Adds the warning that the run itself would give, for a plan that is only printed.
+    fn warned(mut self) -> Self {
+        let (observations, parameters) = (self.plan.observations(), self.plan.parameters.len());
+        if observations < parameters {
+            self.warnings
+                .push(smc_calib::Concern::FewObservations { observations, parameters }.to_string());
+        }
+        self
+    }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    }
+}
+
+/// Whether the fields at the top of a file are those of a plan.
+#[must_use]
+pub fn looks_like_a_plan(keys: &[&str]) -> bool {
+    keys.contains(&"parameters") || keys.contains(&"experiments")
+}
+
+fn read_plan(
+    path: &Path,
+    fields: &Fields<'_>,
+    warnings: &mut Vec<String>,
+) -> Result<(Plan, ExecutorPlan), InputError> {
+    let name = match fields.text("name")? {
+        Some(At { value, line }) => checked_name(fields, value, line)?,
+        None => path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into()),
+    };
+    let owned = |key| Ok::<_, InputError>(fields.text(key)?.map(|at| at.value.to_owned()));
+    let title = owned("title")?.unwrap_or_else(|| name.clone());
+    let (source, prior_source) = (owned("source")?, owned("prior_source")?);
+    let parameters_table = fields.table("parameters")?;
+    let experiments_table = fields.table("experiments")?;
+    let sampler_table = fields.table("sampler")?;
+    let executor_table = fields.table("executor")?;
+    fields.finish()?;
+
+    let Some(parameters_table) = parameters_table else {
+        return Err(fields
+            .missing("parameters")
+            .expected("a table for each parameter")
+            .help("add [parameters.NAME] with unit, distribution and its numbers"));
+    };
+    let Some(experiments_table) = experiments_table else {
+        return Err(fields
+            .missing("experiments")
+            .expected("at least one experiment")
+            .help("add [experiments.NAME] with a simulator and observables"));
+    };
+    let tables = some_tables(&parameters_table, "no parameters", "at least one [parameters.NAME]")?;
+    let parameters = tables
+        .iter()
+        .map(|(name, table)| parameter(&parameters_table, *name, table))
+        .collect::<Result<Vec<_>, _>>()?;
+    let experiments =
+        experiments(folder_of(path), &experiments_table, (&tables, &parameters), warnings)?;
+    let commands = experiments.iter().any(|e| matches!(e.simulator, SimulatorPlan::Command(_)));
+    let (sampler, design) =
+        sampler(folder_of(path), sampler_table.as_ref(), commands, &parameters)?;
+    let executor = executor(executor_table.as_ref(), commands)?;
+    let version = env!("CARGO_PKG_VERSION").to_owned();
+    let plan = Plan {
+        name,
+        title,
+        source,
+        parameters,
+        prior_source,
+        experiments,
+        sampler,
+        design,
+        version,
+    };
+    Ok((plan, executor))
+}
+
+/// The tables in a table that must hold one at least.
+fn some_tables<'d>(
+    fields: &Fields<'d>,
+    found: &str,
+    expected: &str,
+) -> Result<Vec<(At<&'d str>, Fields<'d>)>, InputError> {
+    let tables = fields.named_tables()?;
+    if tables.is_empty() {
+        return Err(fields.table_error(Mistake::Empty).found(found).expected(expected));
+    }
+    Ok(tables)
+}
+
+type NamedTables<'d> = [(At<&'d str>, Fields<'d>)];
+
+fn experiments(
+    folder: &Path,
+    fields: &Fields<'_>,
+    (tables, parameters): (&NamedTables<'_>, &[Parameter]),
+    warnings: &mut Vec<String>,
+) -> Result<Vec<ExperimentPlan>, InputError> {
+    let names: Vec<String> = parameters.iter().map(|p| p.name.clone()).collect();
+    let own = some_tables(fields, "no experiments", "at least one [experiments.NAME]")?;
+    let mut experiments = Vec::new();
+    for (at, table) in &own {
+        check_word(fields, *at, "an experiment")?;
+        let experiment = experiment(folder, at.value, table, &names, warnings)?;
+        if let SimulatorPlan::Builtin(pair) = &experiment.simulator {
+            check_priors(pair, tables, parameters)?;
+        }
+        experiments.push(experiment);
+    }
+    check_radii(fields, &own, &experiments)?;
+    check_all_used(tables, &experiments)?;
+    let observables = experiments.iter().flat_map(|experiment| &experiment.observables);
+    let tuned = |noise: &Noise| matches!(noise, Noise::EssTarget { .. });
+    if observables.clone().count() > 1 && observables.clone().any(|o| tuned(&o.noise)) {
+        return Err(fields
+            .table_error(Mistake::Conflict)
+            .found("noise ess-target beside other observables")
+            .expected("one observable, where the noise is tuned")
+            .help("choose noise inferred or fixed"));
+    }
+    Ok(experiments)
+}
+
+fn experiment(
+    folder: &Path,
+    name: &str,
+    fields: &Fields<'_>,
+    parameters: &[String],
+    warnings: &mut Vec<String>,
+) -> Result<ExperimentPlan, InputError> {
+    let simulator = fields.table("simulator")?;
+    let observables = fields.table("observables")?;
+    fields.finish()?;
+    let Some(simulator) = simulator else {
+        return Err(fields
+            .missing("simulator")
+            .expected("kind = \"command\" with argv, or kind = \"builtin\" with experiment")
+            .help("add the table [experiments.NAME.simulator]"));
+    };
+    let builtin = simulator
+        .choice("kind", &[("builtin", true), ("command", false)])?
+        .ok_or_else(|| simulator.missing("kind").expected("\"command\" or \"builtin\""))?;
+    if builtin.value {
+        let pair = pair(folder, &simulator, observables.as_ref(), parameters, warnings)?;
+        return Ok(ExperimentPlan { name: name.to_owned(), ..pair });
+    }
+    let call = command(folder, &simulator, parameters)?;
+    let Some(tables) = observables else {
+        return Err(fields
+            .missing("observables")
+            .expected("at least one observable")
+            .help("add [experiments.NAME.observables.NAME] with table, value and result"));
+    };
+    let observables = some_tables(&tables, "no observables", "at least one")?
+        .iter()
+        .map(|(at, table)| {
+            check_word(&tables, *at, "an observable")?;
+            observable(folder, at.value, table)
+        })
+        .collect::<Result<_, _>>()?;
+    Ok(ExperimentPlan {
+        name: name.to_owned(),
+        simulator: SimulatorPlan::Command(call),
+        observables,
+    })
+}
+
+/// Whether a parameter, experiment or observable can be called so: the name goes into file names and placeholders.
+pub(super) fn is_word(name: &str) -> bool {
+    let begins = name.starts_with(|c: char| c.is_ascii_alphabetic());
+    let rest = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
+    begins && rest && name.len() <= 64
+}
+
+fn check_word(fields: &Fields<'_>, at: At<&str>, what: &str) -> Result<(), InputError> {
+    if is_word(at.value) {
+        return Ok(());
+    }
+    Err(fields
+        .error(at.value, at.line, Mistake::OutOfRange)
+        .found(format_args!("\"{}\" as the name of {what}", at.value))
+        .expected("a letter, then letters, digits, _ and -, at most 64"))
+}
+
+fn parameter(
+    parent: &Fields<'_>,
+    at: At<&str>,
+    fields: &Fields<'_>,
+) -> Result<Parameter, InputError> {
+    check_word(parent, at, "a parameter")?;
+    if template::RESERVED.contains(&at.value) {
+        return Err(parent
+            .error(at.value, at.line, Mistake::Conflict)
+            .found(format_args!("\"{}\", which is a placeholder already", at.value))
+            .expected("another name"));
+    }
+    let unit = fields.text("unit")?.map_or("1", |at| at.value);
+    let prior = prior_file::any_prior(fields)?;
+    Ok(Parameter::new(at.value, unit, prior))
+}
+
+#[cfg(test)]
+mod tests;

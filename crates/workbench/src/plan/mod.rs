@@ -1,0 +1,26 @@
+//! The plan of a calibration: everything that decides its result, checked, and nothing else.
+//!
+//! A plan comes from options ([`PairOptions`]: a material or an experiment of one pair) or from a plan file
+//! ([`Planned::read`]), and is written as a plan file by [`toml`]. How the runs are executed is apart, in
+//! [`ExecutorPlan`]: the same plan gives the same bytes on threads, local processes and a cluster.
+
+mod command;
+mod executor;
+mod file;
+mod observable;
+mod pair;
+mod pair_file;
+mod sampler;
+mod template;
+mod toml;
+mod types;
+mod words;
+
+pub use self::toml::toml;
+pub use file::{Planned, looks_like_a_plan};
+pub use pair::{PairOptions, sampler_for};
+pub(crate) use template::with_folder;
+pub use types::{
+    Design, ExecutorPlan, ExperimentPlan, ObservablePlan, PairPlan, Plan, SimulatorPlan, SolverPlan,
+};
+pub use words::{Understood, dry_run, noise_in_words, prior_in_words, understood};

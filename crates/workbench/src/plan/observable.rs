@@ -1,0 +1,262 @@
+//! Observables of a plan file: the measured table, its noise, and where the simulated values are.
+
+use std::path::{Component, Path};
+
+use campaign::{Format, Interpolation, ResultSpec};
+use smc_calib::{FixedSigma, Noise};
+
+use super::types::ObservablePlan;
+use crate::data_table::DataTable;
+use crate::error::{InputError, Mistake};
+use crate::toml_fields::{At, Fields};
+
+/// Reads an observable of a command; `folder` is that of the plan.
+pub(super) fn observable(
+    folder: &Path,
+    name: &str,
+    fields: &Fields<'_>,
+) -> Result<ObservablePlan, InputError> {
+    let table_field = fields
+        .text("table")?
+        .ok_or_else(|| fields.missing("table").expected("the file of the measurements"))?;
+    let owned = |key| Ok::<_, InputError>(fields.text(key)?.map(|at| at.value.to_owned()));
+    let mut observable = ObservablePlan {
+        name: name.to_owned(),
+        table: table_field.value.to_owned(),
+        control_column: owned("control")?,
+        value_column: owned("value")?.unwrap_or_else(|| name.to_owned()),
+        unit: owned("unit")?.unwrap_or_default(),
+        control_unit: owned("control_unit")?.unwrap_or_default(),
+        window: None,
+        control: Vec::new(),
+        values: Vec::new(),
+        sigma: None,
+        noise: Noise::default(),
+        result: None,
+    };
+    let sigma_column = owned("sigma")?;
+    observable.window = window(fields)?;
+    let noise_table = fields.table("noise")?;
+    let result_table = fields.table("result")?;
+    fields.finish()?;
+
+    let table = DataTable::read(&folder.join(table_field.value))
+        .map_err(|error| error.named_in(fields, "table", table_field.line))?;
+    measurements(&mut observable, fields, &table, sigma_column.as_deref())?;
+    let Some(noise_table) = noise_table else {
+        return Err(fields
+            .missing("noise")
+            .expected("how the measurements scatter")
+            .help("noise = { kind = \"inferred\", nu0 = 4, s0 = ABOUT }, ABOUT in the unit of the values")
+            .help("or noise = { kind = \"fixed\", sigma = KNOWN }, or { kind = \"fixed-table\" } with a sigma column"));
+    };
+    observable.noise = noise(&noise_table)?;
+    let per_point = Noise::Fixed { sigma: FixedSigma::PerPoint };
+    if observable.noise == per_point && observable.sigma.is_none() {
+        return Err(fields
+            .missing("sigma")
+            .expected("the column of the standard deviations, which noise fixed-table uses"));
+    }
+    let Some(result_table) = result_table else {
+        return Err(fields
+            .missing("result")
+            .expected("where a run leaves the simulated values")
+            .help(
+                "result = { file = \"out.csv\", format = \"csv\", control = \"t\", value = \"f\" }",
+            ));
+    };
+    observable.result = Some(result(&result_table, observable.control_column.is_some())?);
+    checked(&observable)?;
+    Ok(observable)
+}
+
+/// Fills in the measurements within the window.
+fn measurements(
+    observable: &mut ObservablePlan,
+    fields: &Fields<'_>,
+    table: &DataTable,
+    sigma_column: Option<&str>,
+) -> Result<(), InputError> {
+    let at = |row: usize, column: &str, mistake| {
+        InputError::new(&table.name, mistake).at_line(table.line_of(row)).in_column(column)
+    };
+    let values = table.column(&observable.value_column)?;
+    let sigma = sigma_column.map(|column| table.column(column)).transpose()?;
+    if let (Some(column), Some(sigma)) = (sigma_column, &sigma)
+        && let Some(row) = sigma.iter().position(|sigma| *sigma <= 0.0)
+    {
+        return Err(at(row, column, Mistake::OutOfRange)
+            .found(sigma[row])
+            .expected("a standard deviation > 0"));
+    }
+    let control = match &observable.control_column {
+        Some(column) => table.column(column)?,
+        None => (0..values.len()).map(|row| row as f64).collect(),
+    };
+    if let Some(column) = &observable.control_column
+        && let Some(row) = (1..control.len()).find(|&row| control[row] < control[row - 1])
+    {
+        return Err(at(row, column, Mistake::Unsorted)
+            .found(format_args!("{} after {}", control[row], control[row - 1]))
+            .expected("values that do not go back")
+            .help(
+                "sort the rows; a loading that turns back is two observables, or one over time",
+            ));
+    }
+    let window = observable.window;
+    if window.is_some() && observable.control_column.is_none() {
+        return Err(fields
+            .table_error(Mistake::Conflict)
+            .found("a window without a control column")
+            .help("name the column with control = \"...\", or leave window out"));
+    }
+    let within = |x: f64| window.is_none_or(|[from, to]| from <= x && x <= to);
+    let keep: Vec<usize> = (0..values.len()).filter(|&row| within(control[row])).collect();
+    if keep.is_empty() {
+        let span = format!("{} to {}", control[0], control[control.len() - 1]);
+        return Err(fields
+            .table_error(Mistake::EmptyWindow)
+            .found(format_args!("no row of {} in the window", table.name))
+            .expected(format_args!("a window that overlaps {span}")));
+    }
+    let kept = |column: &[f64]| keep.iter().map(|&row| column[row]).collect::<Vec<_>>();
+    observable.control = kept(&control);
+    observable.values = kept(&values);
+    observable.sigma = sigma.as_deref().map(kept);
+    Ok(())
+}
+
+/// A window of the control variable, if there is one.
+pub(super) fn window(fields: &Fields<'_>) -> Result<Option<[f64; 2]>, InputError> {
+    match fields.pair("window")? {
+        Some(At { value: [from, to], line }) if from > to => Err(fields
+            .error("window", line, Mistake::Bounds)
+            .found(format_args!("[{from}, {to}]"))
+            .expected("[from, to] with from <= to")),
+        window => Ok(window.map(|at| at.value)),
+    }
+}
+
+/// A noise model.
+pub(super) fn noise(fields: &Fields<'_>) -> Result<Noise, InputError> {
+    #[derive(Clone, Copy)]
+    enum Kind {
+        Inferred,
+        Fixed,
+        Relative,
+        Table,
+        EssTarget,
+    }
+    let kind = fields
+        .choice(
+            "kind",
+            &[
+                ("inferred", Kind::Inferred),
+                ("fixed", Kind::Fixed),
+                ("fixed-relative", Kind::Relative),
+                ("fixed-table", Kind::Table),
+                ("ess-target", Kind::EssTarget),
+            ],
+        )?
+        .ok_or_else(|| {
+            fields.missing("kind").expected("one of inferred, fixed, fixed-relative, fixed-table")
+        })?
+        .value;
+    let needed = |key: &'static str, what: &str| {
+        fields
+            .positive(key, what)?
+            .map(|at| at.value)
+            .ok_or_else(|| fields.missing(key).expected(format_args!("a number > 0 [{what}]")))
+    };
+    let noise = match kind {
+        Kind::Inferred => Noise::Inferred {
+            nu0: fields.positive("nu0", "1")?.map_or(4.0, |at| at.value),
+            s0: needed("s0", "unit of the values")?,
+        },
+        Kind::Fixed => {
+            Noise::Fixed { sigma: FixedSigma::Absolute(needed("sigma", "unit of the values")?) }
+        }
+        Kind::Relative => Noise::Fixed { sigma: FixedSigma::Relative(needed("share", "1")?) },
+        Kind::Table => Noise::Fixed { sigma: FixedSigma::PerPoint },
+        Kind::EssTarget => Noise::EssTarget { share: needed("share", "1")? },
+    };
+    fields.finish()?;
+    Ok(noise)
+}
+
+fn result(fields: &Fields<'_>, has_control: bool) -> Result<ResultSpec, InputError> {
+    let file = fields
+        .text("file")?
+        .ok_or_else(|| fields.missing("file").expected("a file in the folder of the run"))?;
+    let relative = Path::new(file.value);
+    if relative.is_absolute() || relative.components().any(|part| part == Component::ParentDir) {
+        return Err(fields
+            .error("file", file.line, Mistake::OutOfRange)
+            .found(format_args!("\"{}\"", file.value))
+            .expected("a file in the folder of the run")
+            .help("every run has a folder of its own; let the command write there"));
+    }
+    let format = fields.choice(
+        "format",
+        &[("csv", Format::Csv), ("whitespace", Format::Whitespace), ("json", Format::Json)],
+    )?;
+    let format = match format {
+        Some(at) => at.value,
+        None => match relative.extension().and_then(|extension| extension.to_str()) {
+            Some("csv") => Format::Csv,
+            Some("json") => Format::Json,
+            Some("txt" | "dat") => Format::Whitespace,
+            _ => {
+                return Err(fields.missing("format").expected(
+                    "\"csv\", \"whitespace\" or \"json\", which the file's name does not say",
+                ));
+            }
+        },
+    };
+    let value = fields
+        .text("value")?
+        .ok_or_else(|| fields.missing("value").expected("the column of the simulated values"))?;
+    let control = fields.text("control")?;
+    let interpolate = fields.choice(
+        "interpolate",
+        &[("linear", Interpolation::Linear), ("refuse", Interpolation::Refuse)],
+    )?;
+    fields.finish()?;
+    match (has_control, &control) {
+        (true, None) => {
+            return Err(fields.missing("control").expected(
+                "the result's column of the control variable, as the measurements have one",
+            ));
+        }
+        (false, Some(at)) => {
+            return Err(fields
+                .error("control", at.line, Mistake::Conflict)
+                .found("a control column of the result, but none of the measurements")
+                .help("name the measurements' column with control beside table"));
+        }
+        _ => {}
+    }
+    if let (false, Some(At { value: Interpolation::Linear, line })) = (has_control, interpolate) {
+        return Err(fields
+            .error("interpolate", line, Mistake::Conflict)
+            .found("interpolation without a control variable"));
+    }
+    Ok(ResultSpec {
+        file: file.value.to_owned(),
+        format,
+        control: control.map(|at| at.value.to_owned()),
+        value: value.value.to_owned(),
+        interpolate: interpolate.map_or(
+            if has_control { Interpolation::Linear } else { Interpolation::Refuse },
+            |at| at.value,
+        ),
+    })
+}
+
+/// The observations and the noise model go together.
+pub(super) fn checked(observable: &ObservablePlan) -> Result<(), InputError> {
+    let observations = observable.observations()?;
+    smc_calib::Likelihood::new(&observable.noise, &observations)
+        .map(drop)
+        .map_err(|error| InputError::new(&observable.table, Mistake::OutOfRange).found(error))
+}

@@ -1,0 +1,258 @@
+//! The plan of one pair of particles, from options: what `--material` and `--experiment` stand for.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use dem_core::{Kinetics, PairScene, SolverKind, SolverSettings, choose_solver};
+use smc_calib::{FixedSigma, Noise, Settings};
+
+use super::Planned;
+use super::types::{ExperimentPlan, ObservablePlan, PairPlan, Plan, SimulatorPlan, SolverPlan};
+use crate::error::{InputError, Mistake};
+use crate::experiment::Experiment;
+use crate::material::Material;
+use crate::parameter::ParameterName;
+use crate::prior_file::PriorFile;
+
+/// Name of the one observable of the built-in simulator.
+pub(super) const CONTACT_RATIO: &str = "contact_ratio";
+
+/// What to calibrate of one pair of particles, and how. The default has the documented defaults and nothing to
+/// calibrate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PairOptions {
+    /// Built-in material: powder, measurements and priors.
+    pub material: Option<Material>,
+    /// Own measurements: a description, a bare table (which needs a material), or the name of a built-in experiment.
+    pub experiment: Option<PathBuf>,
+    /// Own priors.
+    pub prior: Option<PathBuf>,
+    /// Fitted window \[s\]; the description's, or all rows, where there is none.
+    pub window_s: Option<[f64; 2]>,
+    /// Law of neck growth.
+    pub kinetics: Kinetics,
+    /// Solver; the cheapest within the tolerance where there is none.
+    pub solver: Option<SolverKind>,
+    /// Largest error of a/R allowed to the solver.
+    pub tolerance: f64,
+    /// Noise model.
+    pub noise: Noise,
+    /// Number of simulations.
+    pub samples: usize,
+    /// Number of adaptive stages; from the number of simulations where there is none.
+    pub iterations: Option<usize>,
+    /// Effective sample size at which the adaptive stages end early.
+    pub ess: Option<f64>,
+    /// Seed of the random numbers.
+    pub seed: u64,
+}
+
+impl Default for PairOptions {
+    fn default() -> Self {
+        Self {
+            material: None,
+            experiment: None,
+            prior: None,
+            window_s: None,
+            kinetics: Kinetics::ThreeStage,
+            solver: None,
+            tolerance: DEFAULT_TOLERANCE,
+            noise: Noise::default(),
+            samples: Settings::default().samples,
+            iterations: None,
+            ess: None,
+            seed: 1,
+        }
+    }
+}
+
+/// Error of a/R allowed to a solver unless another is asked for.
+pub(super) const DEFAULT_TOLERANCE: f64 = 1e-4;
+
+impl PairOptions {
+    /// Reads and checks everything that the options name.
+    ///
+    /// # Errors
+    ///
+    /// [`InputError`] with place, value and remedy.
+    pub fn plan(&self) -> Result<Planned, InputError> {
+        let experiment = self.read_experiment()?;
+        let priors = match (&self.prior, experiment.material) {
+            (Some(path), _) => PriorFile::read(path)?,
+            (None, Some(material)) => PriorFile::of_material(material)?,
+            (None, None) => {
+                return Err(InputError::new("--prior", Mistake::MissingField)
+                    .found(format_args!(
+                        "no priors for {}, whose powder is not built in",
+                        experiment.description_name
+                    ))
+                    .expected("--prior FILE")
+                    .help("start from priors/example-my-powder.toml"));
+            }
+        };
+        let parameters = priors.parameters(self.kinetics)?;
+        self.check_noise(&experiment)?;
+        let pair = pair_experiment(
+            &experiment,
+            PairModel {
+                kinetics: self.kinetics,
+                solver: self.solver,
+                tolerance: self.tolerance,
+                tau_s_radius_m: None,
+                parameters: BTreeMap::new(),
+            },
+            self.window_s,
+            self.noise.clone(),
+        )?;
+        // A built-in experiment of a material goes by the name that the user typed.
+        let by_default = self.experiment.is_none();
+        let (name, title) = match (experiment.material, &experiment.title) {
+            (Some(material), _) if by_default => (material.name(), material.title()),
+            (_, title) => (experiment.name.as_str(), title.as_deref().unwrap_or(&experiment.name)),
+        };
+        let plan = Plan {
+            name: name.to_owned(),
+            title: title.to_owned(),
+            source: experiment.source.clone(),
+            parameters: parameters.into_iter().map(|(_, parameter)| parameter).collect(),
+            prior_source: Some(priors.file_name),
+            experiments: vec![pair],
+            sampler: self.sampler(),
+            design: None,
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+        };
+        Ok(Planned::in_process(plan, experiment.warnings()))
+    }
+
+    fn read_experiment(&self) -> Result<Experiment, InputError> {
+        match (&self.experiment, self.material) {
+            (Some(path), material) => Experiment::open(path, material),
+            (None, Some(material)) => Experiment::of_material(material),
+            (None, None) => Err(InputError::new("--material", Mistake::MissingField)
+                .found("neither a material nor an experiment")
+                .expected("one of --material ps|pa12|peek and --experiment FILE")
+                .help("calibrate --material ps")),
+        }
+    }
+
+    /// Noise that the table cannot have.
+    fn check_noise(&self, experiment: &Experiment) -> Result<(), InputError> {
+        let table = experiment.observations(self.window_s)?;
+        let Noise::Fixed { sigma } = &self.noise else { return Ok(()) };
+        if *sigma == FixedSigma::PerPoint && table.sigma.is_none() {
+            return Err(InputError::new("--noise", Mistake::MissingColumn)
+                .found("fixed:table")
+                .expected(format_args!("a column sigma in {}", experiment.table_name))
+                .help("add the column, or say --noise fixed:0.02 or --noise inferred"));
+        }
+        if matches!(sigma, FixedSigma::Relative(_))
+            && let Some(row) = table.contact_ratio.iter().position(|&value| value == 0.0)
+        {
+            return Err(InputError::new("--noise", Mistake::Conflict)
+                .found(format_args!(
+                    "fixed-relative, but {} has contact_ratio 0 at time_s = {}, where relative noise vanishes",
+                    experiment.table_name, table.time_s[row]
+                ))
+                .help("leave that row out with --window, or say --noise fixed:0.02"));
+        }
+        Ok(())
+    }
+
+    fn sampler(&self) -> Settings {
+        let tuned = matches!(self.noise, Noise::EssTarget { .. });
+        let settings = match self.iterations {
+            None if !tuned => sampler_for(self.samples),
+            iterations => {
+                let default = Settings { samples: self.samples, ..Settings::default() };
+                Settings { iterations: iterations.unwrap_or(default.iterations), ..default }
+            }
+        };
+        Settings { seed: self.seed, ess_target: self.ess, ..settings }
+    }
+}
+
+/// Settings for a number of simulations of the built-in simulator, with the search for the MAP: a curve of one pair
+/// takes microseconds.
+#[must_use]
+pub fn sampler_for(samples: usize) -> Settings {
+    let map_simulations = Settings::default().map_simulations;
+    Settings { map_simulations, ..Settings::for_budget(samples) }
+}
+
+/// Choices of a neck growth model.
+pub(super) struct PairModel {
+    pub(super) kinetics: Kinetics,
+    /// The solver asked for.
+    pub(super) solver: Option<SolverKind>,
+    pub(super) tolerance: f64,
+    pub(super) tau_s_radius_m: Option<f64>,
+    /// Calibrated parameters by the model's names, where they differ.
+    pub(super) parameters: BTreeMap<ParameterName, String>,
+}
+
+/// The experiment of one pair, checked.
+pub(super) fn pair_experiment(
+    experiment: &Experiment,
+    model: PairModel,
+    window_s: Option<[f64; 2]>,
+    noise: Noise,
+) -> Result<ExperimentPlan, InputError> {
+    let table = experiment.observations(window_s)?;
+    let mut pair = PairPlan {
+        experiment: experiment.description_name.clone(),
+        material: experiment.material,
+        powder: experiment.powder,
+        final_contact_ratio: experiment.final_contact_ratio,
+        final_contact_ratio_reason: experiment.final_contact_ratio_reason.clone(),
+        kinetics: model.kinetics,
+        solver: SolverPlan {
+            name: SolverKind::ClosedForm,
+            forced: model.solver.is_some(),
+            reason: String::new(),
+            tolerance: model.tolerance,
+        },
+        tau_s_radius_m: model.tau_s_radius_m,
+        parameters: model.parameters,
+    };
+    let scene = pair.scene()?;
+    (pair.solver.name, pair.solver.reason) = solver(&scene, &pair, model.solver);
+    let observable = ObservablePlan {
+        name: CONTACT_RATIO.to_owned(),
+        table: experiment.table_name.clone(),
+        control_column: Some("time_s".to_owned()),
+        value_column: CONTACT_RATIO.to_owned(),
+        unit: String::new(),
+        control_unit: "s".to_owned(),
+        window: experiment.fitted_window(window_s),
+        control: table.time_s,
+        values: table.contact_ratio,
+        sigma: table.sigma,
+        noise,
+        result: None,
+    };
+    let name = if super::file::is_word(&experiment.name) { &experiment.name } else { "pair" };
+    Ok(ExperimentPlan {
+        name: name.to_owned(),
+        simulator: SimulatorPlan::Builtin(pair),
+        observables: vec![observable],
+    })
+}
+
+/// The solver that was asked for, or the cheapest within the tolerance, and the reason for it.
+fn solver(scene: &PairScene, pair: &PairPlan, asked: Option<SolverKind>) -> (SolverKind, String) {
+    match asked {
+        None => {
+            let choice = choose_solver(scene, pair.kinetics, pair.solver.tolerance);
+            (choice.kind, choice.reason)
+        }
+        Some(SolverKind::Verlet) => (
+            SolverKind::Verlet,
+            format!(
+                "verlet: as asked; the run with inertia at a step of {} collision times, to which the tolerance does \
+                 not apply",
+                SolverSettings::default().step_over_collision_time
+            ),
+        ),
+        Some(kind) => (kind, format!("{kind}: as asked")),
+    }
+}

@@ -1,0 +1,116 @@
+//! Settings of the sampler in a plan file.
+
+use std::path::Path;
+
+use smc_calib::{Parameter, Settings};
+
+use super::types::Design;
+use crate::error::{InputError, Mistake};
+use crate::sample_table::SampleTable;
+use crate::toml_fields::{At, Fields};
+
+/// Number of parameter sets of a plan with commands, unless it says another.
+const COMMAND_SAMPLES: usize = 300;
+/// The same of a plan with built-in simulators alone.
+const BUILTIN_SAMPLES: usize = 16_384;
+
+/// Settings for a number of samples in a plan that says no more: nothing is simulated beside the samples.
+pub(super) fn settings_for(samples: usize) -> Settings {
+    Settings::for_budget(samples)
+}
+
+/// Reads `[sampler]`; `folder` is that of the plan.
+pub(super) fn sampler(
+    folder: &Path,
+    fields: Option<&Fields<'_>>,
+    commands: bool,
+    parameters: &[Parameter],
+) -> Result<(Settings, Option<Design>), InputError> {
+    let default_samples = if commands { COMMAND_SAMPLES } else { BUILTIN_SAMPLES };
+    let Some(fields) = fields else {
+        return Ok((settings_for(default_samples), None));
+    };
+    let samples = fields.whole("samples", 16, 1 << 27)?;
+    let mut settings =
+        settings_for(samples.as_ref().map_or(default_samples, |at| at.value as usize));
+    let counts: [(_, &mut usize, _, _); 7] = [
+        ("iterations", &mut settings.iterations, 1, 1000),
+        ("batch", &mut settings.batch, 0, 10_000),
+        ("map_simulations", &mut settings.map_simulations, 0, 1 << 27),
+        ("replicates", &mut settings.replicates, 1, 256),
+        ("max_components", &mut settings.max_components, 1, 64),
+        ("patches", &mut settings.patches, 0, 64),
+        ("draws", &mut settings.draws, 1, 1 << 27),
+    ];
+    for (name, setting, least, most) in counts {
+        if let Some(at) = fields.whole(name, least, most)? {
+            *setting = at.value as usize;
+        }
+    }
+    let numbers: [(_, &mut f64, _, _); 6] = [
+        ("max_failed_share", &mut settings.max_failed_share, 0.0, 1.0),
+        ("final_share", &mut settings.final_share, 0.0, 1.0),
+        ("tempering_share", &mut settings.tempering_share, 1e-6, 1.0),
+        ("widening", &mut settings.widening, 1e-3, 1e3),
+        ("degrees_of_freedom", &mut settings.degrees_of_freedom, 1.0, 1e6),
+        ("defensive_share", &mut settings.defensive_share, 1e-6, 1.0),
+    ];
+    for (name, setting, least, most) in numbers {
+        if let Some(At { value, line }) = fields.number(name)? {
+            if !(least..=most).contains(&value) {
+                return Err(fields
+                    .error(name, line, Mistake::OutOfRange)
+                    .found(value)
+                    .expected(format_args!("a number from {least} to {most}")));
+            }
+            *setting = value;
+        }
+    }
+    if let Some(at) = fields.whole("seed", 0, u64::MAX)? {
+        settings.seed = at.value;
+    }
+    settings.ess_target = fields.positive("ess", "1")?.map(|at| at.value);
+    settings.mean_se_target = fields.positive("mean_se", "1")?.map(|at| at.value);
+    if let Some(at) = fields.choice("surrogate", &[("on", true), ("off", false)])? {
+        settings.surrogate = at.value;
+    }
+    let design_field = fields.text("design")?;
+    fields.finish()?;
+    let Some(design_field) = design_field else { return Ok((settings, None)) };
+    if let Some(at) = samples {
+        return Err(fields
+            .error("samples", at.line, Mistake::Conflict)
+            .found("samples beside a design, which says how many there are")
+            .help("leave samples out"));
+    }
+    let table = SampleTable::read(&folder.join(design_field.value))
+        .map_err(|error| error.named_in(fields, "design", design_field.line))?;
+    let sets = design(&table, parameters)?;
+    settings.samples = sets.len();
+    Ok((settings, Some(Design { file: design_field.value.to_owned(), sets })))
+}
+
+/// The given parameter sets, which the priors must allow.
+fn design(table: &SampleTable, parameters: &[Parameter]) -> Result<Vec<Vec<f64>>, InputError> {
+    let names: Vec<String> = parameters.iter().map(|parameter| parameter.name.clone()).collect();
+    let sets = table.in_order(&names)?;
+    if sets.len() < 2 {
+        return Err(InputError::new(&table.name, Mistake::Empty)
+            .found("one parameter set")
+            .expected("at least two, or there is nothing to weight"));
+    }
+    for (row, set) in sets.iter().enumerate() {
+        for (value, parameter) in set.iter().zip(parameters) {
+            let (lower, upper) = parameter.prior.support();
+            if !(lower..=upper).contains(value) {
+                return Err(InputError::new(&table.name, Mistake::OutOfRange)
+                    .at_line(table.line_of(row))
+                    .in_column(&parameter.name)
+                    .found(value)
+                    .expected(format_args!("a value the prior allows, {lower} to {upper}"))
+                    .help("widen the prior, or leave the row out"));
+            }
+        }
+    }
+    Ok(sets)
+}

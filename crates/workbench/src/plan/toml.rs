@@ -1,0 +1,238 @@
+//! A plan as the text of a plan file, which reads back as the same plan.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use smc_calib::{FixedSigma, Noise, PriorSpec, Settings};
+
+use super::pair::DEFAULT_TOLERANCE;
+use super::sampler::settings_for;
+use super::types::{ExperimentPlan, PairPlan, Plan, SimulatorPlan};
+use crate::experiment::BUILT_IN_NAMES;
+
+/// The plan file of a plan with built-in simulators. Own files are named by their whole paths, so that the text can be
+/// kept anywhere.
+///
+/// Commands and designs are left out: a plan with such comes from a plan file, which is the text.
+#[must_use]
+pub fn toml(plan: &Plan) -> String {
+    let mut text = format!("name = {}\ntitle = {}\n", quoted(&plan.name), quoted(&plan.title));
+    for (key, value) in [("source", &plan.source), ("prior_source", &plan.prior_source)] {
+        if let Some(value) = value {
+            let _ = writeln!(text, "{key} = {}", quoted(value));
+        }
+    }
+    for parameter in &plan.parameters {
+        let _ = writeln!(text, "\n[parameters.{}]", parameter.name);
+        let _ = writeln!(text, "unit = {}", quoted(&parameter.unit));
+        text.push_str(&prior(parameter.prior.spec()));
+    }
+    for experiment in &plan.experiments {
+        if let SimulatorPlan::Builtin(pair) = &experiment.simulator {
+            text.push_str(&builtin(experiment, pair));
+        }
+    }
+    text.push_str(&sampler(&plan.sampler));
+    text
+}
+
+/// Text as a TOML string.
+fn quoted(text: &str) -> String {
+    ::toml::Value::from(text).to_string()
+}
+
+fn prior(spec: &PriorSpec) -> String {
+    let (name, numbers) = match *spec {
+        PriorSpec::LogUniform { lower, upper } => {
+            ("log-uniform", vec![("lower", lower), ("upper", upper)])
+        }
+        PriorSpec::Uniform { lower, upper } => {
+            ("uniform", vec![("lower", lower), ("upper", upper)])
+        }
+        PriorSpec::LogNormal { median, sd_log10 } => {
+            ("log-normal", vec![("median", median), ("sd_log10", sd_log10)])
+        }
+        PriorSpec::Normal { mean, sd } => ("normal", vec![("mean", mean), ("sd", sd)]),
+        PriorSpec::TruncatedNormal { mean, sd, lower, upper } => (
+            "truncated-normal",
+            vec![("mean", mean), ("sd", sd), ("lower", lower), ("upper", upper)],
+        ),
+    };
+    let mut text = format!("distribution = \"{name}\"\n");
+    for (key, value) in numbers {
+        let _ = writeln!(text, "{key} = {value:?}");
+    }
+    text
+}
+
+/// A file of the user's by its whole path; what is built in by its name.
+fn named(experiment: &str) -> String {
+    let built_in = experiment
+        .strip_prefix("built-in experiments/")
+        .and_then(|name| name.strip_suffix(".toml"))
+        .filter(|name| BUILT_IN_NAMES.contains(name));
+    match built_in {
+        Some(name) => name.to_owned(),
+        None => std::path::absolute(Path::new(experiment))
+            .map_or_else(|_| experiment.to_owned(), |path| path.display().to_string()),
+    }
+}
+
+fn builtin(experiment: &ExperimentPlan, pair: &PairPlan) -> String {
+    let mut text = format!("\n[experiments.{}.simulator]\nkind = \"builtin\"\n", experiment.name);
+    let _ = writeln!(text, "experiment = {}", quoted(&named(&pair.experiment)));
+    // A bare table does not say what its particles are made of.
+    if let Some(material) = pair.material
+        && experiment.observables.iter().any(|observable| observable.table == pair.experiment)
+    {
+        let _ = writeln!(text, "material = \"{material}\"");
+    }
+    let _ = writeln!(text, "kinetics = \"{}\"", pair.kinetics);
+    if pair.solver.forced {
+        let _ = writeln!(text, "solver = \"{}\"", pair.solver.name);
+    }
+    if pair.solver.tolerance != DEFAULT_TOLERANCE {
+        let _ = writeln!(text, "tolerance = {:?}", pair.solver.tolerance);
+    }
+    if let Some(radius) = pair.tau_s_radius_m {
+        let _ = writeln!(text, "tau_s_radius_m = {radius:?}");
+    }
+    if !pair.parameters.is_empty() {
+        let renamed: Vec<String> = pair
+            .parameters
+            .iter()
+            .map(|(model, name)| format!("{} = {}", model.name(), quoted(name)))
+            .collect();
+        let _ = writeln!(text, "parameters = {{ {} }}", renamed.join(", "));
+    }
+    for observable in &experiment.observables {
+        let _ =
+            writeln!(text, "\n[experiments.{}.observables.{}]", experiment.name, observable.name);
+        if let Some([from, to]) = observable.window {
+            let _ = writeln!(text, "window = [{from:?}, {to:?}]");
+        }
+        let _ = writeln!(text, "noise = {{ {} }}", noise(&observable.noise));
+    }
+    text
+}
+
+fn noise(noise: &Noise) -> String {
+    match noise {
+        Noise::Inferred { nu0, s0 } => format!("kind = \"inferred\", nu0 = {nu0:?}, s0 = {s0:?}"),
+        Noise::Fixed { sigma: FixedSigma::Absolute(sigma) } => {
+            format!("kind = \"fixed\", sigma = {sigma:?}")
+        }
+        Noise::Fixed { sigma: FixedSigma::Relative(share) } => {
+            format!("kind = \"fixed-relative\", share = {share:?}")
+        }
+        Noise::Fixed { sigma: FixedSigma::PerPoint } => "kind = \"fixed-table\"".to_owned(),
+        Noise::EssTarget { share } => format!("kind = \"ess-target\", share = {share:?}"),
+    }
+}
+
+/// The settings that are not those of a plan that names the number of samples alone.
+fn sampler(settings: &Settings) -> String {
+    let default = settings_for(settings.samples);
+    let mut text =
+        format!("\n[sampler]\nsamples = {}\nseed = {}\n", settings.samples, settings.seed);
+    let mut line = |key: &str, is: String, was: String| {
+        if is != was {
+            let _ = writeln!(text, "{key} = {is}");
+        }
+    };
+    macro_rules! lines {
+        ($($field:ident),*) => {
+            $(line(stringify!($field), format!("{:?}", settings.$field), format!("{:?}", default.$field));)*
+        };
+    }
+    lines!(
+        iterations,
+        batch,
+        map_simulations,
+        replicates,
+        max_components,
+        patches,
+        draws,
+        max_failed_share,
+        final_share,
+        tempering_share,
+        widening,
+        degrees_of_freedom,
+        defensive_share
+    );
+    let surrogate = |on: bool| if on { "\"on\"" } else { "\"off\"" }.to_owned();
+    line("surrogate", surrogate(settings.surrogate), surrogate(default.surrogate));
+    for (key, value) in [("ess", settings.ess_target), ("mean_se", settings.mean_se_target)] {
+        line(key, value.map_or_else(String::new, |value| format!("{value:?}")), String::new());
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{PairOptions, Planned};
+    use super::*;
+    use crate::material::Material;
+    use dem_core::{Kinetics, SolverKind};
+    use std::path::PathBuf;
+
+    fn reads_back(options: &PairOptions) {
+        let planned = options.plan().expect("a plan");
+        let read = Planned::parse(&PathBuf::from("plan.toml"), planned.text.clone())
+            .unwrap_or_else(|error| panic!("{error}\n{}", planned.text));
+        assert_eq!(read.plan, planned.plan, "{}", planned.text);
+        assert_eq!(read.executor, planned.executor);
+    }
+
+    #[test]
+    fn the_text_of_any_plan_of_options_reads_back_as_the_same_plan() {
+        let of = |material| PairOptions { material: Some(material), ..PairOptions::default() };
+        let noises = [
+            Noise::Inferred { nu0: 6.0, s0: 0.02 },
+            Noise::Fixed { sigma: FixedSigma::Absolute(0.03) },
+            Noise::Fixed { sigma: FixedSigma::Relative(0.05) },
+            Noise::EssTarget { share: 0.2 },
+        ];
+        for material in Material::ALL {
+            reads_back(&of(material));
+            for kinetics in Kinetics::ALL {
+                reads_back(&PairOptions { kinetics, ..of(material) });
+            }
+            for samples in [16, 100, 999, 1000, 1001, 1024, 4096, 65_537] {
+                for iterations in [None, Some(3), Some(8), Some(20)] {
+                    reads_back(&PairOptions { samples, iterations, ..of(material) });
+                }
+            }
+            for solver in SolverKind::ALL {
+                let tolerance = 3e-7;
+                reads_back(&PairOptions { solver: Some(solver), tolerance, ..of(material) });
+            }
+            for window_s in [[0.01, f64::INFINITY], [0.0, 0.1], [1.0 / 3.0, 1e3]] {
+                if of(material).plan().is_ok() {
+                    let options = PairOptions { window_s: Some(window_s), ..of(material) };
+                    if options.plan().is_ok() {
+                        reads_back(&options);
+                    }
+                }
+            }
+        }
+        for noise in noises {
+            reads_back(&PairOptions { noise, ess: Some(1e3), seed: 1 << 63, ..of(Material::Peek) });
+        }
+    }
+
+    #[test]
+    fn own_files_are_named_by_their_whole_paths() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+        reads_back(&PairOptions {
+            experiment: Some(root.join("experiments/example-my-powder.toml")),
+            prior: Some(root.join("priors/example-my-powder.toml")),
+            ..PairOptions::default()
+        });
+        reads_back(&PairOptions {
+            experiment: Some(root.join("experiments/pa12-r30.csv")),
+            material: Some(Material::Pa12),
+            ..PairOptions::default()
+        });
+    }
+}

@@ -1,0 +1,297 @@
+//! The types of a plan.
+
+use std::collections::BTreeMap;
+
+use campaign::slurm::SlurmSettings;
+use campaign::{Call, ResultSpec};
+use dem_core::{Kinetics, PairScene, PairSpec, Powder, SolverKind, SolverSettings};
+use serde::{Deserialize, Serialize};
+use smc_calib::{Noise, ObservationError, Observations, Parameter, Settings};
+
+use crate::error::{InputError, Mistake};
+use crate::material::Material;
+use crate::parameter::ParameterName;
+
+/// What is calibrated, on what, and how.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Plan {
+    /// Name of the run and of its folder.
+    pub name: String,
+    /// Heading of tables and figures.
+    pub title: String,
+    /// Who measured the data.
+    pub source: Option<String>,
+    /// The parameters in the order of calibration, each with its unit and prior.
+    pub parameters: Vec<Parameter>,
+    /// Where the priors come from.
+    pub prior_source: Option<String>,
+    /// The experiments, each with its simulator and its measurements.
+    pub experiments: Vec<ExperimentPlan>,
+    /// Settings of the sampler, the seed among them.
+    pub sampler: Settings,
+    /// Given parameter sets, evaluated instead of drawn ones.
+    pub design: Option<Design>,
+    /// Version of this program.
+    pub version: String,
+}
+
+/// One experiment.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ExperimentPlan {
+    /// Name of the experiment.
+    pub name: String,
+    /// Simulator of the experiment.
+    pub simulator: SimulatorPlan,
+    /// Measured quantities, in the order in which the simulator gives them.
+    pub observables: Vec<ObservablePlan>,
+}
+
+/// Simulator of an experiment.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum SimulatorPlan {
+    /// Neck growth of a pair of particles, computed in this program.
+    Builtin(PairPlan),
+    /// A program of the user's, run once per parameter set in a folder of its own.
+    Command(Call),
+}
+
+/// Neck growth of a pair of particles. All SI.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PairPlan {
+    /// File of the experiment's description, or the name of a built-in experiment.
+    pub experiment: String,
+    /// Built-in material, if the powder is one.
+    pub material: Option<Material>,
+    /// Powder, with the radius R of the model.
+    pub powder: Powder,
+    /// Final contact ratio phi; not used where phi is calibrated.
+    pub final_contact_ratio: f64,
+    /// Reason for the value of phi.
+    pub final_contact_ratio_reason: Option<String>,
+    /// Law of neck growth.
+    pub kinetics: Kinetics,
+    /// Solver of the curve.
+    pub solver: SolverPlan,
+    /// Radius that the calibrated tau_s belongs to \[m\]: this pair sinters with tau_s R / `tau_s_radius_m`. Without it
+    /// tau_s is that of this pair.
+    pub tau_s_radius_m: Option<f64>,
+    /// Name of the calibrated parameter for each parameter of the model that is called otherwise (`phi = "phi_r30"`).
+    pub parameters: BTreeMap<ParameterName, String>,
+}
+
+/// Solver of a neck growth curve.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SolverPlan {
+    /// The solver.
+    pub name: SolverKind,
+    /// Whether the user asked for it.
+    pub forced: bool,
+    /// Reason for the choice.
+    pub reason: String,
+    /// Largest error of a/R allowed.
+    pub tolerance: f64,
+}
+
+/// A measured quantity: its values, their noise, and where the simulated values are.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ObservablePlan {
+    /// Name of the observable.
+    pub name: String,
+    /// File of the measurements.
+    pub table: String,
+    /// Column of the control variable; none where the rows are in no order.
+    pub control_column: Option<String>,
+    /// Column of the measured values.
+    pub value_column: String,
+    /// Unit of the values; empty where they have none.
+    pub unit: String,
+    /// Unit of the control variable.
+    pub control_unit: String,
+    /// Fitted window of the control variable; all rows where there is none.
+    pub window: Option<[f64; 2]>,
+    /// Control values; row numbers from 0 where there is no control column.
+    pub control: Vec<f64>,
+    /// Measured values.
+    pub values: Vec<f64>,
+    /// Standard deviations of the values, where the table states them.
+    pub sigma: Option<Vec<f64>>,
+    /// Noise model.
+    pub noise: Noise,
+    /// Where a run leaves the simulated values; none for the built-in simulator.
+    pub result: Option<ResultSpec>,
+}
+
+/// Given parameter sets.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Design {
+    /// File of the sample table.
+    pub file: String,
+    /// The sets, in the order of the plan's parameters.
+    pub sets: Vec<Vec<f64>>,
+}
+
+/// How the runs are executed. No part of the result.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum ExecutorPlan {
+    /// Threads of this process, for built-in simulators.
+    Threads {
+        /// Number of threads; all cores where not given.
+        threads: Option<usize>,
+    },
+    /// Processes on this machine.
+    Local {
+        /// Number of runs at a time; as many as cores where not given.
+        parallel: Option<usize>,
+    },
+    /// Job arrays of a Slurm cluster.
+    Slurm(SlurmSettings),
+}
+
+impl Plan {
+    /// Names of the parameters, in order.
+    #[must_use]
+    pub fn parameter_names(&self) -> Vec<String> {
+        self.parameters.iter().map(|parameter| parameter.name.clone()).collect()
+    }
+
+    /// Experiments that a program of the user's simulates, with their places among the experiments.
+    pub fn commands(&self) -> impl Iterator<Item = (usize, &ExperimentPlan, &Call)> {
+        self.experiments.iter().enumerate().filter_map(|(place, experiment)| {
+            match &experiment.simulator {
+                SimulatorPlan::Command(call) => Some((place, experiment, call)),
+                SimulatorPlan::Builtin(_) => None,
+            }
+        })
+    }
+
+    /// Every observable with its experiment, in the order of the simulated values.
+    pub fn observables(&self) -> impl Iterator<Item = (&ExperimentPlan, &ObservablePlan)> {
+        self.experiments.iter().flat_map(|experiment| {
+            experiment.observables.iter().map(move |observable| (experiment, observable))
+        })
+    }
+
+    /// The pair of particles of a plan with one experiment, simulated by this program.
+    ///
+    /// # Errors
+    ///
+    /// [`InputError`] that says what the plan has instead.
+    pub fn pair(&self) -> Result<(&PairPlan, &ObservablePlan), InputError> {
+        let refused = |found: String| {
+            InputError::new(&self.name, Mistake::Conflict)
+                .found(found)
+                .expected("the run of one pair of particles with the built-in simulator")
+                .help("calibrate --material ps makes one")
+        };
+        let [experiment] = &self.experiments[..] else {
+            return Err(refused(format!("a run with {} experiments", self.experiments.len())));
+        };
+        match (&experiment.simulator, &experiment.observables[..]) {
+            (SimulatorPlan::Builtin(pair), [observable]) => Ok((pair, observable)),
+            _ => Err(refused(format!("{}, which a program simulates", experiment.name))),
+        }
+    }
+
+    /// Label of an observable in tables and file names: with its experiment where there are several.
+    #[must_use]
+    pub fn label(&self, experiment: &ExperimentPlan, observable: &ObservablePlan) -> String {
+        if self.experiments.len() > 1 {
+            format!("{}.{}", experiment.name, observable.name)
+        } else {
+            observable.name.clone()
+        }
+    }
+
+    /// Number of measured values.
+    #[must_use]
+    pub fn observations(&self) -> usize {
+        self.observables().map(|(_, observable)| observable.values.len()).sum()
+    }
+
+    /// Number of parameter sets that are simulated.
+    #[must_use]
+    pub fn budget(&self) -> usize {
+        self.design.as_ref().map_or(self.sampler.samples, |design| design.sets.len())
+    }
+}
+
+impl ExperimentPlan {
+    /// Number of simulated values of one parameter set.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.observables.iter().map(|observable| observable.values.len()).sum()
+    }
+}
+
+impl PairPlan {
+    /// The pair at the plan's phi.
+    ///
+    /// # Errors
+    ///
+    /// [`InputError`] for a powder or phi that no scene can be built of.
+    pub fn scene(&self) -> Result<PairScene, InputError> {
+        PairSpec::new(self.powder, self.final_contact_ratio)
+            .build()
+            .map_err(|error| InputError::new(&self.experiment, Mistake::OutOfRange).found(error))
+    }
+
+    /// Name of the calibrated parameter that stands for one of the model's.
+    #[must_use]
+    pub fn calibrated(&self, parameter: ParameterName) -> &str {
+        self.parameters.get(&parameter).map_or(parameter.name(), String::as_str)
+    }
+}
+
+impl SolverPlan {
+    /// Settings of the solver.
+    #[must_use]
+    pub fn settings(&self) -> SolverSettings {
+        SolverSettings { tolerance: self.tolerance, ..SolverSettings::of(self.name) }
+    }
+}
+
+impl ObservablePlan {
+    /// The observations as the sampler takes them.
+    ///
+    /// # Errors
+    ///
+    /// [`InputError`] that names the table, for values that are no observations.
+    pub fn observations(&self) -> Result<Observations, InputError> {
+        let refused = |error: ObservationError| {
+            InputError::new(&self.table, Mistake::OutOfRange).found(error)
+        };
+        let observations =
+            Observations::new(self.control.clone(), self.values.clone()).map_err(refused)?;
+        match &self.sigma {
+            Some(sigma) => observations.with_sigma(sigma.clone()).map_err(refused),
+            None => Ok(observations),
+        }
+    }
+}
+
+impl ExecutorPlan {
+    /// Name of the kind of executor, as in a plan file.
+    #[must_use]
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Threads { .. } => "threads",
+            Self::Local { .. } => "local",
+            Self::Slurm(_) => "slurm",
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! `posterior.json`: the one file to inspect.
+//!
+//! It holds the whole plan, what was found, and whether to trust it; the samples themselves are beside it in
+//! `samples.csv` and `draws.csv`. It has no times of day, thread counts, executors or durations, so that the same plan
+//! gives the same bytes (durations are in `timings.json`). A JSON schema describes it:
+//! `crates/workbench/schema/posterior.schema.json`.
+
+mod neck_growth;
+mod read;
+
+use serde::{Deserialize, Serialize};
+use smc_calib::{
+    BandPoint, Counters, EffectiveSampleSize, Evidence, Failure, MapPoint, ParameterSummary,
+    PathPoint, Residuals, SigmaSummary, StageRecord, StopReason, Trust,
+};
+
+pub use neck_growth::{
+    Curves, Derived, Fit, KneeSummary, NeckGrowthRecord, PaperComparison, PrintedParameter,
+    ProductSummary,
+};
+pub use read::{FILE_NAME, SCHEMA_VERSION, locate, parse, read};
+
+use crate::error::{InputError, Mistake};
+use crate::plan::{ObservablePlan, PairPlan, Plan};
+
+/// A calibration that was done.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Record {
+    /// [`SCHEMA_VERSION`].
+    pub schema_version: u32,
+    /// Everything that decided the result.
+    pub plan: Plan,
+    /// False for tuned weights (`ess-target`), which are no posterior.
+    pub is_posterior: bool,
+    /// One summary per parameter: in the prior's coordinate (log10 or linear) and in SI.
+    pub parameters: Vec<ParameterSummary>,
+    /// Correlation in the priors' coordinates, row by row.
+    pub correlation: Vec<Vec<f64>>,
+    /// Correlation in SI, row by row.
+    pub correlation_si: Vec<Vec<f64>>,
+    /// Log evidence.
+    pub log_evidence: Evidence,
+    /// Effective sample size.
+    pub ess: EffectiveSampleSize,
+    /// Pareto shape, the largest over weights and parameters.
+    pub khat: f64,
+    /// Whether to trust the result, and why.
+    pub trust: Trust,
+    /// The maximum a posteriori, with its simulated values.
+    pub map: MapPoint,
+    /// Results of each experiment, in the order of the plan.
+    pub experiments: Vec<ExperimentRecord>,
+    /// Recursive Bayes: what was known after each observation, on through the observables.
+    pub path: Vec<PathPoint>,
+    /// What each stage did.
+    pub stages: Vec<StageRecord>,
+    /// Failed simulations by cause.
+    pub failures: Vec<Failure>,
+    /// Why the run ended.
+    pub stop: StopReason,
+    /// Reasons to be careful in plain words: warnings on the input, and the concerns of `trust`.
+    pub advice: Vec<String>,
+    /// Work done.
+    pub counters: Counters,
+}
+
+/// Results of one experiment.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ExperimentRecord {
+    /// Name of the experiment.
+    pub name: String,
+    /// Results of each observable, in the order of the plan.
+    pub observables: Vec<ObservableRecord>,
+    /// Results that only a pair of particles has; none for a program's experiment.
+    pub neck_growth: Option<NeckGrowthRecord>,
+}
+
+/// One observable under the posterior.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ObservableRecord {
+    /// Name of the observable.
+    pub name: String,
+    /// Name in tables and files, with the experiment where there are several.
+    pub label: String,
+    /// Noise standard deviation, in the unit of the values; none where the table states it row by row.
+    pub sigma: Option<SigmaSummary>,
+    /// How far the MAP is from the measurements, in their unit.
+    pub map_error: FitError,
+    /// How far the posterior mean is from the measurements.
+    pub mean_error: FitError,
+    /// Simulated values at the MAP.
+    pub map: Vec<f64>,
+    /// Observed minus MAP, and whether these are independent.
+    pub residuals: Residuals,
+    /// Posterior predictive bands at the observations; index and control are those of this observable.
+    pub predictive: Vec<BandPoint>,
+}
+
+/// How far a curve is from the measurements.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FitError {
+    /// Root mean square of observed minus curve, in a/R.
+    pub rmse: f64,
+    /// Largest absolute difference, in a/R.
+    pub max: f64,
+}
+
+impl FitError {
+    /// Of a curve at the observation times.
+    #[must_use]
+    pub fn of(observed: &[f64], curve: &[f64]) -> Self {
+        let residuals = observed.iter().zip(curve).map(|(o, c)| o - c);
+        let sum: f64 = residuals.clone().map(|r| r * r).sum();
+        let max = residuals.map(f64::abs).fold(0.0, f64::max);
+        Self { rmse: (sum / observed.len() as f64).sqrt(), max }
+    }
+}
+
+/// The one pair of particles of a run: what was planned, measured and found.
+#[derive(Debug, Clone, Copy)]
+pub struct Pair<'r> {
+    /// The planned pair.
+    pub plan: &'r PairPlan,
+    /// Its measurements.
+    pub measured: &'r ObservablePlan,
+    /// Its contact ratio under the posterior.
+    pub found: &'r ObservableRecord,
+    /// What only a pair has.
+    pub neck_growth: &'r NeckGrowthRecord,
+}
+
+impl Record {
+    /// Every observable: what was measured, and what was found.
+    pub fn observables(&self) -> impl Iterator<Item = (&ObservablePlan, &ObservableRecord)> {
+        let found = self.experiments.iter().flat_map(|experiment| &experiment.observables);
+        self.plan.observables().map(|(_, plan)| plan).zip(found)
+    }
+
+    /// The pair of a run with one built-in experiment.
+    ///
+    /// # Errors
+    ///
+    /// [`InputError`] that says what the run has instead.
+    pub fn pair(&self) -> Result<Pair<'_>, InputError> {
+        let (plan, measured) = self.plan.pair()?;
+        let own = self.experiments.first().and_then(|experiment| {
+            Some((experiment.observables.first()?, experiment.neck_growth.as_ref()?))
+        });
+        let Some((found, neck_growth)) = own else {
+            return Err(InputError::new(&self.plan.name, Mistake::Damaged)
+                .found("a record without the results of its pair")
+                .help("run the calibration again"));
+        };
+        Ok(Pair { plan, measured, found, neck_growth })
+    }
+}

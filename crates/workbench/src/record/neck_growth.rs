@@ -1,0 +1,163 @@
+//! What only a pair of particles has: Table 3, the knee, the product, the curves of the fit plot.
+
+use serde::{Deserialize, Serialize};
+
+use super::FitError;
+
+/// Results of a pair of particles.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NeckGrowthRecord {
+    /// The parameters in the form printed in Table 3, for kinetics with all three.
+    pub printed: Vec<PrintedParameter>,
+    /// The paper's parameters for this material and where they fall in the posterior.
+    pub paper: Option<PaperComparison>,
+    /// The one combination of c1 and delta_c that the data inform, for kinetics that do not separate them.
+    pub product: Option<ProductSummary>,
+    /// How well four curves fit the measurements.
+    pub fit: Fit,
+    /// Where stage 2 gives way to stage 3, for kinetics with a knee.
+    pub knee: Option<KneeSummary>,
+    /// Posterior predictive bands on a fine grid of times, with the curves of the fit plot.
+    pub curves: Curves,
+}
+
+/// A parameter in the form printed in Table 3.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PrintedParameter {
+    /// `c1`, `tau_s` or `delta_c`.
+    pub name: String,
+    /// The unit that Table 3 prints.
+    pub unit: String,
+    /// Maximum a posteriori, through the map.
+    pub map: f64,
+    /// Posterior median.
+    pub median: f64,
+    /// Mean and standard deviation of log10.
+    pub mean_log10: f64,
+    /// Standard deviation of log10.
+    pub sd_log10: f64,
+    /// Equal-tailed 50 % interval.
+    pub eti50: [f64; 2],
+    /// Equal-tailed 90 % interval.
+    pub eti90: [f64; 2],
+    /// Equal-tailed 95 % interval.
+    pub eti95: [f64; 2],
+    /// What the paper prints.
+    pub paper: Option<f64>,
+    /// Posterior probability of a smaller value, in percent.
+    pub paper_percentile: Option<f64>,
+}
+
+/// The product c1 delta_c^2, all that the `regime-map` kinetics see of the two.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProductSummary {
+    /// `c1 * delta_c^2`.
+    pub name: String,
+    /// Its unit.
+    pub unit: String,
+    /// At the MAP.
+    pub map: f64,
+    /// Posterior median.
+    pub median: f64,
+    /// Equal-tailed 95 % interval.
+    pub eti95: [f64; 2],
+    /// Mean of log10.
+    pub mean_log10: f64,
+    /// Standard deviation of log10.
+    pub sd_log10: f64,
+    /// Divergence of its posterior from its prior \[bits\].
+    pub information_gain_bits: f64,
+    /// With the paper's parameters.
+    pub paper: Option<f64>,
+    /// Posterior probability of a smaller value, in percent.
+    pub paper_percentile: Option<f64>,
+}
+
+/// The paper's parameters.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PaperComparison {
+    /// As printed: c1, tau_s, delta_c.
+    pub printed: [f64; 3],
+    /// In SI, through the map: c1, tau_s, delta_c.
+    pub si: [f64; 3],
+    /// Posterior probability of a smaller SI value, in percent, per calibrated parameter; none for one that
+    /// the paper does not have.
+    pub percentile_si: Vec<Option<f64>>,
+}
+
+/// How well four curves fit.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Fit {
+    /// The MAP curve.
+    pub map: FitError,
+    /// The posterior mean curve.
+    pub posterior_mean: FitError,
+    /// The paper's parameters, through the map of Table 3.
+    pub paper: Option<FitError>,
+    /// The best Frenkel curve (least squares in tau_s); none without an observation after t = 0.
+    pub frenkel: Option<FitError>,
+    /// Its tau_s \[s\].
+    pub frenkel_tau_s: Option<f64>,
+}
+
+/// A derived quantity under the posterior.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Derived {
+    /// At the MAP.
+    pub map: f64,
+    /// Posterior median.
+    pub median: f64,
+    /// Equal-tailed 95 % interval.
+    pub eti95: [f64; 2],
+    /// With the paper's parameters.
+    pub paper: Option<f64>,
+}
+
+/// The knee between zipping and stretching.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct KneeSummary {
+    /// Posterior probability that there is one between the starting and the final contact. The rest is
+    /// conditional on it.
+    pub probability: f64,
+    /// Contact ratio a_ve/R.
+    pub contact_ratio: Derived,
+    /// When it is reached \[s\].
+    pub time_s: Derived,
+}
+
+/// Curves on a fine grid of times, all of the same length.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Curves {
+    /// Times \[s\].
+    pub time_s: Vec<f64>,
+    /// Posterior mean of the curve.
+    pub mean: Vec<f64>,
+    /// 50 % band of the curve: lower, upper.
+    pub curve50: [Vec<f64>; 2],
+    /// 90 % band of the curve.
+    pub curve90: [Vec<f64>; 2],
+    /// 90 % band of a new measurement; none where the noise is stated row by row.
+    pub noisy90: Option<[Vec<f64>; 2]>,
+    /// MAP curve.
+    pub map: Vec<f64>,
+    /// The paper's curve.
+    pub paper: Option<Vec<f64>>,
+    /// The best Frenkel curve; none without an observation after t = 0.
+    pub frenkel: Option<Vec<f64>>,
+}

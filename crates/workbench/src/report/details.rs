@@ -1,0 +1,154 @@
+//! A saved posterior as tables in the terminal.
+
+use std::fmt::Write as _;
+
+use smc_calib::{ParameterSummary, StageRecord};
+
+use super::summary::neck_growth;
+use crate::number::{significant, with_error};
+use crate::plan::Understood;
+use crate::record::Record;
+
+/// What `calibrate check` says of a posterior.
+#[must_use]
+pub fn understood(record: &Record) -> Understood {
+    let trusted = if record.trust.is_full() { "to be trusted" } else { "not to be trusted" };
+    Understood {
+        headline: format!(
+            "a posterior of {} ({} simulations, {trusted})",
+            record.plan.title, record.counters.simulations
+        ),
+        details: Vec::new(),
+        warnings: record.advice.clone(),
+    }
+}
+
+/// The tables that `calibrate inspect` prints below the summary.
+#[must_use]
+pub fn details(record: &Record) -> String {
+    let mut text = parameter_table(&record.parameters);
+    for (_, found) in record.observables() {
+        if let Some(sigma) = &found.sigma {
+            let several = record.plan.observables().count() > 1;
+            let _ = writeln!(
+                text,
+                "{:<10}{:>12}{:>12}{:>26}{:>26}",
+                if several { format!("sigma of {} ", found.label) } else { "sigma".to_owned() },
+                "",
+                significant(sigma.median, 4),
+                interval(sigma.eti50[0], sigma.eti50[1]),
+                interval(sigma.eti95[0], sigma.eti95[1]),
+            );
+        }
+    }
+    let printed = neck_growth(record).map_or(&[][..], |neck| &neck.printed);
+    if !printed.is_empty() {
+        let _ = writeln!(
+            text,
+            "\n{:<10}{:>12}{:>12}{:>26}{:>26}{:>12}{:>12}",
+            "Table 3", "MAP", "median", "50 % interval", "95 % interval", "paper", "percentile"
+        );
+    }
+    for printed in printed {
+        let _ = writeln!(
+            text,
+            "{:<10}{:>12}{:>12}{:>26}{:>26}{:>12}{:>12}",
+            printed.name,
+            significant(printed.map, 4),
+            significant(printed.median, 4),
+            interval(printed.eti50[0], printed.eti50[1]),
+            interval(printed.eti95[0], printed.eti95[1]),
+            printed.paper.map_or_else(String::new, |paper| significant(paper, 3)),
+            printed.paper_percentile.map_or_else(String::new, |p| format!("{p:.1} %")),
+        );
+    }
+    text.push_str(&moments_and_correlation(&record.parameters, &record.correlation));
+    text.push_str(&stages(&record.stages));
+    text
+}
+
+fn interval(lower: f64, upper: f64) -> String {
+    format!("{} .. {}", significant(lower, 4), significant(upper, 4))
+}
+
+/// One line per parameter, SI.
+fn parameter_table(parameters: &[ParameterSummary]) -> String {
+    let mut text = String::new();
+    let _ = writeln!(
+        text,
+        "{:<10}{:>12}{:>12}{:>26}{:>26}{:>8}{:>7}",
+        "SI", "MAP", "median", "50 % interval", "95 % interval", "bits", "k-hat"
+    );
+    for summary in parameters {
+        let si = &summary.in_si;
+        let _ = writeln!(
+            text,
+            "{:<10}{:>12}{:>12}{:>26}{:>26}{:>8.2}{:>7.2}",
+            summary.parameter.name,
+            significant(summary.map, 4),
+            significant(si.median, 4),
+            interval(si.eti50.lower, si.eti50.upper),
+            interval(si.eti95.lower, si.eti95.upper),
+            summary.information_gain_bits,
+            summary.khat,
+        );
+    }
+    text
+}
+
+/// Mean and standard deviation with their errors, and the correlation.
+fn moments_and_correlation(parameters: &[ParameterSummary], correlation: &[Vec<f64>]) -> String {
+    let mut text = String::new();
+    let _ = writeln!(
+        text,
+        "\nmean and sd in the priors' coordinates, with Monte Carlo standard errors"
+    );
+    for summary in parameters {
+        let m = &summary.in_coordinate;
+        let _ = writeln!(
+            text,
+            "{:<10} mean {} +- {}, sd {} +- {} ({})",
+            summary.parameter.name,
+            with_error(m.mean, m.mean_se, 3),
+            significant(m.mean_se, 2),
+            with_error(m.sd, m.sd_se, 3),
+            significant(m.sd_se, 2),
+            match summary.coordinate {
+                smc_calib::Coordinate::Log10 => "log10",
+                smc_calib::Coordinate::Linear => "linear",
+            }
+        );
+    }
+    if parameters.len() > 1 {
+        let _ = writeln!(text, "\ncorrelation in the priors' coordinates");
+        for (summary, row) in parameters.iter().zip(correlation) {
+            let row: String = row.iter().map(|value| format!("{value:>8.3}")).collect();
+            let _ = writeln!(text, "{:<10}{row}", summary.parameter.name);
+        }
+    }
+    text
+}
+
+/// What each stage did.
+fn stages(stages: &[StageRecord]) -> String {
+    let mut text = String::new();
+    let _ = writeln!(
+        text,
+        "\n{:>5}{:>12}{:>9}{:>12}{:>10}{:>16}{:>8}",
+        "stage", "simulations", "failed", "components", "beta", "log evidence", "ESS"
+    );
+    for stage in stages {
+        let _ = writeln!(
+            text,
+            "{:>5}{:>12}{:>9}{:>12}{:>10}{:>16}{:>8.0}",
+            stage.stage,
+            stage.simulations,
+            stage.failed,
+            stage.proposal.components.len(),
+            significant(stage.beta, 3),
+            with_error(stage.log_evidence, stage.log_evidence_se, 3),
+            stage.ess,
+        );
+    }
+    text
+}

@@ -1,0 +1,141 @@
+//! Everything that a run writes beside its record: tables, samples and figures, one set for all runs.
+
+mod details;
+mod pictures;
+mod samples;
+mod summary;
+mod tables;
+
+use std::fmt::Write as _;
+
+use figures::{Figure, Width};
+use rayon::prelude::*;
+use serde::Serialize;
+use smc_calib::Posterior;
+
+use crate::checksums;
+use crate::error::{InputError, RunError};
+use crate::output::{WriteFile, pretty};
+use crate::record::{self, FILE_NAME, Record};
+use crate::sample_table;
+
+pub use details::{details, understood};
+pub use pictures::{fit, pictures};
+pub use samples::{SampleColumns, read_draws, read_samples};
+pub use summary::{json, text};
+pub use tables::{csv, markdown};
+
+/// Text as a CSV field.
+#[must_use]
+pub fn quoted(text: &str) -> String {
+    if text.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
+    }
+}
+
+/// Figures by the names of their files.
+pub type NamedFigures = Vec<(String, Box<dyn Figure + Send + Sync>)>;
+
+/// Writes figures as PNG and SVG.
+///
+/// # Errors
+///
+/// [`RunError`] for a figure that cannot be drawn, or what `write` says.
+pub fn draw_all(
+    figures: &NamedFigures,
+    width: Width,
+    write: &WriteFile<'_>,
+) -> Result<(), RunError> {
+    figures
+        .par_iter()
+        .map(|(name, figure)| {
+            let picture = figure
+                .render(width)
+                .map_err(|error| RunError::new(format_args!("figure {name}: {error}")))?;
+            write(&format!("{name}.png"), &picture.png)?;
+            write(&format!("{name}.svg"), picture.svg.as_bytes())
+        })
+        .collect()
+}
+
+/// The text of a record, which reads back as what it was.
+///
+/// # Errors
+///
+/// [`RunError`] for a record with a number that JSON cannot hold.
+pub fn record_text<T: Serialize + PartialEq>(
+    record: &T,
+    parse: impl Fn(&str, &str) -> Result<T, InputError>,
+) -> Result<String, RunError> {
+    let text = pretty(record)?;
+    match parse(FILE_NAME, &text) {
+        Ok(back) if back == *record => Ok(text),
+        Ok(_) => Err(RunError::new("posterior.json does not read back as it was written")),
+        Err(error) => Err(RunError::new(format_args!(
+            "the posterior holds a number that JSON cannot: {error}"
+        ))),
+    }
+}
+
+/// Writes everything of a finished run.
+pub(crate) fn write_all(
+    record: &Record,
+    posterior: &Posterior,
+    write: &WriteFile<'_>,
+) -> Result<(), RunError> {
+    let figures = pictures(record, &SampleColumns::of(posterior), false);
+    let (tables, drawn) = rayon::join(
+        || write_tables(record, posterior, write),
+        || draw_all(&figures, Width::Column, write),
+    );
+    tables.and(drawn)
+}
+
+fn write_tables(
+    record: &Record,
+    posterior: &Posterior,
+    write: &WriteFile<'_>,
+) -> Result<(), RunError> {
+    write("table.md", markdown(record).as_bytes())?;
+    write("table.csv", csv(record).as_bytes())?;
+    write("fit.csv", fit_csv(record).as_bytes())?;
+    let read_again = [
+        (FILE_NAME, record_text(record, record::parse)?),
+        ("samples.csv", samples::samples_csv(posterior)),
+        ("draws.csv", samples::draws_csv(record, posterior)),
+    ];
+    checksums::write_all(&read_again, write)?;
+    if record.plan.commands().next().is_some() {
+        let sets = posterior.samples.iter().map(|sample| sample.theta.as_slice());
+        let table = sample_table::write(&record.plan.name, &record.plan.parameter_names(), sets);
+        write("samples-grainlearning.txt", table.as_bytes())?;
+    }
+    Ok(())
+}
+
+/// Measured and predicted values, row by row.
+fn fit_csv(record: &Record) -> String {
+    let mut text = String::from(
+        "observable,control,measured,map,mean,curve90_lower,curve90_upper,noisy90_lower,noisy90_upper\n",
+    );
+    for (plan, found) in record.observables() {
+        for band in &found.predictive {
+            let _ = writeln!(
+                text,
+                "{},{},{},{},{},{},{},{},{}",
+                quoted(&found.label),
+                plan.control[band.index],
+                plan.values[band.index],
+                found.map[band.index],
+                band.mean,
+                band.curve90[0],
+                band.curve90[1],
+                band.noisy90[0],
+                band.noisy90[1],
+            );
+        }
+    }
+    text
+}

@@ -1,0 +1,295 @@
+//! The figures of a run, made from its record and samples alone: nothing is simulated here.
+
+use figures::{
+    Axes, Band, ConvergenceFigure, ConvergenceStage, CornerFigure, CornerParameter, FitFigure,
+    Knee, RecursionFigure, RecursionParameter, ResidualsFigure,
+};
+use smc_calib::{BandPoint, Coordinate, Parameter, PathParameter};
+
+use super::summary::{neck_growth, paper_place};
+use super::{NamedFigures, SampleColumns};
+use crate::parameter::ParameterName;
+use crate::plan::ObservablePlan;
+use crate::record::{NeckGrowthRecord, ObservableRecord, Record};
+
+/// Number of points at which the corner plot draws a prior's density.
+const PRIOR_POINTS: usize = 161;
+
+/// The figures by name of file: `corner`, `recursion`, `convergence`, and for every observable with two points or more
+/// `fit` and `residuals`, with its label behind where there are several.
+#[must_use]
+pub fn pictures(record: &Record, samples: &SampleColumns, log_control: bool) -> NamedFigures {
+    let mut figures: NamedFigures = vec![
+        ("corner".to_owned(), Box::new(corner(record, samples))),
+        ("recursion".to_owned(), Box::new(recursion(record, log_control))),
+        ("convergence".to_owned(), Box::new(convergence(record))),
+    ];
+    let several = record.plan.observables().count() > 1;
+    let found = record.experiments.iter().flat_map(|experiment| {
+        let neck = experiment.neck_growth.as_ref();
+        experiment.observables.iter().map(move |observable| (observable, neck))
+    });
+    for ((_, plan), (found, neck)) in record.plan.observables().zip(found) {
+        if plan.values.len() < 2 {
+            continue;
+        }
+        let (mut title, mut suffix) = (record.plan.title.clone(), String::new());
+        if several {
+            title = format!("{title}: {}", found.label);
+            suffix = format!("-{}", found.label);
+        }
+        let residuals = ResidualsFigure {
+            title: title.clone(),
+            time_s: plan.control.clone(),
+            residual: found.residuals.values.clone(),
+            sigma: found.sigma.map_or(found.map_error.rmse, |sigma| sigma.median),
+            axes: axes(plan),
+            log_time: log_control,
+        };
+        let fit = match neck {
+            Some(neck) => fit_of_pair(title, plan, neck, log_control),
+            None => fit_at_data(title, plan, found, log_control),
+        };
+        figures.push((format!("fit{suffix}"), Box::new(fit)));
+        figures.push((format!("residuals{suffix}"), Box::new(residuals)));
+    }
+    figures
+}
+
+/// The fit of a run with one pair; none for other runs.
+#[must_use]
+pub fn fit(record: &Record, log_control: bool) -> Option<FitFigure> {
+    let pair = record.pair().ok()?;
+    Some(fit_of_pair(record.plan.title.clone(), pair.measured, pair.neck_growth, log_control))
+}
+
+/// Measurements, posterior bands, MAP, the paper's and Frenkel's curves on a fine grid.
+fn fit_of_pair(
+    title: String,
+    plan: &ObservablePlan,
+    neck: &NeckGrowthRecord,
+    log_time: bool,
+) -> FitFigure {
+    let curves = &neck.curves;
+    let band = |[lower, upper]: &[Vec<f64>; 2]| Band { lower: lower.clone(), upper: upper.clone() };
+    FitFigure {
+        title,
+        time_s: plan.control.clone(),
+        contact_ratio: plan.values.clone(),
+        grid_s: curves.time_s.clone(),
+        mean: curves.mean.clone(),
+        band50: band(&curves.curve50),
+        band90: band(&curves.curve90),
+        predictive90: curves.noisy90.as_ref().map(band).unwrap_or_default(),
+        map: curves.map.clone(),
+        paper: curves.paper.clone().unwrap_or_default(),
+        frenkel: curves.frenkel.clone().unwrap_or_default(),
+        knee: neck.knee.as_ref().map(|knee| Knee {
+            time_s: knee.time_s.median,
+            ratio: knee.contact_ratio.median,
+            lower: knee.contact_ratio.eti95[0],
+            upper: knee.contact_ratio.eti95[1],
+        }),
+        paper_knee: neck.knee.as_ref().and_then(|knee| knee.contact_ratio.paper),
+        axes: Axes::default(),
+        log_time,
+    }
+}
+
+/// Measurements, posterior bands and MAP at the observations.
+fn fit_at_data(
+    title: String,
+    plan: &ObservablePlan,
+    found: &ObservableRecord,
+    log_time: bool,
+) -> FitFigure {
+    let bands = &found.predictive;
+    let band = |pick: fn(&BandPoint) -> [f64; 2]| Band {
+        lower: bands.iter().map(|point| pick(point)[0]).collect(),
+        upper: bands.iter().map(|point| pick(point)[1]).collect(),
+    };
+    FitFigure {
+        title,
+        time_s: plan.control.clone(),
+        contact_ratio: plan.values.clone(),
+        grid_s: bands.iter().map(|point| plan.control[point.index]).collect(),
+        mean: bands.iter().map(|point| point.mean).collect(),
+        band50: band(|point| point.curve50),
+        band90: band(|point| point.curve90),
+        predictive90: band(|point| point.noisy90),
+        map: bands.iter().map(|point| found.map[point.index]).collect(),
+        axes: axes(plan),
+        log_time,
+        ..FitFigure::default()
+    }
+}
+
+/// Names and units of the axes of an observable.
+fn axes(plan: &ObservablePlan) -> Axes {
+    if plan.result.is_none() {
+        return Axes::default();
+    }
+    // `time_s` in seconds is the time: the unit stands behind it anyway.
+    let words = |name: &str, unit: &str| {
+        let suffix = format!("_{}", unit.to_lowercase());
+        name.strip_suffix(&suffix).filter(|rest| !rest.is_empty()).unwrap_or(name).replace('_', " ")
+    };
+    let from_zero = plan.values.iter().chain(&plan.control).all(|value| *value >= 0.0);
+    Axes {
+        control_name: plan
+            .control_column
+            .as_deref()
+            .map_or("row".to_owned(), |name| words(name, &plan.control_unit)),
+        control_unit: plan.control_unit.clone(),
+        value_name: words(&plan.name, &plan.unit),
+        value_unit: plan.unit.clone(),
+        from_zero,
+    }
+}
+
+/// Marginals and pairs of the parameters.
+fn corner(record: &Record, samples: &SampleColumns) -> CornerFigure {
+    let parameters = record
+        .parameters
+        .iter()
+        .zip(&samples.parameters)
+        .enumerate()
+        .map(|(place, (summary, column))| {
+            let coordinate = summary.coordinate;
+            let (symbol, unit) = symbol(&summary.parameter.name, &summary.parameter.unit);
+            let draws: Vec<f64> = column.iter().map(|&value| coordinate.of(value)).collect();
+            CornerParameter {
+                symbol,
+                unit,
+                log10: coordinate == Coordinate::Log10,
+                prior: prior_density(&summary.parameter, &draws, &samples.weights),
+                draws,
+                paper: paper(record, &summary.parameter.name).map(|value| coordinate.of(value)),
+                map: Some(coordinate.of(record.map.theta[place])),
+            }
+        })
+        .collect();
+    CornerFigure { title: record.plan.title.clone(), parameters, weights: samples.weights.clone() }
+}
+
+/// The paper's value \[SI\] of a parameter, where it has one.
+fn paper(record: &Record, name: &str) -> Option<f64> {
+    let paper = neck_growth(record)?.paper.as_ref()?;
+    paper_place(name).map(|place| paper.si[place])
+}
+
+/// The prior's density over (and a little beyond) the samples that carry weight.
+fn prior_density(parameter: &Parameter, draws: &[f64], weights: &[f64]) -> Vec<(f64, f64)> {
+    let heaviest = weights.iter().copied().fold(0.0, f64::max);
+    let carried = draws
+        .iter()
+        .zip(weights)
+        .filter(|(draw, weight)| draw.is_finite() && **weight > 1e-4 * heaviest)
+        .map(|(draw, _)| *draw);
+    let (lower, upper) =
+        carried.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, u), draw| (l.min(draw), u.max(draw)));
+    if lower >= upper {
+        return Vec::new();
+    }
+    let coordinate = parameter.prior.coordinate();
+    let margin = 0.5 * (upper - lower);
+    let (lower, upper) = (lower - margin, upper + margin);
+    let (first, last) = parameter.prior.support();
+    let ends = [first, last].map(|end| coordinate.of(end));
+    // A density that jumps at the end of its support is drawn as a jump.
+    let lower = if ends[0].is_finite() { lower.max(ends[0]) } else { lower };
+    let upper = if ends[1].is_finite() { upper.min(ends[1]) } else { upper };
+    let mut points: Vec<(f64, f64)> = (0..PRIOR_POINTS)
+        .map(|k| lower + (upper - lower) * k as f64 / (PRIOR_POINTS - 1) as f64)
+        .map(|x| (x, parameter.prior.ln_density_in_coordinate(coordinate.theta(x)).exp()))
+        .filter(|(_, density)| density.is_finite())
+        .collect();
+    if lower == ends[0] {
+        points.insert(0, (lower, 0.0));
+    }
+    if upper == ends[1] {
+        points.push((upper, 0.0));
+    }
+    points
+}
+
+/// What each observation taught. With several observables they are numbered.
+fn recursion(record: &Record, log_control: bool) -> RecursionFigure {
+    let path = &record.path;
+    let mut observables = record.plan.observables().map(|(_, observable)| observable);
+    let only = observables.next().filter(|_| observables.next().is_none());
+    let (control_name, control_unit, control) = match only {
+        Some(plan) => {
+            let axes = axes(plan);
+            let control = path.iter().map(|point| point.control).collect();
+            (axes.control_name, axes.control_unit, control)
+        }
+        None => {
+            let number = path.iter().map(|point| point.index as f64 + 1.0).collect();
+            ("observation".to_owned(), String::new(), number)
+        }
+    };
+    let parameters = record
+        .parameters
+        .iter()
+        .enumerate()
+        .map(|(place, summary)| {
+            let (symbol, unit) = symbol(&summary.parameter.name, &summary.parameter.unit);
+            let of = |pick: fn(&PathParameter) -> f64| -> Vec<f64> {
+                path.iter().map(|point| pick(&point.parameters[place])).collect()
+            };
+            RecursionParameter {
+                symbol,
+                unit,
+                log10: summary.coordinate == Coordinate::Log10,
+                median: of(|p| p.median),
+                interval50: Band { lower: of(|p| p.eti50[0]), upper: of(|p| p.eti50[1]) },
+                interval90: Band { lower: of(|p| p.eti90[0]), upper: of(|p| p.eti90[1]) },
+                paper: paper(record, &summary.parameter.name)
+                    .map(|value| summary.coordinate.of(value)),
+            }
+        })
+        .collect();
+    RecursionFigure {
+        title: record.plan.title.clone(),
+        control_name,
+        control_unit,
+        control,
+        log_control: log_control && only.is_some(),
+        parameters,
+        ess: path.iter().map(|point| point.ess).collect(),
+    }
+}
+
+/// How the sampler got there.
+fn convergence(record: &Record) -> ConvergenceFigure {
+    ConvergenceFigure {
+        title: record.plan.title.clone(),
+        stages: record
+            .stages
+            .iter()
+            .map(|stage| ConvergenceStage {
+                simulations: stage.total as f64,
+                beta: stage.beta,
+                ess: stage.ess,
+                log_evidence: stage.log_evidence,
+                log_evidence_error: stage.log_evidence_se,
+                components: stage.proposal.components.len() as f64,
+                k_hat: stage.khat,
+            })
+            .collect(),
+        k_hat_limit: record.trust.khat_limit,
+        ess_target: record.plan.sampler.ess_target,
+    }
+}
+
+/// How a parameter is written in a figure: symbol and unit.
+fn symbol(name: &str, unit: &str) -> (String, String) {
+    match ParameterName::from_name(name) {
+        Some(ParameterName::C1) => ("C_{1}".to_owned(), "Pa^{-1} s^{-1}".to_owned()),
+        Some(ParameterName::TauS) => ("τ_{s}".to_owned(), "s".to_owned()),
+        Some(ParameterName::DeltaC) => ("δ_{c}".to_owned(), "m".to_owned()),
+        Some(ParameterName::Phi) => ("φ".to_owned(), String::new()),
+        None => (name.to_owned(), unit.to_owned()),
+    }
+}

@@ -1,0 +1,268 @@
+//! The closing summary of a run: what was found, how good the fit is, whether to trust it, where the files are.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use serde::Serialize;
+use smc_calib::{
+    Concern, EffectiveSampleSize, Evidence, Failure, ParameterSummary, SigmaSummary, Trust,
+};
+
+use crate::number::{percentile, shown_unit, significant};
+use crate::plan::{ObservablePlan, SimulatorPlan};
+use crate::record::{
+    FitError, KneeSummary, NeckGrowthRecord, ObservableRecord, PaperComparison, PrintedParameter,
+    ProductSummary, Record,
+};
+
+/// Place of a parameter in the paper's triple.
+pub(super) fn paper_place(name: &str) -> Option<usize> {
+    ["c1", "tau_s", "delta_c"].iter().position(|known| *known == name)
+}
+
+/// Whether the data are said not to inform a parameter.
+pub(super) fn is_uninformed(record: &Record, name: &str) -> bool {
+    record.trust.concerns.iter().any(
+        |concern| matches!(concern, Concern::NotInformed { parameter, .. } if parameter == name),
+    )
+}
+
+/// The neck growth of a run with one pair.
+pub(super) fn neck_growth(record: &Record) -> Option<&NeckGrowthRecord> {
+    record.pair().ok().map(|pair| pair.neck_growth)
+}
+
+/// The summary as text, about ten lines. `seconds` is how long the inference took, where it has just run.
+#[must_use]
+pub fn text(record: &Record, seconds: Option<f64>, out: Option<&Path>) -> String {
+    let mut text = headline(record, seconds);
+    if !record.is_posterior {
+        text.push_str("  NOT A POSTERIOR: noise tuned to a wished-for sample size\n");
+    }
+    let neck = neck_growth(record);
+    let width = record.parameters.iter().map(|p| p.parameter.name.len()).max().unwrap_or(0).max(8);
+    for (place, summary) in record.parameters.iter().enumerate() {
+        let mut line = parameter_line(summary, width);
+        if let Some(paper) = neck.and_then(|neck| neck.paper.as_ref()) {
+            line.push_str(&beside_the_paper(paper, place, &summary.parameter.name));
+        }
+        if is_uninformed(record, &summary.parameter.name) {
+            let _ = write!(line, "; NOT INFORMED ({:.2} bits)", summary.information_gain_bits);
+        }
+        text.push_str(&line);
+        text.push('\n');
+    }
+    if let Some(neck) = neck {
+        text.push_str(&table3_lines(neck));
+    }
+    for (plan, found) in record.observables() {
+        text.push_str(&fit_line(record, plan, found, neck));
+    }
+    if let Some(knee) = neck.and_then(|neck| neck.knee.as_ref()) {
+        text.push_str(&knee_line(knee));
+    }
+    let _ = writeln!(text, "  sampling: {}", record.trust.line(&record.log_evidence));
+    for failure in &record.failures {
+        let _ = writeln!(text, "  failed {} times: {}", failure.count, failure.cause);
+    }
+    for line in &record.advice {
+        let _ = writeln!(text, "  careful: {line}");
+    }
+    if let Some(out) = out {
+        let _ = writeln!(
+            text,
+            "  files: {}/ (posterior.json, table.md, samples.csv, draws.csv, corner.png, fit*.png, ...)",
+            out.display()
+        );
+    }
+    text
+}
+
+fn headline(record: &Record, seconds: Option<f64>) -> String {
+    let plan = &record.plan;
+    let (mut kinetics, mut solver) = (String::new(), String::new());
+    if let [experiment] = &plan.experiments[..]
+        && let SimulatorPlan::Builtin(pair) = &experiment.simulator
+    {
+        kinetics = format!("{} kinetics, ", pair.kinetics);
+        solver = format!(" ({})", pair.solver.name);
+    }
+    let several = match plan.observables().count() {
+        1 => String::new(),
+        n => format!(" of {n} observables"),
+    };
+    let failed: usize = record.failures.iter().map(|failure| failure.count).sum();
+    let failed = if failed > 0 { format!(" ({failed} failed)") } else { String::new() };
+    let took = seconds.map_or_else(String::new, |s| format!(" in {} s", significant(s, 2)));
+    format!(
+        "{}: {kinetics}{} observations{several}, {} simulations{solver}{failed}{took}\n",
+        plan.title,
+        plan.observations(),
+        record.counters.simulations,
+    )
+}
+
+fn parameter_line(summary: &ParameterSummary, width: usize) -> String {
+    let si = &summary.in_si;
+    format!(
+        "  {:<width$} {:>9} {:<9} 95 % {} .. {}",
+        summary.parameter.name,
+        significant(si.median, 3),
+        shown_unit(&summary.parameter.unit),
+        significant(si.eti95.lower, 3),
+        significant(si.eti95.upper, 3),
+    )
+}
+
+fn beside_the_paper(paper: &PaperComparison, place: usize, name: &str) -> String {
+    match (paper.percentile_si.get(place), paper_place(name)) {
+        (Some(Some(share)), Some(at)) => {
+            format!("; paper {} ({})", significant(paper.si[at], 3), percentile(*share))
+        }
+        _ => String::new(),
+    }
+}
+
+/// The product that kinetics inform, and the parameters as Table 3 prints them.
+fn table3_lines(neck: &NeckGrowthRecord) -> String {
+    let mut text = String::new();
+    if let Some(ProductSummary { name, unit, median, eti95, information_gain_bits, .. }) =
+        &neck.product
+    {
+        let _ = writeln!(
+            text,
+            "  {name} {} {unit}  95 % {} .. {} ({information_gain_bits:.1} bits): all that these kinetics see of the two",
+            significant(*median, 3),
+            significant(eti95[0], 3),
+            significant(eti95[1], 3),
+        );
+    }
+    let printed = |printed: &PrintedParameter| {
+        let paper = printed
+            .paper
+            .map_or_else(String::new, |paper| format!(" (paper {})", significant(paper, 3)));
+        format!("{} {}{paper}", printed.name, significant(printed.median, 3))
+    };
+    if !neck.printed.is_empty() {
+        let medians: Vec<String> = neck.printed.iter().map(printed).collect();
+        let _ = writeln!(text, "  as printed in Table 3: {}", medians.join(", "));
+    }
+    text
+}
+
+fn fit_line(
+    record: &Record,
+    plan: &ObservablePlan,
+    found: &ObservableRecord,
+    neck: Option<&NeckGrowthRecord>,
+) -> String {
+    let noise = found.sigma.map_or_else(String::new, |sigma| {
+        format!("; noise sigma {}", significant(sigma.median, 2))
+    });
+    let rmse = significant(found.map_error.rmse, 2);
+    if let Some(neck) = neck {
+        let beside = |what: &str, error: Option<FitError>| {
+            error.map_or_else(String::new, |error| {
+                format!(", {what} {}", significant(error.rmse, 2))
+            })
+        };
+        let (paper, frenkel) =
+            (beside("paper", neck.fit.paper), beside("best Frenkel", neck.fit.frenkel));
+        return format!("  fit: RMSE of a/R {rmse} (MAP){paper}{frenkel}{noise}\n");
+    }
+    let of = if record.plan.observables().count() > 1 || record.plan.experiments.len() > 1 {
+        format!(" of {}", found.label)
+    } else {
+        format!(" of {}", found.name)
+    };
+    let unit = match shown_unit(&plan.unit) {
+        "" => String::new(),
+        unit => format!("{unit} "),
+    };
+    format!("  fit{of}: RMSE {rmse} {unit}(MAP){noise}\n")
+}
+
+fn knee_line(knee: &KneeSummary) -> String {
+    let probability = if knee.probability < 0.995 {
+        format!(", with probability {:.2}", knee.probability)
+    } else {
+        String::new()
+    };
+    format!(
+        "  knee: a/R {} at {} s (95 % {} .. {} s){probability}\n",
+        significant(knee.contact_ratio.median, 3),
+        significant(knee.time_s.median, 3),
+        significant(knee.time_s.eti95[0], 3),
+        significant(knee.time_s.eti95[1], 3),
+    )
+}
+
+/// The summary as JSON: the same facts for a program to read.
+#[derive(Debug, Serialize)]
+struct Short<'a> {
+    name: &'a str,
+    is_posterior: bool,
+    trusted: bool,
+    trust: &'a Trust,
+    parameters: &'a [ParameterSummary],
+    observables: Vec<ShortObservable<'a>>,
+    neck_growth: Option<ShortNeckGrowth<'a>>,
+    log_evidence: &'a Evidence,
+    ess: &'a EffectiveSampleSize,
+    khat: f64,
+    failures: &'a [Failure],
+    advice: &'a [String],
+    out: Option<String>,
+}
+
+#[derive(Debug, Serialize)]
+struct ShortObservable<'a> {
+    label: &'a str,
+    sigma: &'a Option<SigmaSummary>,
+    map_error: FitError,
+}
+
+#[derive(Debug, Serialize)]
+struct ShortNeckGrowth<'a> {
+    printed: &'a [PrintedParameter],
+    paper: &'a Option<PaperComparison>,
+    product: &'a Option<ProductSummary>,
+    fit: &'a crate::record::Fit,
+    knee: &'a Option<KneeSummary>,
+}
+
+/// The summary as JSON.
+///
+/// # Errors
+///
+/// None in practice: the summary is plain data.
+pub fn json(record: &Record, out: Option<&Path>) -> Result<String, serde_json::Error> {
+    serde_json::to_string_pretty(&Short {
+        name: &record.plan.name,
+        is_posterior: record.is_posterior,
+        trusted: record.trust.is_full(),
+        trust: &record.trust,
+        parameters: &record.parameters,
+        observables: record
+            .observables()
+            .map(|(_, found)| ShortObservable {
+                label: &found.label,
+                sigma: &found.sigma,
+                map_error: found.map_error,
+            })
+            .collect(),
+        neck_growth: neck_growth(record).map(|neck| ShortNeckGrowth {
+            printed: &neck.printed,
+            paper: &neck.paper,
+            product: &neck.product,
+            fit: &neck.fit,
+            knee: &neck.knee,
+        }),
+        log_evidence: &record.log_evidence,
+        ess: &record.ess,
+        khat: record.khat,
+        failures: &record.failures,
+        advice: &record.advice,
+        out: out.map(|path| path.display().to_string()),
+    })
+}

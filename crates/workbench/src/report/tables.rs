@@ -1,0 +1,265 @@
+//! The posterior as the table that a paper prints.
+
+use std::fmt::Write as _;
+
+use smc_calib::{Coordinate, SigmaSummary};
+
+use super::quoted;
+use super::summary::{is_uninformed, neck_growth, paper_place};
+use crate::number::{shown_unit, significant, with_error};
+use crate::plan::SimulatorPlan;
+use crate::record::Record;
+
+/// One line of the posterior table.
+struct Row {
+    parameter: String,
+    unit: String,
+    form: &'static str,
+    map: Option<f64>,
+    median: f64,
+    eti95: [f64; 2],
+    /// Mean and standard deviation in the coordinate the prior is flat or normal in.
+    mean_sd: (f64, f64, Coordinate),
+    bits: Option<f64>,
+    informed: bool,
+    paper: Option<f64>,
+    percentile: Option<f64>,
+}
+
+fn rows(record: &Record) -> Vec<Row> {
+    let neck = neck_growth(record);
+    let paper = neck.and_then(|neck| neck.paper.as_ref());
+    let mut rows: Vec<Row> = record
+        .parameters
+        .iter()
+        .enumerate()
+        .map(|(place, summary)| {
+            let (name, moments) = (&summary.parameter.name, &summary.in_coordinate);
+            let percentile = paper.and_then(|paper| paper.percentile_si.get(place).copied()?);
+            Row {
+                parameter: name.clone(),
+                unit: summary.parameter.unit.clone(),
+                form: "SI",
+                map: Some(summary.map),
+                median: summary.in_si.median,
+                eti95: [summary.in_si.eti95.lower, summary.in_si.eti95.upper],
+                mean_sd: (moments.mean, moments.sd, summary.coordinate),
+                bits: Some(summary.information_gain_bits),
+                informed: !is_uninformed(record, name),
+                paper: percentile.and_then(|_| Some(paper?.si[paper_place(name)?])),
+                percentile,
+            }
+        })
+        .collect();
+    if let Some(product) = neck.and_then(|neck| neck.product.as_ref()) {
+        rows.push(Row {
+            parameter: product.name.clone(),
+            unit: product.unit.clone(),
+            form: "SI",
+            map: Some(product.map),
+            median: product.median,
+            eti95: product.eti95,
+            mean_sd: (product.mean_log10, product.sd_log10, Coordinate::Log10),
+            bits: Some(product.information_gain_bits),
+            informed: true,
+            paper: product.paper,
+            percentile: product.paper_percentile,
+        });
+    }
+    for printed in neck.map_or(&[][..], |neck| &neck.printed) {
+        rows.push(Row {
+            parameter: printed.name.clone(),
+            unit: printed.unit.clone(),
+            form: "as printed in Table 3",
+            map: Some(printed.map),
+            median: printed.median,
+            eti95: printed.eti95,
+            mean_sd: (printed.mean_log10, printed.sd_log10, Coordinate::Log10),
+            bits: None,
+            informed: true,
+            paper: printed.paper,
+            percentile: printed.paper_percentile,
+        });
+    }
+    for (plan, found) in record.observables() {
+        if let Some(sigma) = &found.sigma {
+            let name = if record.plan.observables().count() > 1 {
+                format!("sigma of {}", found.label)
+            } else {
+                "sigma".to_owned()
+            };
+            rows.push(sigma_row(name, &plan.unit, sigma));
+        }
+    }
+    rows
+}
+
+fn sigma_row(parameter: String, unit: &str, sigma: &SigmaSummary) -> Row {
+    Row {
+        parameter,
+        unit: if unit.is_empty() { "1".to_owned() } else { unit.to_owned() },
+        form: "noise",
+        map: None,
+        median: sigma.median,
+        eti95: sigma.eti95,
+        mean_sd: (sigma.mean, sigma.sd, Coordinate::Linear),
+        bits: None,
+        informed: true,
+        paper: None,
+        percentile: None,
+    }
+}
+
+/// The posterior as a Markdown table.
+#[must_use]
+pub fn markdown(record: &Record) -> String {
+    let plan = &record.plan;
+    let mut text = format!("# {}\n\n", plan.title);
+    if !record.is_posterior {
+        text.push_str(
+            "**Not a posterior**: the noise was tuned to a wished-for effective sample size, and the proposals were not \
+             corrected for.\n\n",
+        );
+    }
+    for experiment in &plan.experiments {
+        let observations = experiment.width();
+        let _ = match &experiment.simulator {
+            SimulatorPlan::Builtin(pair) => writeln!(
+                text,
+                "{}: {} kinetics, {observations} observations, R = {} µm.\n",
+                experiment.name,
+                pair.kinetics,
+                significant(1e6 * pair.powder.radius_m, 3),
+            ),
+            SimulatorPlan::Command(_) => {
+                writeln!(text, "{}: {observations} observations.\n", experiment.name)
+            }
+        };
+    }
+    let (simulations, seed) = (record.counters.simulations, plan.sampler.seed);
+    let _ = writeln!(text, "{simulations} simulations, seed {seed}.\n");
+    let rows = rows(record);
+    let with_paper = rows.iter().any(|row| row.paper.is_some());
+    let paper_columns = |columns: &'static str| if with_paper { columns } else { "" };
+    let _ = writeln!(
+        text,
+        "| parameter | unit | form | MAP | median | 95 % interval | mean ± sd | information [bits] |{}",
+        paper_columns(" paper | paper's percentile |")
+    );
+    let _ = writeln!(text, "|---|---|---|---|---|---|---|---|{}", paper_columns("---|---|"));
+    for row in &rows {
+        text.push_str(&markdown_row(row, with_paper));
+    }
+    text.push_str(&observables_markdown(record));
+    let evidence = record.trust.evidence(&record.log_evidence).replace("+-", "±");
+    let _ = writeln!(
+        text,
+        "\n{evidence}; effective sample size {:.0}; k-hat {:.2}.",
+        record.ess.importance, record.khat
+    );
+    for failure in &record.failures {
+        let _ = writeln!(text, "\n> failed {} times: {}", failure.count, failure.cause);
+    }
+    for line in &record.advice {
+        let _ = writeln!(text, "\n> {line}");
+    }
+    text
+}
+
+fn markdown_row(row: &Row, with_paper: bool) -> String {
+    let or_dash = |value: Option<String>| value.unwrap_or_else(|| "–".to_owned());
+    let (mean, sd, coordinate) = row.mean_sd;
+    // A standard deviation that does not exist is stored as the largest number there is.
+    let values = if sd < f64::MAX {
+        format!("{} ± {}", with_error(mean, sd, 2), significant(sd, 2))
+    } else {
+        format!("{} (no finite sd)", significant(mean, 3))
+    };
+    let log10 = if coordinate == Coordinate::Log10 { " (log10)" } else { "" };
+    let bits = row
+        .bits
+        .map(|bits| format!("{bits:.2}{}", if row.informed { "" } else { " (not informed)" }));
+    let mut line = format!(
+        "| {} | {} | {} | {} | {} | {} … {} | {values}{log10} | {} |",
+        row.parameter,
+        row.unit,
+        row.form,
+        or_dash(row.map.map(|map| significant(map, 3))),
+        significant(row.median, 3),
+        significant(row.eti95[0], 3),
+        significant(row.eti95[1], 3),
+        or_dash(bits),
+    );
+    if with_paper {
+        let _ = write!(
+            line,
+            " {} | {} |",
+            or_dash(row.paper.map(|paper| significant(paper, 3))),
+            or_dash(row.percentile.map(|percentile| format!("{percentile:.1} %"))),
+        );
+    }
+    line.push('\n');
+    line
+}
+
+/// How well each observable is met.
+fn observables_markdown(record: &Record) -> String {
+    let mut text = String::from(
+        "\n| observable | points | RMSE of the MAP | noise sigma, 95 % | residuals |\n|---|---|---|---|---|\n",
+    );
+    for (plan, found) in record.observables() {
+        let sigma = match &found.sigma {
+            None => "as the table states".to_owned(),
+            Some(sigma) if sigma.fixed => format!("{} (given)", significant(sigma.median, 3)),
+            Some(sigma) => {
+                let [lower, upper] = sigma.eti95.map(|end| significant(end, 2));
+                format!("{} ({lower} … {upper})", significant(sigma.median, 2))
+            }
+        };
+        let rmse = significant(found.map_error.rmse, 2);
+        let _ = writeln!(
+            text,
+            "| {} | {} | {} | {sigma} | {} |",
+            found.label,
+            plan.values.len(),
+            format_args!("{rmse} {}", shown_unit(&plan.unit)).to_string().trim_end(),
+            if found.residuals.independent { "independent" } else { "not independent" },
+        );
+    }
+    text
+}
+
+/// The posterior table as CSV, in full precision.
+#[must_use]
+pub fn csv(record: &Record) -> String {
+    let mut text = String::from(
+        "parameter,unit,form,map,median,eti95_lower,eti95_upper,mean,sd,mean_sd_coordinate,information_gain_bits,paper,paper_percentile\n",
+    );
+    let or_empty = |value: Option<f64>| {
+        value.filter(|value| value.is_finite()).map_or_else(String::new, |value| value.to_string())
+    };
+    for row in rows(record) {
+        let (mean, sd, coordinate) = row.mean_sd;
+        let _ = writeln!(
+            text,
+            "{},{},{},{},{},{},{},{},{},{},{},{},{}",
+            quoted(&row.parameter),
+            quoted(&row.unit),
+            row.form,
+            or_empty(row.map),
+            row.median,
+            row.eti95[0],
+            row.eti95[1],
+            or_empty(Some(mean)),
+            or_empty(Some(sd)),
+            match coordinate {
+                Coordinate::Log10 => "log10",
+                Coordinate::Linear => "linear",
+            },
+            or_empty(row.bits),
+            or_empty(row.paper),
+            or_empty(row.percentile),
+        );
+    }
+    text
+}

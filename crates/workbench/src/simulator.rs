@@ -1,0 +1,256 @@
+//! All experiments of a plan as one simulator: built-in ones are computed, programs are run by an executor.
+
+use std::sync::{Mutex, PoisonError};
+
+use campaign::{Campaign, Event, Executor, ExecutorError, Outcome, Task};
+use smc_calib::{SimError, Simulator};
+
+use crate::error::InputError;
+use crate::model::NeckGrowth;
+use crate::plan::{Plan, SimulatorPlan};
+use crate::watch::Watch;
+
+/// Where and by what the programs of a plan are run.
+pub(crate) struct Runner<'a> {
+    /// Folder of the runs.
+    pub(crate) campaign: &'a Campaign,
+    /// What runs them.
+    pub(crate) executor: Box<dyn Executor + Send + 'a>,
+    /// Told of every run.
+    pub(crate) on_event: Box<dyn FnMut(Event) + Send + 'a>,
+}
+
+/// All experiments of a plan.
+pub(crate) struct Experiments<'a> {
+    plan: &'a Plan,
+    models: Vec<Option<NeckGrowth>>,
+    observables: usize,
+    runner: Option<Mutex<Runner<'a>>>,
+    watch: &'a dyn Watch,
+    failure: Mutex<Option<ExecutorError>>,
+}
+
+/// The built-in models of a plan, none in the places of programs.
+pub(crate) fn models(plan: &Plan) -> Result<Vec<Option<NeckGrowth>>, InputError> {
+    plan.experiments
+        .iter()
+        .map(|experiment| match &experiment.simulator {
+            SimulatorPlan::Builtin(pair) => {
+                let times = experiment.observables.first().map(|o| o.control.clone());
+                NeckGrowth::new(pair, &plan.parameters, times.unwrap_or_default()).map(Some)
+            }
+            SimulatorPlan::Command(_) => Ok(None),
+        })
+        .collect()
+}
+
+/// Number of the run of one experiment at one sample, both counted from 0; runs count from 1.
+pub(crate) fn run_number(plan: &Plan, sample: usize, experiment: usize) -> u64 {
+    (sample * plan.experiments.len() + experiment) as u64 + 1
+}
+
+/// Sample and experiment of a run.
+pub(crate) fn sample_of(plan: &Plan, number: u64) -> (usize, usize) {
+    let place = usize::try_from(number.saturating_sub(1)).unwrap_or(usize::MAX);
+    (place / plan.experiments.len(), place % plan.experiments.len())
+}
+
+/// A cause of failure, with the name of its experiment where there are several.
+pub(crate) fn cause(plan: &Plan, experiment: usize, words: &str) -> String {
+    if plan.experiments.len() > 1 {
+        format!("{}: {words}", plan.experiments[experiment].name)
+    } else {
+        words.to_owned()
+    }
+}
+
+/// What became of a run of a program: its values, or the cause of its failure; none before it ended.
+pub(crate) fn stored(
+    plan: &Plan,
+    place: usize,
+    outcome: Option<Outcome>,
+) -> Option<Result<Vec<f64>, SimError>> {
+    match outcome? {
+        Outcome::Finished { values, .. } if values.len() == plan.experiments[place].width() => {
+            Some(Ok(values))
+        }
+        Outcome::Finished { .. } => None,
+        Outcome::Failed { kind, .. } => {
+            Some(Err(SimError::recoverable(cause(plan, place, &kind.to_string()))))
+        }
+    }
+}
+
+impl<'a> Experiments<'a> {
+    /// The experiments of a plan; `runner` is needed where it has programs.
+    pub(crate) fn new(
+        plan: &'a Plan,
+        runner: Option<Runner<'a>>,
+        watch: &'a dyn Watch,
+    ) -> Result<Self, InputError> {
+        Ok(Self {
+            plan,
+            models: models(plan)?,
+            observables: plan.observations(),
+            runner: runner.map(Mutex::new),
+            watch,
+            failure: Mutex::new(None),
+        })
+    }
+
+    /// Why the executor stopped, if it did.
+    pub(crate) fn take_failure(&self) -> Option<ExecutorError> {
+        self.failure.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+
+    /// The experiments with the places of their values in a row.
+    fn places(&self) -> impl Iterator<Item = (usize, Option<&NeckGrowth>, std::ops::Range<usize>)> {
+        let mut first = 0;
+        self.models.iter().zip(&self.plan.experiments).enumerate().map(
+            move |(place, (model, experiment))| {
+                let range = first..first + experiment.width();
+                first = range.end;
+                (place, model.as_ref(), range)
+            },
+        )
+    }
+
+    /// Names the experiment in an error of its simulation.
+    fn of_experiment(&self, place: usize, error: SimError) -> SimError {
+        match error {
+            SimError::Recoverable { cause: words } => {
+                SimError::recoverable(cause(self.plan, place, &words))
+            }
+            SimError::Fatal { cause: words } => SimError::fatal(cause(self.plan, place, &words)),
+            SimError::Interrupted => SimError::Interrupted,
+        }
+    }
+
+    /// Computes the built-in experiments of all rows.
+    fn built_in(&self, thetas: &[f64], outputs: &mut [f64]) -> Vec<Result<(), SimError>> {
+        let stop = self.watch.stop();
+        let counted = self.runner.is_none();
+        let go_on = |first: bool| {
+            if first && counted {
+                self.watch.advance();
+            }
+            !stop.asked()
+        };
+        if let [Some(model)] = &self.models[..] {
+            return model.curves(thetas, outputs, &|| go_on(true));
+        }
+        let rows = thetas.len() / self.plan.parameters.len();
+        let mut results = vec![Ok(()); rows];
+        let mut first = true;
+        for (place, model, range) in self.places() {
+            let Some(model) = model else { continue };
+            let mut own = vec![0.0; rows * range.len()];
+            let found = model.curves(thetas, &mut own, &|| go_on(first));
+            first = false;
+            let values = own.chunks_exact(range.len());
+            let out = outputs.chunks_exact_mut(self.observables);
+            for (((result, found), values), out) in
+                results.iter_mut().zip(found).zip(values).zip(out)
+            {
+                out[range.clone()].copy_from_slice(values);
+                if result.is_ok() {
+                    *result = found.map_err(|error| self.of_experiment(place, error));
+                }
+            }
+        }
+        results
+    }
+
+    /// Runs the programs of all rows that the built-in experiments did not refuse, and fills in their values.
+    fn programs(
+        &self,
+        runner: &Mutex<Runner<'_>>,
+        (first, thetas): (usize, &[f64]),
+        results: &mut [Result<(), SimError>],
+        outputs: &mut [f64],
+    ) {
+        let commands = self.places().filter(|(_, model, _)| model.is_none());
+        let mut tasks = Vec::new();
+        for (command, (place, ..)) in commands.enumerate() {
+            let rows = thetas.chunks_exact(self.plan.parameters.len()).enumerate();
+            tasks.extend(rows.filter(|(row, _)| results[*row].is_ok()).map(|(row, theta)| Task {
+                number: run_number(self.plan, first + row, place),
+                command,
+                parameters: theta.to_vec(),
+            }));
+        }
+        tasks.sort_by_key(|task| task.number);
+        let mut runner = runner.lock().unwrap_or_else(PoisonError::into_inner);
+        let Runner { campaign, executor, on_event } = &mut *runner;
+        if let Err(error) = executor.run(campaign, &tasks, on_event, self.watch.stop()) {
+            *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+            results.fill(Err(SimError::Interrupted));
+            return;
+        }
+        let rows = outputs.chunks_exact_mut(self.observables).zip(results).enumerate();
+        for (row, (out, result)) in rows.filter(|(_, (_, result))| result.is_ok()) {
+            for (place, _, range) in self.places().filter(|(_, model, _)| model.is_none()) {
+                let outcome = campaign.outcome(run_number(self.plan, first + row, place));
+                match stored(self.plan, place, outcome) {
+                    Some(Ok(values)) => out[range].copy_from_slice(&values),
+                    Some(Err(error)) => {
+                        *result = Err(error);
+                        break;
+                    }
+                    None => {
+                        *result = Err(SimError::fatal("a run ended without a stored outcome"));
+                        break;
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Simulator for Experiments<'_> {
+    fn parameters(&self) -> usize {
+        self.plan.parameters.len()
+    }
+
+    fn observables(&self) -> usize {
+        self.observables
+    }
+
+    fn simulate(&self, theta: &[f64], out: &mut [f64]) -> Result<(), SimError> {
+        if self.watch.stop().asked() {
+            return Err(SimError::Interrupted);
+        }
+        for (place, model, range) in self.places() {
+            let Some(model) = model else {
+                return Err(SimError::fatal("a program is run for samples alone"));
+            };
+            model
+                .simulate(theta, &mut out[range])
+                .map_err(|error| self.of_experiment(place, error))?;
+        }
+        Ok(())
+    }
+
+    fn simulate_batch(
+        &self,
+        first: usize,
+        thetas: &[f64],
+        outputs: &mut [f64],
+    ) -> Vec<Result<(), SimError>> {
+        let rows = thetas.len() / self.parameters();
+        // Given sets are run as they are given, not as their normal scores round them.
+        let given: Option<Vec<f64>> =
+            self.plan.design.as_ref().map(|design| {
+                design.sets.iter().skip(first).take(rows).flatten().copied().collect()
+            });
+        let thetas = given.as_deref().filter(|given| given.len() == thetas.len()).unwrap_or(thetas);
+        let mut results = self.built_in(thetas, outputs);
+        if self.watch.stop().asked() {
+            return vec![Err(SimError::Interrupted); rows];
+        }
+        if let Some(runner) = &self.runner {
+            self.programs(runner, (first, thetas), &mut results, outputs);
+        }
+        results
+    }
+}
