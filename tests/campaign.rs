@@ -503,7 +503,7 @@ fn sample_tables_of_grain_learning_are_run_as_they_stand_and_written_again() {
     assert_eq!(run, ["1.9", "2.05", "2.2", "4.9"], "the very parameters of the table");
     sandbox.run("export results/line").succeeded();
     let written = sandbox.path().join("results/line/export/samples-grainlearning.txt");
-    let back = workbench::external::sample_table::SampleTable::read(&written).expect("a table");
+    let back = workbench::sample_table::SampleTable::read(&written).expect("a table");
     assert_eq!(back.parameters, ["a"]);
     assert_eq!(back.rows.len(), 4);
     for (row, truth) in back.rows.iter().zip([1.9, 2.05, 2.2, 4.9]) {

@@ -17,4 +17,5 @@ mod readme;
 mod scenes;
 mod simulate;
 mod table3;
+mod validate;
 mod work_counters;

@@ -9,10 +9,10 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
-use crate::campaign::{last_attempt, task_folder};
 use crate::error::{CampaignError, ExecutorError};
 use crate::executor::Stop;
-use crate::lock;
+use crate::folder::{last_attempt, task_folder};
+use crate::machine;
 use crate::outcome::{FailureKind, Outcome};
 use crate::process::{self, Ended};
 use crate::results;
@@ -25,20 +25,21 @@ pub(crate) const PROCESS: &str = "process.json";
 const STDOUT: &str = "stdout";
 const STDERR: &str = "stderr";
 
-/// Carried by every process that a driver starts on its own machine, so that they are found after a crash of the driver.
+/// Environment variable of every process that a driver starts on its own machine, by which they are found after a crash of
+/// the driver.
 pub(crate) const MARK: &str = "CAMPAIGN_RUNS";
 
-/// How much of a captured stream is kept of a failed run, at its start and its end \[bytes\].
+/// Length of the start and the end of a captured stream that are kept of a failed run \[bytes\].
 const KEPT_START: u64 = 64 << 10;
 const KEPT_END: u64 = 256 << 10;
 
-/// How much of the end of stderr goes into the outcome \[bytes\].
+/// Length of the end of stderr that goes into the outcome \[bytes\].
 const DETAIL_BYTES: u64 = 1000;
 
 /// Pause before a run counts as lost or failed: what killed it may be about to stop this program too.
 const PAUSE: Duration = Duration::from_millis(100);
 
-/// Who makes an attempt, while it is made.
+/// The process that makes an attempt.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct Process {
     pub(crate) pid: u32,
@@ -50,34 +51,28 @@ pub(crate) struct Process {
 
 impl Process {
     fn this() -> Self {
-        let (pid, host) = (std::process::id(), lock::host());
-        Self { pid, host, boot: boot(), started: lock::now_s() }
+        let (pid, host) = (std::process::id(), machine::host());
+        Self { pid, host, boot: machine::boot(), started: machine::now_s() }
     }
 
-    /// Whether it is running, as far as can be seen from this machine: none where it is on another.
+    /// Whether it is running; none where it is on another machine.
     pub(crate) fn is_running(&self) -> Option<bool> {
-        if self.host != lock::host() {
+        if self.host != machine::host() {
             return None;
         }
-        Some(self.boot == boot() && lock::process_exists(self.pid))
+        Some(self.boot == machine::boot() && machine::process_exists(self.pid))
     }
 }
 
-/// Changes whenever the machine is started; empty where the system does not say.
-fn boot() -> String {
-    let id = fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default();
-    id.trim().to_owned()
-}
-
-/// What makes attempts.
+/// Makes attempts.
 #[derive(Debug)]
 pub(crate) struct Runner<'a> {
     /// Directory of the campaign, absolute.
     pub(crate) dir: &'a Path,
     pub(crate) spec: &'a CampaignSpec,
-    /// What the processes carry as [`MARK`].
+    /// Value of [`MARK`] in the processes.
     pub(crate) mark: Option<&'a str>,
-    /// Whether nobody else can be making attempts, so that those that are there were abandoned.
+    /// Whether no other process can be making attempts, so that those that are there were abandoned.
     pub(crate) alone: bool,
 }
 
@@ -89,7 +84,7 @@ pub(crate) struct Ran {
 }
 
 impl Runner<'_> {
-    /// Makes the run; `lost` is told of every attempt that is made again.
+    /// Makes the run; `lost` is called for every attempt that is made again.
     pub(crate) fn run(
         &self,
         task: &Task,
@@ -154,7 +149,7 @@ impl Runner<'_> {
         Err(ExecutorError::Interrupted { detached: false })
     }
 
-    /// Removes what is not to be kept of a run, once its outcome is stored. Best effort.
+    /// Removes the working directories that do not stay, once the outcome is stored. Best effort.
     pub(crate) fn tidy(&self, task: &Task, ran: &Ran) {
         if !self.stays(task, &ran.outcome) {
             self.remove(task, &ran.folders);
@@ -167,7 +162,7 @@ impl Runner<'_> {
         }
     }
 
-    /// As [`tidy`](Self::tidy), for what a killed driver had no time for.
+    /// As [`tidy`](Self::tidy), after a driver that was killed before it could.
     pub(crate) fn sweep(&self, task: &Task, outcome: &Outcome) {
         let folder = task_folder(self.dir, task.number);
         if !self.stays(task, outcome) && folder.is_dir() {
@@ -283,8 +278,7 @@ impl Runner<'_> {
     }
 }
 
-/// Attempts that a killed driver has left: nobody waits for them, and they are not whole. Those that
-/// another machine may be making are not among them.
+/// Directories of attempts that a killed driver has left; those that another machine may be making are not among them.
 fn abandoned(folder: &Path) -> Vec<PathBuf> {
     let Ok(attempts) = fs::read_dir(folder) else { return Vec::new() };
     let paths = attempts.flatten().map(|attempt| attempt.path());
@@ -296,7 +290,7 @@ fn abandoned(folder: &Path) -> Vec<PathBuf> {
     left.collect()
 }
 
-/// A process could not be made now, and perhaps later.
+/// Whether a process could not be made for want of resources, which may pass.
 fn is_shortage(error: &io::Error) -> bool {
     use io::ErrorKind::{OutOfMemory, WouldBlock};
     #[cfg(unix)]
@@ -320,7 +314,7 @@ fn write(path: &Path, contents: &[u8]) -> Result<(), CampaignError> {
     fs::write(path, contents).map_err(|error| CampaignError::io("written", path, error))
 }
 
-/// The values of a run, or why there are none.
+/// The values of a run, or the cause of its failure.
 fn judge(
     command: &CommandSpec,
     folder: &Path,
@@ -395,7 +389,7 @@ fn end_of(path: &Path) -> String {
     text.chars().map(|c| if c.is_control() && c != '\n' { ' ' } else { c }).collect()
 }
 
-/// Leaves the start and the end of a long captured stream.
+/// Cuts the middle out of a long captured stream.
 fn shorten(path: &Path) -> io::Result<()> {
     let mut file = File::open(path)?;
     let length = file.metadata()?.len();
@@ -413,7 +407,7 @@ fn shorten(path: &Path) -> io::Result<()> {
     fs::rename(aside, path)
 }
 
-/// Whether the disk has no room left, which makes programs fail in many ways.
+/// Whether the disk is full, which makes programs fail in many ways.
 fn disk_is_full(folder: &Path) -> bool {
     #[cfg(unix)]
     {

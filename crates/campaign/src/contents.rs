@@ -1,28 +1,29 @@
-//! Everything that a campaign holds, for anybody who may read its directory.
+//! Contents of a campaign, for any process that may read its directory.
 
 use std::collections::HashMap;
 use std::path::Path;
 
-use crate::campaign::{self, Record};
 use crate::error::CampaignError;
 use crate::outcome::Outcome;
+use crate::record::Record;
 use crate::spec::CampaignSpec;
+use crate::state::snapshot;
 use crate::status::published;
 use crate::task::Task;
 
-/// What a campaign holds.
+/// Contents of a campaign.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Contents {
     /// What is run.
     pub spec: CampaignSpec,
     /// Every task that was submitted, by number.
     pub tasks: Vec<Task>,
-    /// How they ended, as far as they have, by number.
+    /// The outcomes so far, by number.
     pub outcomes: HashMap<u64, Outcome>,
 }
 
-/// Reads what the campaign in `dir` holds, without its lock and without changing anything: also while it runs.
-/// What is damaged is left out.
+/// Reads the campaign in `dir`, also while it runs, without its lock and without changing anything. Damaged lines are left
+/// out.
 ///
 /// # Errors
 ///
@@ -31,7 +32,7 @@ pub fn contents(dir: &Path) -> Result<Contents, CampaignError> {
     let record = Record::read_present(dir)?;
     // First those that wait to be collected: they may be in the journal a moment later.
     let published = published(dir);
-    let (tasks, results) = campaign::snapshot(dir, &record.spec)?;
+    let (tasks, results) = snapshot(dir, &record.spec)?;
     let mut outcomes = HashMap::new();
     for result in results.into_iter().chain(published) {
         if tasks.get(&result.number).is_some_and(|(_, task)| *task == result.task) {

@@ -1,67 +1,49 @@
-//! Writing so that it survives: aside, flushed, put in place, and the directory flushed.
+//! Files written whole: a reader sees the old contents or the new ones, also after a crash of the machine.
 
-use std::fs::{self, File};
-use std::io::{self, Read as _, Write as _};
-use std::path::{Path, PathBuf};
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write as _};
+use std::path::Path;
+use std::time::Duration;
 
-use crate::error::{CampaignError, Damage};
+/// Beginning of the name of a file that is being written.
+pub(crate) const TEMPORARY: &str = ".campaign-";
 
-/// Largest file that is read \[bytes\].
-const LARGEST_BYTES: u64 = 1 << 30;
+/// Age at which a file that is being written counts as left by a process that died.
+const STALE: Duration = Duration::from_secs(600);
 
-/// Writes a file whole: aside, flushed, renamed, and the directory flushed.
-pub(crate) fn write(path: &Path, contents: &[u8]) -> Result<(), CampaignError> {
-    let failed = |error| CampaignError::io("written", path, error);
-    let file = aside(path, contents).map_err(failed)?;
-    file.persist(path).map_err(|error| failed(error.error))?;
-    flush_folder(folder_of(path)).map_err(failed)
-}
-
-/// As [`write`], but what is there already stays: the first to publish wins. Says whether it was
-/// this one.
-pub(crate) fn publish(path: &Path, contents: &[u8]) -> Result<bool, CampaignError> {
-    let failed = |error| CampaignError::io("written", path, error);
-    let file = aside(path, contents).map_err(failed)?;
-    // A hard link never replaces a file, on network file systems too.
-    let first = match fs::hard_link(file.path(), path) {
-        Ok(()) => true,
-        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => false,
-        Err(_) => match file.persist_noclobber(path) {
-            Ok(_) => true,
-            Err(error) if error.error.kind() == io::ErrorKind::AlreadyExists => false,
-            Err(error) => return Err(failed(error.error)),
-        },
-    };
-    flush_folder(folder_of(path)).map_err(failed)?;
-    Ok(first)
-}
-
-fn aside(path: &Path, contents: &[u8]) -> io::Result<tempfile::NamedTempFile> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".campaign-").suffix(".tmp");
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt as _;
-        // Like any other file, as the umask says, not private as temporary files are.
-        builder.permissions(fs::Permissions::from_mode(0o666));
+/// Writes a file whole: beside its place, flushed to disk, renamed, and its folder flushed. What is at `path` and is not
+/// a file (a device, a pipe) is written directly.
+///
+/// # Errors
+///
+/// The system's error. What was at `path` before is then untouched, except where only the last flush failed.
+pub fn write(path: &Path, contents: &[u8]) -> io::Result<()> {
+    if is_device(path) {
+        return OpenOptions::new().write(true).open(path)?.write_all(contents);
     }
-    let mut file = builder.tempfile_in(folder_of(path))?;
-    file.write_all(contents)?;
-    file.as_file().sync_all()?;
-    Ok(file)
+    written_aside(path, contents)?.persist(path).map_err(|error| error.error)?;
+    flush_folder(folder_of(path))
 }
 
-/// The folder that a file is in.
-fn folder_of(path: &Path) -> &Path {
-    match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
+/// Whether [`write`] can write to `path`, as far as can be seen without touching what is there.
+///
+/// # Errors
+///
+/// The system's error where it cannot.
+pub fn check_writable(path: &Path) -> io::Result<()> {
+    if path.is_dir() {
+        return Err(io::ErrorKind::IsADirectory.into());
     }
+    if is_device(path) { Ok(()) } else { aside(path).map(drop) }
 }
 
-/// Flushes a folder's list of names. Where a system cannot (it says so), the files are as safe as
-/// it gets.
-pub(crate) fn flush_folder(folder: &Path) -> io::Result<()> {
+/// Flushes a folder's list of names to disk, so that a file made or renamed in it is found after a crash. Where a system
+/// says that it cannot, nothing more can be done, and that is no error.
+///
+/// # Errors
+///
+/// The system's error.
+pub fn flush_folder(folder: &Path) -> io::Result<()> {
     #[cfg(unix)]
     match File::open(folder)?.sync_all() {
         Err(error) if error.kind() == io::ErrorKind::InvalidInput => Ok(()),
@@ -74,9 +56,57 @@ pub(crate) fn flush_folder(folder: &Path) -> io::Result<()> {
     }
 }
 
-/// Tells ext4 that the folders in this one have nothing to do with each other. It then keeps their files apart, and
-/// does not search among those that were just removed for a place for new ones, which takes
-/// milliseconds after a thousand of them. Best effort.
+/// Flushes every file in a folder and in the folders below it, and the lists of names. With this a folder that was filled
+/// by ordinary writes can be renamed into place.
+///
+/// # Errors
+///
+/// The system's error.
+pub fn flush_tree(folder: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        if entry.file_type()?.is_dir() {
+            flush_tree(&entry.path())?;
+        } else {
+            File::open(entry.path())?.sync_all()?;
+        }
+    }
+    flush_folder(folder)
+}
+
+/// As [`write`], but a file that is already there stays: the first to publish wins. Returns whether it was this one.
+pub(crate) fn publish(path: &Path, contents: &[u8]) -> io::Result<bool> {
+    let file = written_aside(path, contents)?;
+    // A hard link never replaces a file, on network file systems too.
+    let first = match fs::hard_link(file.path(), path) {
+        Ok(()) => true,
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => false,
+        Err(_) => match file.persist_noclobber(path) {
+            Ok(_) => true,
+            Err(error) if error.error.kind() == io::ErrorKind::AlreadyExists => false,
+            Err(error) => return Err(error.error),
+        },
+    };
+    flush_folder(folder_of(path))?;
+    Ok(first)
+}
+
+/// Removes files that processes were writing when they died. Best effort: they are hidden and harmless.
+pub(crate) fn remove_stale(folder: &Path) {
+    let Ok(entries) = fs::read_dir(folder) else { return };
+    for entry in entries.flatten() {
+        let old = entry
+            .metadata()
+            .and_then(|metadata| metadata.modified())
+            .is_ok_and(|modified| modified.elapsed().is_ok_and(|age| age > STALE));
+        if old && entry.file_name().to_string_lossy().starts_with(TEMPORARY) {
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// Tells ext4 that the folders in this one have nothing to do with each other. It then keeps their files apart, and does
+/// not search for room among those of a thousand folders that were just removed, which takes milliseconds. Best effort.
 pub(crate) fn spread(folder: &Path) {
     #[cfg(any(target_os = "linux", target_os = "android"))]
     {
@@ -91,40 +121,67 @@ pub(crate) fn spread(folder: &Path) {
     let _ = folder;
 }
 
-/// Reads a file, if it is there.
-pub(crate) fn read(path: &Path) -> Result<Option<Vec<u8>>, CampaignError> {
-    let mut bytes = Vec::new();
-    let read =
-        File::open(path).and_then(|file| file.take(LARGEST_BYTES + 1).read_to_end(&mut bytes));
-    match read {
-        Ok(_) if bytes.len() as u64 > LARGEST_BYTES => {
-            let error = io::Error::other("it is larger than 1 GiB");
-            Err(CampaignError::io("read", path, error))
-        }
-        Ok(_) => Ok(Some(bytes)),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(CampaignError::io("read", path, error)),
+fn written_aside(path: &Path, contents: &[u8]) -> io::Result<tempfile::NamedTempFile> {
+    let mut file = aside(path)?;
+    file.write_all(contents)?;
+    file.as_file().sync_all()?;
+    Ok(file)
+}
+
+/// An empty hidden file beside the place of another.
+fn aside(path: &Path) -> io::Result<tempfile::NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(TEMPORARY).suffix(".tmp");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt as _;
+        // Like any other file, as the umask says, not private as temporary files are.
+        builder.permissions(fs::Permissions::from_mode(0o666));
+    }
+    builder.tempfile_in(folder_of(path))
+}
+
+fn is_device(path: &Path) -> bool {
+    path.metadata().is_ok_and(|metadata| !metadata.is_file() && !metadata.is_dir())
+}
+
+/// The folder that a file is in.
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
     }
 }
 
-/// The first of `NAME.damaged-1`, `NAME.damaged-2`, ... that is free.
-pub(crate) fn damaged_name(path: &Path) -> PathBuf {
-    let mut number = 1u64;
-    loop {
-        let mut name = path.as_os_str().to_owned();
-        name.push(format!(".damaged-{number}"));
-        let name = PathBuf::from(name);
-        if name.symlink_metadata().is_err() {
-            return name;
-        }
-        number += 1;
-    }
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// Puts a damaged file (or what stands in its place) aside and says so.
-pub(crate) fn set_aside(path: &Path, what: impl Into<String>) -> Result<Damage, CampaignError> {
-    let place = damaged_name(path);
-    fs::rename(path, &place).map_err(|error| CampaignError::io("set aside", path, error))?;
-    let file = path.to_path_buf();
-    Ok(Damage { file, line: None, what: what.into(), set_aside: Some(place), torn: false })
+    #[test]
+    fn a_file_is_replaced_whole_and_nothing_is_left_beside_it() {
+        let dir = tempfile::tempdir().expect("a directory");
+        let path = dir.path().join("table.csv");
+        for contents in [&b"old"[..], b"new and longer"] {
+            check_writable(&path).expect("writable");
+            write(&path, contents).expect("written");
+            assert_eq!(fs::read(&path).expect("there"), contents);
+        }
+        assert!(!publish(&path, b"late").expect("tried"), "the first to publish wins");
+        flush_tree(dir.path()).expect("flushed");
+        assert_eq!(fs::read(&path).expect("there"), b"new and longer");
+        assert_eq!(fs::read_dir(dir.path()).expect("a directory").count(), 1);
+    }
+
+    #[test]
+    fn a_device_is_written_directly_and_a_folder_is_not_written() {
+        let dir = tempfile::tempdir().expect("a directory");
+        assert!(check_writable(dir.path()).is_err() && write(dir.path(), b"x").is_err());
+        assert!(write(&dir.path().join("no/such/folder"), b"x").is_err());
+        let null = Path::new("/dev/null");
+        if null.exists() {
+            check_writable(null).expect("writable");
+            write(null, b"x").expect("written");
+            assert!(is_device(null));
+        }
+    }
 }

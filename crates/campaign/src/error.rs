@@ -1,4 +1,4 @@
-//! What can go wrong with a campaign, and what was found damaged.
+//! Errors of campaigns and executors, and reports of damage.
 
 use std::fmt;
 use std::io;
@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use crate::lock::Holder;
+use crate::folder::RECORD;
+use crate::holder::Holder;
 use crate::spec::SpecError;
 
 /// Why a campaign cannot be made, opened or written to.
@@ -23,7 +24,7 @@ pub enum CampaignError {
         dir: PathBuf,
     },
     /// There is no campaign in the directory.
-    #[error("{}: holds no run (there is no {})", dir.display(), crate::campaign::RECORD)]
+    #[error("{}: holds no run (there is no {})", dir.display(), RECORD)]
     NotACampaign {
         /// The directory.
         dir: PathBuf,
@@ -34,11 +35,11 @@ pub enum CampaignError {
     Locked {
         /// The directory.
         dir: PathBuf,
-        /// Who has it, where that can be read.
+        /// The process that has it, where that can be read.
         holder: Option<Holder>,
     },
-    /// The record of the campaign is damaged: what was run is not known. [`Campaign::restore`](crate::Campaign::restore)
-    /// mends it with a specification given anew.
+    /// The record of what is run is damaged. [`Campaign::restore`](crate::Campaign::restore) mends it with a
+    /// specification.
     #[error("{}: {what}; give the plan again to restore it", file.display())]
     Damaged {
         /// The file.
@@ -54,7 +55,7 @@ pub enum CampaignError {
         file: PathBuf,
         /// Its format.
         found: u64,
-        /// The only one that is understood.
+        /// The format that this version reads.
         expected: u64,
     },
     /// A name for an additional file that cannot be used.
@@ -125,7 +126,7 @@ impl CampaignError {
         }
     }
 
-    /// Whether room on the disk would mend it.
+    /// Whether the disk is full, so that making room helps.
     #[must_use]
     pub fn is_disk_full(&self) -> bool {
         matches!(self, Self::DiskFull { .. })
@@ -142,8 +143,8 @@ pub enum ExecutorError {
         /// Whether runs go on without the driver, to be taken up later.
         detached: bool,
     },
-    /// The program of a command cannot be started: it is not there, or not a program. No outcome is
-    /// stored, the runs can be made when it is there.
+    /// The program of a command cannot be started: it is not there, or not a program. No outcome is stored; the runs can be
+    /// made once the program is there.
     #[error("{program}: cannot be started: {reason}")]
     CannotStart {
         /// The program.
@@ -151,10 +152,10 @@ pub enum ExecutorError {
         /// Why.
         reason: String,
     },
-    /// A simulator in this process says that no run can succeed.
+    /// A simulator in this process reports that no run can succeed.
     #[error("{0}")]
     Simulator(String),
-    /// The scheduler of a cluster does not do its part.
+    /// The scheduler of a cluster refuses the runs or does not work.
     #[error("{0}")]
     Scheduler(String),
     /// The directory cannot be written to.
@@ -162,7 +163,7 @@ pub enum ExecutorError {
     Campaign(#[from] CampaignError),
 }
 
-/// Something that was damaged, what became of it, and what is lost by it.
+/// A damaged file or line, and what became of it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Damage {
     /// The file.
@@ -176,6 +177,14 @@ pub struct Damage {
     /// The last line of a journal that was being written when its driver was killed: nothing that
     /// had finished is lost.
     pub torn: bool,
+}
+
+impl Damage {
+    /// A file that is damaged as a whole.
+    pub(crate) fn of(file: &Path, what: impl Into<String>) -> Self {
+        let file = file.to_path_buf();
+        Self { file, line: None, what: what.into(), set_aside: None, torn: false }
+    }
 }
 
 impl fmt::Display for Damage {

@@ -1,4 +1,4 @@
-//! What makes runs: the trait, what it tells, and how it is stopped.
+//! Executors: the trait, their events, and the flag that stops them.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
@@ -13,12 +13,12 @@ pub trait Executor {
     /// Stores `tasks` ([`Campaign::record_submitted`]), runs those that have no outcome, and stores
     /// their outcomes. Returns when every task has one.
     ///
-    /// `watch` is called from this thread; it is told of an end only when the outcome is stored.
+    /// `watch` is called from this thread, and for the end of a run only after its outcome is stored.
     ///
     /// # Errors
     ///
-    /// [`ExecutorError::Interrupted`] where `stop` was asked for; other errors where no further run
-    /// can be made. Outcomes of runs that had ended are stored in any case, unless they cannot be.
+    /// [`ExecutorError::Interrupted`] where `stop` was asked for; other errors where no further run can be made. Outcomes of
+    /// runs that had ended are stored in any case where they can be.
     fn run(
         &mut self,
         campaign: &Campaign,
@@ -28,7 +28,7 @@ pub trait Executor {
     ) -> Result<(), ExecutorError>;
 }
 
-/// What happens while tasks are run.
+/// An event while tasks are run.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Event {
@@ -46,21 +46,21 @@ pub enum Event {
     Retried {
         /// Number of the run.
         number: u64,
-        /// What happened to the attempt.
+        /// Why the attempt was lost.
         kind: FailureKind,
     },
     /// A run ended, and its outcome is stored.
     Ended {
         /// Number of the run.
         number: u64,
-        /// Why, where it failed.
+        /// The cause, where it failed.
         failed: Option<FailureKind>,
     },
-    /// Something that the user should know, in a sentence: "squeue does not answer; waiting".
+    /// A message to the user, in a sentence: "squeue does not answer; waiting".
     Note(String),
 }
 
-/// What somebody has asked the executor to do.
+/// A request to an executor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Request {
     /// Go on.
@@ -75,7 +75,7 @@ pub enum Request {
 #[derive(Debug, Clone, Default)]
 pub struct Stop {
     asked: Arc<AtomicU8>,
-    /// Of the caller, who is listened to as well.
+    /// The caller's flag, which counts too.
     parent: Option<Arc<AtomicU8>>,
 }
 
@@ -86,12 +86,12 @@ impl Stop {
         Self::default()
     }
 
-    /// A flag of its own that is asked too whenever this one is.
+    /// A flag that can be set by itself, and counts as set whenever this one is.
     pub(crate) fn child(&self) -> Self {
         Self { asked: Arc::default(), parent: Some(Arc::clone(&self.asked)) }
     }
 
-    /// Asks to end the runs. Counts more than a request to detach.
+    /// Asks to end the runs; overrides a request to detach.
     pub fn cancel(&self) {
         self.asked.store(2, Ordering::SeqCst);
     }
@@ -101,7 +101,7 @@ impl Stop {
         let _ = self.asked.compare_exchange(0, 1, Ordering::SeqCst, Ordering::SeqCst);
     }
 
-    /// What was asked for.
+    /// The request.
     #[must_use]
     pub fn request(&self) -> Request {
         let parent = self.parent.as_ref().map_or(0, |parent| parent.load(Ordering::SeqCst));

@@ -12,12 +12,12 @@ use crate::mailbox::Mailbox;
 use crate::outcome::{FailureKind, Outcome};
 use crate::task::Task;
 
-/// Why a simulator in this process gave no values.
+/// Failure of a simulator in this process.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Fault {
-    /// These parameters cannot be simulated. The words are the same for the same cause.
+    /// These parameters cannot be simulated. Give the same words for the same cause: failures are counted by them.
     Run(String),
-    /// No run can succeed: the executor stops, and nothing is stored for this one.
+    /// No run can succeed: the executor stops, and no outcome is stored for this run.
     Fatal(String),
 }
 
@@ -33,7 +33,7 @@ impl<F> InProcess<F>
 where
     F: Fn(&Task) -> Result<Vec<f64>, Fault> + Sync,
 {
-    /// Runs by `simulate` on `threads` threads; 0 for as many as the machine has.
+    /// An executor that calls `simulate` on `threads` threads; 0 for as many as the machine has.
     ///
     /// # Errors
     ///

@@ -7,41 +7,40 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::durable;
 use crate::error::{CampaignError, Damage};
-use crate::seal;
+use crate::{files, seal};
 
-/// A file of sealed lines, open for appending. Whoever has it must have the directory's lock.
+/// A file of sealed lines, open for appending by the process with the directory's lock.
 #[derive(Debug)]
 pub(crate) struct Journal {
     path: PathBuf,
     file: File,
-    /// Length of what is known to be whole.
+    /// Length of the whole lines \[bytes\].
     length: u64,
-    /// Up to where the disk has set room aside.
+    /// Length for which the disk has set room aside \[bytes\].
     reserved: u64,
-    /// How much room is set aside \[bytes\].
+    /// Room that is set aside ahead of the lines \[bytes\].
     reserve: u64,
 }
 
-/// What the lines of a journal hold.
+/// The lines of a journal.
 #[derive(Debug)]
 pub(crate) struct Lines<T> {
     /// The records of the whole lines, in order.
     pub(crate) records: Vec<T>,
-    /// What is not whole.
+    /// The damaged lines.
     pub(crate) damage: Vec<Damage>,
-    /// The whole lines as they are.
+    /// Text of the whole lines.
     good: Vec<u8>,
     /// Whether the file must be written anew: a line in its middle is damaged.
     broken: bool,
-    /// Whether there is nothing wrong at all.
+    /// Whether no line is damaged or torn.
     clean: bool,
 }
 
 /// Reads the lines of a journal without touching it; none where there is no file.
 pub(crate) fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<Lines<T>>, CampaignError> {
-    Ok(durable::read(path)?.map(|text| parse(path, &text)))
+    Ok(files::read(path)?.map(|text| parse(path, &text)))
 }
 
 fn parse<T: DeserializeOwned>(path: &Path, text: &[u8]) -> Lines<T> {
@@ -68,9 +67,7 @@ fn parse<T: DeserializeOwned>(path: &Path, text: &[u8]) -> Lines<T> {
                 let what = if torn { "it was not written to its end".into() } else { what };
                 lines.broken |= !torn;
                 lines.clean = false;
-                let file = path.to_path_buf();
-                let line = Some(i + 1);
-                lines.damage.push(Damage { file, line, what, set_aside: None, torn });
+                lines.damage.push(Damage { line: Some(i + 1), torn, ..Damage::of(path, what) });
             }
         }
     }
@@ -87,25 +84,23 @@ impl Journal {
         let mut damage = Vec::new();
         let mut records = Vec::new();
         if path.is_dir() {
-            damage.push(durable::set_aside(path, "it is a directory")?);
+            damage.push(files::set_aside(path, "it is a directory")?);
         }
         match read(path)? {
             None => {
-                let what = "it is not there".into();
-                let file = path.to_path_buf();
-                damage.push(Damage { file, line: None, what, set_aside: None, torn: false });
-                durable::write(path, b"")?;
+                damage.push(Damage::of(path, "it is not there"));
+                files::write(path, b"")?;
             }
             Some(mut lines) => {
                 if lines.broken {
-                    let kept = durable::damaged_name(path);
+                    let kept = files::damaged_name(path);
                     keep(path, &kept).map_err(|error| CampaignError::io("kept", &kept, error))?;
                     for damage in lines.damage.iter_mut().filter(|damage| !damage.torn) {
                         damage.set_aside = Some(kept.clone());
                     }
                 }
                 if !lines.clean {
-                    durable::write(path, &lines.good)?;
+                    files::write(path, &lines.good)?;
                 }
                 damage.append(&mut lines.damage);
                 records = lines.records;

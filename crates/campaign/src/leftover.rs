@@ -1,7 +1,7 @@
 //! Processes that a killed driver has left on this machine.
 
-/// Ends every process that carries `mark`, and says how many there were. Only where the system shows the
-/// environment of processes (Linux); elsewhere they end by themselves and nobody reads their results.
+/// Ends every process that carries `mark`, and returns their number. Works only where the system shows the environment of
+/// processes (Linux); elsewhere they end by themselves, and their results are not read.
 #[cfg(target_os = "linux")]
 pub(crate) fn end(mark: &str) -> usize {
     use rustix::process::{Signal, kill_process};

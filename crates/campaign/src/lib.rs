@@ -1,8 +1,8 @@
 //! Runs of simulators in a directory where nothing is lost.
 //!
-//! A [`Campaign`] is a directory that holds what is run, every parameter set before it is started,
-//! and every outcome; an [`Executor`] makes the runs. After a crash the directory is opened again
-//! and only what is missing is run.
+//! A [`Campaign`] is a directory that holds what is run, every parameter set before its run starts, and every outcome; an
+//! [`Executor`] makes the runs: [`Local`] processes, a function on threads ([`InProcess`]), or a cluster
+//! ([`slurm::Slurm`]). After a crash the directory is opened again and only what is missing is run.
 //!
 //! ```
 //! use std::collections::BTreeMap;
@@ -33,22 +33,30 @@
 mod attempt;
 mod campaign;
 mod contents;
-mod durable;
+mod create;
+pub mod durable;
 mod error;
 mod executor;
+mod files;
+mod folder;
+mod holder;
 mod in_process;
 mod journal;
 mod leftover;
 mod local;
 mod lock;
+mod machine;
 mod mailbox;
+mod mend;
 pub mod numbers;
 mod outcome;
 mod process;
+mod record;
 mod results;
 mod seal;
 pub mod slurm;
 mod spec;
+mod state;
 mod status;
 pub mod table;
 mod task;
@@ -59,9 +67,9 @@ pub use campaign::{Campaign, Collected};
 pub use contents::{Contents, contents};
 pub use error::{CampaignError, Damage, ExecutorError};
 pub use executor::{Event, Executor, Request, Stop};
+pub use holder::Holder;
 pub use in_process::{Fault, InProcess};
 pub use local::Local;
-pub use lock::Holder;
 pub use outcome::{FailureKind, Outcome};
 pub use spec::{
     Call, CampaignSpec, CommandSpec, Interpolation, Keep, OutputSpec, ResultSpec, SpecError,

@@ -18,7 +18,7 @@ use crate::task::Task;
 /// driver of this directory has left on this machine.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Local {
-    /// How many runs are made at the same time; at least 1.
+    /// Number of runs at the same time, at least 1.
     pub parallel: usize,
 }
 

@@ -1,84 +1,20 @@
-//! One driver per directory.
+//! The lock of a directory, which one driver has at a time.
 
-use std::fmt;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read as _, Seek as _, Write as _};
 use std::path::Path;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
-
-use serde::{Deserialize, Serialize};
+use std::time::{Duration, Instant};
 
 use crate::error::CampaignError;
+use crate::folder::LOCK;
+use crate::holder::Holder;
 
-const NAME: &str = "lock";
-
-/// For how long the lock is tried: somebody who asks for the status holds it for a moment.
+/// Time for which the lock is tried: a process that asks for the status holds it for a moment.
 const PATIENCE: Duration = Duration::from_millis(300);
 
-/// For how long it is tried where its holder was killed: a process that the holder was just starting has it
-/// until it becomes the program that it is to be.
+/// The same where its holder was killed: a process that the holder was just starting has the lock until it executes its
+/// program.
 const PATIENCE_WITH_THE_DEAD: Duration = Duration::from_secs(10);
-
-/// Who has a directory.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Holder {
-    /// Number of the process.
-    pub pid: u32,
-    /// Its machine.
-    pub host: String,
-    /// Since when \[seconds since 1970\].
-    pub since: u64,
-}
-
-impl Holder {
-    fn is_dead(&self) -> bool {
-        self.host == host() && !process_exists(self.pid)
-    }
-}
-
-impl fmt::Display for Holder {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let ago = now_s().saturating_sub(self.since);
-        write!(f, "process {} on {} since ", self.pid, self.host)?;
-        match ago {
-            0..=119 => write!(f, "{ago} s"),
-            120..=7199 => write!(f, "{} min", ago / 60),
-            _ => write!(f, "{} h", ago / 3600),
-        }
-    }
-}
-
-/// Seconds since 1970.
-pub(crate) fn now_s() -> u64 {
-    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_secs())
-}
-
-/// Name of this machine.
-pub(crate) fn host() -> String {
-    #[cfg(unix)]
-    {
-        rustix::system::uname().nodename().to_string_lossy().into_owned()
-    }
-    #[cfg(not(unix))]
-    {
-        std::env::var("COMPUTERNAME").unwrap_or_default()
-    }
-}
-
-/// Whether there is a process of this number on this machine.
-#[cfg(unix)]
-pub(crate) fn process_exists(pid: u32) -> bool {
-    let pid = i32::try_from(pid).ok().and_then(rustix::process::Pid::from_raw);
-    pid.is_some_and(|pid| {
-        // Not allowed to signal it means that it is there.
-        rustix::process::test_kill_process(pid) != Err(rustix::io::Errno::SRCH)
-    })
-}
-
-#[cfg(not(unix))]
-pub(crate) fn process_exists(_pid: u32) -> bool {
-    true
-}
 
 /// An exclusive lock on a directory. It ends with the process, however that ends.
 #[derive(Debug)]
@@ -89,7 +25,7 @@ pub(crate) struct Lock {
 impl Lock {
     /// Takes the lock of `dir`.
     pub(crate) fn take(dir: &Path) -> Result<Self, CampaignError> {
-        let path = dir.join(NAME);
+        let path = dir.join(LOCK);
         let failed = |error| CampaignError::io("locked", &path, error);
         let mut file = OpenOptions::new()
             .read(true)
@@ -114,15 +50,15 @@ impl Lock {
                 Err(TryLockError::Error(error)) => return Err(failed(error)),
             }
         }
-        let holder = Holder { pid: std::process::id(), host: host(), since: now_s() };
-        // Who holds it is for messages: on a full disk the lock holds all the same.
-        let _ = write_holder(&mut file, &holder);
+        // The holder's name is for messages: on a full disk the lock holds without it.
+        let _ = write_holder(&mut file, &Holder::this());
         Ok(Self { file })
     }
 
-    /// Who has `dir`, if anybody has; never takes the lock for longer than a moment.
+    /// The process that has `dir`: none where it is free, `Some(None)` where its name cannot be read. Takes the lock for a
+    /// moment at most.
     pub(crate) fn holder(dir: &Path) -> Option<Option<Holder>> {
-        let mut file = File::open(dir.join(NAME)).ok()?;
+        let mut file = File::open(dir.join(LOCK)).ok()?;
         match file.try_lock_shared() {
             Ok(()) => {
                 let _ = file.unlock();
@@ -160,14 +96,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_second_is_told_who_has_it_and_may_have_it_afterwards() {
+    fn a_second_driver_is_refused_with_the_name_of_the_first_and_let_in_after_it() {
         let dir = tempfile::tempdir().expect("a directory");
         assert_eq!(Lock::holder(dir.path()), None);
         let lock = Lock::take(dir.path()).expect("free");
         let Err(CampaignError::Locked { holder: Some(holder), .. }) = Lock::take(dir.path()) else {
             panic!("must be locked");
         };
-        assert_eq!((holder.pid, holder.host), (std::process::id(), host()));
+        assert_eq!((holder.pid, holder.host), (std::process::id(), crate::machine::host()));
         assert!(matches!(Lock::holder(dir.path()), Some(Some(_))));
         drop(lock);
         assert_eq!(Lock::holder(dir.path()), None);
@@ -175,10 +111,10 @@ mod tests {
     }
 
     #[test]
-    fn a_lock_file_that_somebody_left_is_no_obstacle() {
+    fn a_lock_file_without_a_holder_does_not_keep_anybody_out() {
         let dir = tempfile::tempdir().expect("a directory");
         for left in [&b"{\"pid\":1,\"host\":\"x\",\"since\":5}\n"[..], b"", b"\xff\0nonsense"] {
-            std::fs::write(dir.path().join(NAME), left).expect("written");
+            std::fs::write(dir.path().join(LOCK), left).expect("written");
             Lock::take(dir.path()).expect("nobody holds it");
         }
     }

@@ -1,8 +1,8 @@
 //! Outcomes on their way from threads to the journal.
 //!
-//! Each is written as soon as it arrives, which a killed driver survives. What a crash of the machine survives, a
-//! flush, costs milliseconds, and is therefore shared by what arrives within a short time: the runs
-//! that such a crash can cost took less than that.
+//! An outcome is written as soon as it arrives, so that it survives a killed driver. Only a flush survives a crash of the
+//! machine. It costs milliseconds, so that outcomes that arrive within a short time share one: a crash costs at most the
+//! outcomes of that time.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
@@ -11,10 +11,10 @@ use crate::campaign::Campaign;
 use crate::error::CampaignError;
 use crate::outcome::Outcome;
 
-/// Outcomes are flushed at once where the last flush was longer ago than this, else at the end of it.
+/// Shortest time between two flushes.
 const SHARED: Duration = Duration::from_millis(100);
 
-/// Writes outcomes, and keeps with each what is to be done once it is flushed.
+/// Writes outcomes, and keeps a value with each until it is flushed.
 pub(crate) struct Mailbox<'a, T> {
     campaign: &'a Campaign,
     written: Vec<T>,
@@ -26,7 +26,7 @@ impl<'a, T> Mailbox<'a, T> {
         Self { campaign, written: Vec::new(), flushed: None }
     }
 
-    /// What has arrived: waits until there is something, or a flush is due. None at the end.
+    /// Waits for news or until a flush is due, and returns the news; none once all senders are gone.
     pub(crate) fn receive<N>(&self, receiver: &Receiver<N>) -> Option<Vec<N>> {
         let first = if self.written.is_empty() {
             Some(receiver.recv().ok()?)
@@ -53,7 +53,7 @@ impl<'a, T> Mailbox<'a, T> {
         Ok(())
     }
 
-    /// Flushes if it is time to, and gives what belongs to the outcomes that are safe by it.
+    /// Flushes if a flush is due, and returns the values of the outcomes that are now safe.
     pub(crate) fn flush_if_due(&mut self) -> Result<Vec<T>, CampaignError> {
         if self.written.is_empty() || !self.patience().is_zero() {
             return Ok(Vec::new());
@@ -61,7 +61,7 @@ impl<'a, T> Mailbox<'a, T> {
         self.flush()
     }
 
-    /// Flushes, and gives what belongs to the outcomes that are safe by it.
+    /// Flushes, and returns the values of the outcomes that are now safe.
     pub(crate) fn flush(&mut self) -> Result<Vec<T>, CampaignError> {
         if !self.written.is_empty() {
             self.campaign.flush_outcomes()?;

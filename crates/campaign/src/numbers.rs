@@ -2,12 +2,12 @@
 
 use thiserror::Error;
 
-/// Most numbers that a list may name.
+/// Largest length of a list.
 const MOST: u64 = 10_000_000;
 
-/// A text that is no list of numbers.
+/// A text that is not a list of numbers.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("{text:?} is no list of runs: {problem}; write it as in 1-20,33")]
+#[error("{text:?} is not a list of runs: {problem}; write it as in 1-20,33")]
 pub struct NumbersError {
     /// The text.
     pub text: String,
@@ -74,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_list_is_refused() {
+    fn a_text_that_is_not_a_list_is_refused() {
         for wrong in
             ["", ",", "1-", "-1", "3-1", "a", "1 2", "+1", "1--2", "0-18446744073709551615", "1.5"]
         {

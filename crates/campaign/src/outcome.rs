@@ -4,11 +4,11 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// How a run ended, for good: an outcome is never tried again.
+/// How a run ended. It is final: a run with an outcome is not made again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// It gave its results.
+    /// It gave values.
     Finished {
         /// The values at the observation points of the first observable, then of the second, ...; all finite.
         values: Vec<f64>,
@@ -17,11 +17,11 @@ pub enum Outcome {
         /// Duration of the last attempt \[s\].
         seconds: f64,
     },
-    /// It gave none, and would not if it were tried again (or was lost too often).
+    /// It gave no values, and would not if it were tried again, or was lost too often.
     Failed {
-        /// What happened. Its words are the same for the same cause, so that failures can be counted by them.
+        /// The cause. Its words are the same for the same cause, so that failures can be counted by them.
         kind: FailureKind,
-        /// What was seen in this run: the line, the value, the end of its stderr. May be empty.
+        /// Particulars of this run: the line, the value, the end of its stderr. May be empty.
         detail: String,
         /// Attempts that were made, from 1.
         attempts: u32,
@@ -40,7 +40,7 @@ impl Outcome {
         }
     }
 
-    /// What happened, where the run failed.
+    /// The cause, where the run failed.
     #[must_use]
     pub fn failure(&self) -> Option<&FailureKind> {
         match self {
@@ -86,7 +86,7 @@ pub enum FailureKind {
         /// The limit \[s\].
         limit_s: f64,
     },
-    /// It needs more memory than it may have, as the scheduler says that ended it.
+    /// The scheduler ended it because it needs more memory than it may have.
     OutOfMemory,
     /// Killed from outside (SIGKILL, SIGTERM, ...) or gone without a result, more often than it may be
     /// tried again.
@@ -99,7 +99,7 @@ pub enum FailureKind {
         /// The file.
         file: String,
     },
-    /// The file with the results is no table as it should be.
+    /// The file with the results is not a table of its format.
     MalformedOutput {
         /// The file.
         file: String,

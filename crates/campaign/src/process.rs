@@ -6,10 +6,10 @@ use std::time::{Duration, Instant};
 
 use crate::executor::Stop;
 
-/// How long processes that were asked to end may take before they are killed.
+/// Time after which processes that were asked to end are killed.
 const GRACE: Duration = Duration::from_secs(2);
 
-/// How often it is looked whether somebody has asked to stop.
+/// Time between two looks at the stop flag.
 const GLANCE: Duration = Duration::from_millis(50);
 
 /// How a process ended.

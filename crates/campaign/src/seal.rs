@@ -13,7 +13,7 @@ const FIELD: &[u8] = b",\"checksum\":\"";
 const END: &[u8] = b"\"}";
 const DIGITS: usize = 16;
 
-/// A checksum over several pieces.
+/// A checksum over several pieces of data.
 pub(crate) struct Digest(crc::Digest<'static, u64>);
 
 impl Digest {
@@ -37,6 +37,11 @@ pub(crate) fn checksum(bytes: &[u8]) -> u64 {
     CRC.checksum(bytes)
 }
 
+/// A checksum as text.
+pub(crate) fn hex(sum: u64) -> String {
+    format!("{sum:016x}")
+}
+
 /// The object on one line, sealed, without a line end.
 pub(crate) fn seal<T: Serialize>(object: &T) -> Result<Vec<u8>, serde_json::Error> {
     Ok(close(serde_json::to_vec(object)?))
@@ -55,12 +60,12 @@ fn close(mut text: Vec<u8>) -> Vec<u8> {
     text.pop();
     let sum = checksum(&text);
     text.extend_from_slice(FIELD);
-    text.extend_from_slice(format!("{sum:016x}").as_bytes());
+    text.extend_from_slice(hex(sum).as_bytes());
     text.extend_from_slice(END);
     text
 }
 
-/// Reads a sealed object; the error says in words what is wrong.
+/// Reads a sealed object; the error describes what is wrong with it.
 pub(crate) fn unseal<T: DeserializeOwned>(text: &[u8]) -> Result<T, String> {
     let text = text.strip_suffix(b"\n").unwrap_or(text);
     let tail = FIELD.len() + DIGITS + END.len();
@@ -72,7 +77,7 @@ pub(crate) fn unseal<T: DeserializeOwned>(text: &[u8]) -> Result<T, String> {
     let Some(digits) = digits else {
         return Err("it is cut off, or its end is damaged".into());
     };
-    if digits != format!("{:016x}", checksum(body)).as_bytes() {
+    if digits != hex(checksum(body)).as_bytes() {
         return Err("its checksum does not fit".into());
     }
     let mut object = body.to_vec();
@@ -93,7 +98,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_sealed_reads_back_and_every_flipped_bit_is_seen() {
+    fn a_sealed_object_reads_back_and_every_flipped_bit_is_found() {
         let object = std::collections::BTreeMap::from([("a", 0.1_f64), ("b", -0.0), ("c", 1e-300)]);
         for text in [seal(&object).expect("sealed"), seal_pretty(&object).expect("sealed")] {
             let back: std::collections::BTreeMap<String, f64> = unseal(&text).expect("whole");

@@ -1,35 +1,36 @@
-//! How far a campaign is, for anybody who may read its directory.
+//! Progress of a campaign, for any process that may read its directory.
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
 use crate::attempt::{PROCESS, Process};
-use crate::campaign::{self, OUTCOMES, Record, ResultRecord, last_attempt, task_folder};
-use crate::durable;
 use crate::error::CampaignError;
-use crate::lock::{self, Holder, Lock};
-use crate::seal;
+use crate::folder::{OUTCOMES, last_attempt, number_of, task_folder};
+use crate::holder::Holder;
+use crate::lock::Lock;
+use crate::record::{Record, ResultRecord};
+use crate::state::snapshot;
+use crate::{files, machine, seal};
 
-/// How far a campaign is.
+/// Progress of a campaign.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Status {
-    /// Who drives it now, if anybody does; without a name where that cannot be read.
+    /// The process that drives it; none where no process does, `Some(None)` where its name cannot be read.
     pub driver: Option<Option<Holder>>,
-    /// Tasks that were submitted: finished, failed, running or queued.
+    /// Number of submitted tasks: finished, failed, running or queued.
     pub submitted: u64,
-    /// Runs that gave results.
+    /// Number of runs that gave values.
     pub finished: u64,
-    /// Failed runs by the words of their cause.
+    /// Number of failed runs by cause.
     pub failed: BTreeMap<String, u64>,
-    /// Runs that are being made, as far as can be seen from here: a run on another machine counts
-    /// until it has an outcome.
+    /// Number of runs that are being made; one on another machine counts until it has an outcome.
     pub running: u64,
-    /// Tasks that are neither running nor ended.
+    /// Number of tasks that are neither running nor ended.
     pub queued: u64,
     /// Mean duration of the runs that ended \[s\].
     pub seconds_per_run: Option<f64>,
-    /// How many runs are made at the same time: now, or where none is running the most so far.
+    /// Number of runs at the same time: now, or the most so far where none is running.
     pub parallel: u64,
     /// Estimated time until every submitted task has ended \[s\], if nothing stops; none before the
     /// first has ended.
@@ -41,14 +42,14 @@ pub struct Status {
 }
 
 impl Status {
-    /// How many runs failed.
+    /// Number of failed runs.
     #[must_use]
     pub fn failures(&self) -> u64 {
         self.failed.values().sum()
     }
 }
 
-/// Reads how far the campaign in `dir` is, without its lock and without changing anything.
+/// Reads the progress of the campaign in `dir`, without its lock and without changing anything.
 ///
 /// # Errors
 ///
@@ -57,7 +58,7 @@ pub fn status(dir: &Path) -> Result<Status, CampaignError> {
     let record = Record::read_present(dir)?;
     // First those that wait to be collected: they may be in the journal a moment later.
     let published = published(dir);
-    let (tasks, results) = campaign::snapshot(dir, &record.spec)?;
+    let (tasks, results) = snapshot(dir, &record.spec)?;
     let mut ended: BTreeMap<u64, ResultRecord> = BTreeMap::new();
     for result in results.into_iter().chain(published) {
         let known = tasks.get(&result.number).is_some_and(|(_, task)| *task == result.task);
@@ -66,7 +67,7 @@ pub fn status(dir: &Path) -> Result<Status, CampaignError> {
         }
     }
     let driver = Lock::holder(dir);
-    let now = lock::now_s();
+    let now = machine::now_s();
     let mut finished = 0;
     let mut failed = BTreeMap::new();
     for result in ended.values() {
@@ -108,17 +109,17 @@ pub(crate) fn published(dir: &Path) -> Vec<ResultRecord> {
     let Ok(entries) = fs::read_dir(dir.join(OUTCOMES)) else { return Vec::new() };
     entries
         .flatten()
-        .filter(|entry| campaign::number_of(&entry.path()).is_some())
-        .filter_map(|entry| seal::unseal(&durable::read(&entry.path()).ok()??).ok())
+        .filter(|entry| number_of(&entry.path()).is_some())
+        .filter_map(|entry| seal::unseal(&files::read(&entry.path()).ok()??).ok())
         .collect()
 }
 
-/// Since when the last attempt at a run is being made \[s since 1970\], if it is.
+/// Start of the last attempt at a run \[s since 1970\]; none where it is not being made.
 fn running_since(dir: &Path, number: u64) -> Option<u64> {
     let folder = task_folder(dir, number);
     let attempt = last_attempt(&folder);
     let path = folder.join(format!("attempt-{attempt}")).join(PROCESS);
-    let process: Process = serde_json::from_slice(&durable::read(&path).ok()??).ok()?;
+    let process: Process = serde_json::from_slice(&files::read(&path).ok()??).ok()?;
     process.is_running().unwrap_or(true).then_some(process.started)
 }
 

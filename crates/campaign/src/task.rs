@@ -1,4 +1,4 @@
-//! One run that is wished: a command and the values of its parameters.
+//! Tasks: runs to be made.
 
 use serde::{Deserialize, Serialize};
 
@@ -33,8 +33,8 @@ impl CampaignSpec {
         (z ^ (z >> 31)) % 900_000_000 + 1
     }
 
-    /// What a result must agree with to be this task's: checksum of the number, the parameters and
-    /// everything of the command that can change its values.
+    /// Checksum of the number, the parameters and everything in the command that can change the values of a run. A result
+    /// belongs to a task only if they agree in it.
     pub(crate) fn fingerprint(&self, task: &Task) -> u64 {
         let mut digest = seal::Digest::new();
         digest.add(&task.number.to_le_bytes());

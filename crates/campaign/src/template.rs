@@ -1,12 +1,12 @@
 //! Placeholders in command lines: `{c1}`, `{parameters}`, `{run}`, `{seed}`, `{{` and `}}`.
 
-/// Placeholders that are no parameters.
+/// Placeholders other than the parameters.
 pub(crate) const RESERVED: [&str; 3] = ["parameters", "run", "seed"];
 
 /// A piece of a text with placeholders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Piece<'t> {
-    /// Stands as it is.
+    /// Plain text.
     Text(&'t str),
     /// A brace, written twice.
     Brace(char),
@@ -18,7 +18,7 @@ pub enum Piece<'t> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Unbalanced(pub char);
 
-/// Takes a text apart.
+/// Splits a text at its placeholders.
 ///
 /// # Errors
 ///
@@ -46,7 +46,7 @@ pub fn pieces(text: &str) -> Result<Vec<Piece<'_>>, Unbalanced> {
     Ok(pieces)
 }
 
-/// Whether every placeholder of `text` is known.
+/// Checks that every placeholder of `text` is known.
 pub(crate) fn check(text: &str, parameters: &[String]) -> Result<(), String> {
     let pieces = pieces(text).map_err(|Unbalanced(brace)| {
         let partner = if brace == '{' { '}' } else { '{' };
@@ -59,7 +59,7 @@ pub(crate) fn check(text: &str, parameters: &[String]) -> Result<(), String> {
         {
             let known: Vec<&str> = parameters.iter().map(String::as_str).chain(RESERVED).collect();
             return Err(format!(
-                "{{{name}}} is no placeholder; there are {{{}}}, and {{{{ }}}} for braces",
+                "{{{name}}} is not a placeholder; there are {{{}}}, and {{{{ }}}} for braces",
                 known.join("}, {")
             ));
         }
@@ -67,7 +67,7 @@ pub(crate) fn check(text: &str, parameters: &[String]) -> Result<(), String> {
     Ok(())
 }
 
-/// Replaces the placeholders by what `value` says; unknown ones, which [`check`] refuses, stay.
+/// Replaces the placeholders by their values; unknown ones, which [`check`] refuses, stay.
 pub(crate) fn fill(text: &str, value: impl Fn(&str) -> Option<String>) -> String {
     let Ok(pieces) = pieces(text) else { return text.to_owned() };
     let mut filled = String::with_capacity(text.len());

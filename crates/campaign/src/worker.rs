@@ -1,16 +1,17 @@
-//! Runs by a worker that does not have the directory's lock.
+//! Workers: runs made without the directory's lock, as on other machines.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::attempt::Runner;
-use crate::campaign::{self, OUTCOMES, Record, ResultRecord};
-use crate::durable;
 use crate::error::{CampaignError, ExecutorError};
 use crate::executor::Stop;
+use crate::folder::OUTCOMES;
 use crate::outcome::Outcome;
-use crate::seal;
+use crate::record::{Record, ResultRecord};
+use crate::state::{check_outcome, snapshot};
 use crate::task::Task;
+use crate::{durable, files, seal};
 
 /// Runs submitted tasks of a campaign without its lock, as an element of a job array does, and
 /// publishes their outcomes for the driver to collect.
@@ -32,7 +33,7 @@ impl Worker {
         Ok(Self { dir, record })
     }
 
-    /// Makes the run `number`, with its attempts, and publishes its outcome. A run that has one is not made again.
+    /// Makes the run `number` and publishes its outcome. A run that has an outcome is not made again.
     ///
     /// # Errors
     ///
@@ -41,7 +42,7 @@ impl Worker {
     /// outcome cannot be written: no outcome is published then.
     pub fn run(&self, number: u64, stop: &Stop) -> Result<Outcome, ExecutorError> {
         // Read anew each time: the driver appends while workers run.
-        let (mut tasks, results) = campaign::snapshot(&self.dir, &self.record.spec)?;
+        let (mut tasks, results) = snapshot(&self.dir, &self.record.spec)?;
         let (task, fingerprint) = tasks.remove(&number).ok_or_else(|| {
             let problem = "it was never submitted, or its line is damaged".to_owned();
             CampaignError::InvalidTask { number, problem }
@@ -62,19 +63,19 @@ impl Worker {
     }
 
     fn publish(&self, path: &Path, task: &Task, outcome: &Outcome) -> Result<(), ExecutorError> {
-        campaign::check_outcome(&self.record.spec, task, outcome)
+        check_outcome(&self.record.spec, task, outcome)
             .map_err(|problem| CampaignError::InvalidOutcome { number: task.number, problem })?;
         let result = ResultRecord::new(&self.record.spec, task, outcome.clone());
-        let text = seal::seal(&result)
-            .map_err(|error| CampaignError::io("written", path, error.into()))?;
-        durable::publish(path, &text)?;
+        let failed = |error| CampaignError::io("written", path, error);
+        let text = seal::seal(&result).map_err(|error| failed(error.into()))?;
+        durable::publish(path, &text).map_err(failed)?;
         Ok(())
     }
 }
 
-/// The outcome that somebody has published of the task with this fingerprint.
+/// The published outcome of the task with this fingerprint, if there is one.
 fn published(path: &Path, fingerprint: &str) -> Result<Option<Outcome>, CampaignError> {
-    let Some(text) = durable::read(path)? else { return Ok(None) };
+    let Some(text) = files::read(path)? else { return Ok(None) };
     let result = seal::unseal::<ResultRecord>(&text).ok();
     Ok(result.filter(|result| result.task == fingerprint).map(|result| result.outcome))
 }

@@ -1,4 +1,4 @@
-//! Steps of many particles, by what the scene has. Throughput is in particle steps.
+//! Steps of many particles, by the features of the scene. Throughput is in particle steps.
 
 use std::hint::black_box;
 

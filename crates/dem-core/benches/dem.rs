@@ -77,7 +77,7 @@ fn quasi_static(c: &mut Criterion) {
     }
 }
 
-/// Observations so late, and steps so short, that the run is nothing but steps.
+/// Observations so late, and steps so short, that steps make up the run.
 fn long_run() -> (Vec<f64>, SolverSettings) {
     let settings = SolverSettings {
         step_over_collision_time: 0.001,

@@ -16,10 +16,10 @@
 //! The law is written in lengths of R and forces of `K1 R`: `x = delta/R`, `p = delta0/R`,
 //! `kappa = K2/K1`. It knows neither scenes nor solvers.
 
-/// Which branch of the law holds.
+/// The branches of the law.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Branch {
-    /// No overlap: no force at all.
+    /// No overlap, no force.
     Apart,
     /// `f_ep = K1 delta`, the plastic overlap rises with the overlap.
     PlasticLoading,
@@ -29,7 +29,7 @@ pub enum Branch {
     Cohesion,
 }
 
-/// Force and state after the law has looked at a contact, in units of `K1 R` and R.
+/// Force and state of a contact by the law, in units of `K1 R` and R.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Response {
     /// Elasto-plastic force `f_ep / (K1 R)`.
@@ -132,8 +132,8 @@ impl ContactLaw {
         positive_root(self.stiffening(), 1.0 - self.stiffening() * overlap, overlap - self.adhesion)
     }
 
-    /// `(dp/dX)_eq = 1/(1 - K2' fa/K2^2)`: what turns a rate of the contact radius into a rate of
-    /// the plastic overlap.
+    /// `(dp/dX)_eq = 1/(1 - K2' fa/K2^2)`: the ratio of the rate of the plastic overlap to that of the
+    /// overlap in equilibrium.
     #[must_use]
     #[inline]
     pub fn equilibrium_factor(&self, plastic_overlap: f64) -> f64 {

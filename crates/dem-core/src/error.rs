@@ -1,4 +1,4 @@
-//! What can be wrong with a scene, and with a run of it.
+//! Errors of a pair scene and of its run.
 
 use thiserror::Error;
 
@@ -13,7 +13,7 @@ pub enum SceneError {
         field: &'static str,
         /// Its value.
         value: f64,
-        /// What to do about it.
+        /// Remedy.
         remedy: &'static str,
     },
     /// The pair starts at or beyond its final contact ratio.
@@ -54,7 +54,7 @@ pub enum SolveError {
         field: &'static str,
         /// Its value.
         value: f64,
-        /// What to do about it.
+        /// Remedy.
         remedy: &'static str,
     },
     /// The parameters are each in range, but what follows from them does not fit into a number.
@@ -64,7 +64,7 @@ pub enum SolveError {
         quantity: &'static str,
         /// Its value.
         value: f64,
-        /// What to do about it.
+        /// Remedy.
         remedy: &'static str,
     },
     /// There is no observation time.
@@ -107,7 +107,7 @@ pub enum SolveError {
         step_over_collision_time: f64,
         /// The step it gives.
         step_s: f64,
-        /// What it must stay below.
+        /// Largest stable step \[s\].
         limit_s: f64,
     },
     /// The run used all the work it was allowed.
@@ -130,7 +130,7 @@ pub enum SolveError {
 impl SolveError {
     /// Whether another parameter vector may succeed where this one failed.
     ///
-    /// True for everything that depends on the parameters or on how much work they need; false for
+    /// True for errors that depend on the parameters or on the work they need; false for
     /// times, buffers and settings, which are the same for every parameter vector.
     #[must_use]
     pub fn is_recoverable(&self) -> bool {

@@ -1,4 +1,4 @@
-//! Where the kinetics bend, and when a contact ratio is reached.
+//! The knee of the kinetics, and the time to a contact ratio.
 
 use crate::kinetics::{WithLaw, Zipping, knee_contact_ratio, with_law};
 use crate::{Kinetic, Kinetics, PairScene, Sintering};
@@ -8,7 +8,7 @@ use crate::{Kinetic, Kinetics, PairScene, Sintering};
 pub struct Knee {
     /// Contact ratio `a_ve/R` of the knee, wherever it lies.
     pub contact_ratio: f64,
-    /// When the contact reaches it \[s\]: 0 where stage 2 is absent, infinite where stage 3 is.
+    /// Time at which the contact reaches it \[s\]: 0 where stage 2 is absent, infinite where stage 3 is.
     pub time_s: f64,
     /// Whether zipping happens at all: the knee is above the starting contact.
     pub has_zipping: bool,
@@ -38,7 +38,7 @@ pub fn knee(scene: &PairScene, sintering: &Sintering) -> Knee {
 
 /// Time \[s\] at which the quasi-static pair reaches a contact ratio; the inverse of the closed form.
 ///
-/// `None` where it never does (beyond phi, or at `2^(1/3)` with Pokluda's law, which takes for ever),
+/// `None` where it never does (beyond phi, or at `2^(1/3)`, which Pokluda's law only approaches),
 /// and for parameters that no run would accept. 0 at or below the starting contact.
 #[must_use]
 pub fn time_to_contact_ratio(

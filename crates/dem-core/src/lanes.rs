@@ -1,4 +1,4 @@
-//! One number, or eight side by side: what the rate laws and the Verlet step are written in.
+//! The number type of the rate laws and of the Verlet step: one `f64`, or eight side by side.
 //!
 //! The same source, in the same order of operations and without contraction, runs a single curve on
 //! `f64` and eight curves on [`F64x8`], so that both give the same bits.
@@ -15,15 +15,15 @@ pub trait Lanes:
     + Send
     + Sync
 {
-    /// The same number everywhere.
+    /// One number in all lanes.
     fn splat(value: f64) -> Self;
     /// Square root.
     #[must_use]
     fn sqrt(self) -> Self;
-    /// The smaller one.
+    /// Minimum.
     #[must_use]
     fn min(self, other: Self) -> Self;
-    /// The larger one.
+    /// Maximum.
     #[must_use]
     fn max(self, other: Self) -> Self;
     /// `below` where `value < limit`, `above` elsewhere. A single number evaluates only one.

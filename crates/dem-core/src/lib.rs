@@ -8,8 +8,9 @@
 //! |---|---|
 //! | contact law, eq. 1 | [`contact_law`] |
 //! | sintering kinetics, eqs. 3 to 5 | [`kinetics`] |
-//! | scene: what is simulated | [`PairSpec`], [`PairScene`] |
-//! | solvers: how | [`solvers`] |
+//! | the pair that is simulated | [`PairSpec`], [`PairScene`] |
+//! | its solvers | [`solvers`] |
+//! | beds of many particles | [`bed`] |
 //! | Table 3 as printed and in SI | [`printed`] |
 //! | the paper's powders and numbers | [`paper`] |
 //!
@@ -27,6 +28,11 @@
 //!
 //! Everything is SI at the boundary; inside a scene lengths are in particle radii and forces in
 //! `K1 R`, so that `x = delta/R = (a/R)^2` is the overlap.
+
+/// Runs the program of `README.md`.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
 
 pub mod bed;
 pub mod contact_law;

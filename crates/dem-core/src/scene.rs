@@ -1,9 +1,9 @@
-//! The pair scene: two equal spheres, one relative coordinate, nothing else.
+//! The pair scene: two equal spheres and one relative coordinate.
 
 use crate::contact_law::ContactLaw;
 use crate::{Powder, SceneError, paper};
 
-/// How the contact dissipates. The quasi-static results do not depend on it.
+/// Dissipation of the contact. The quasi-static results do not depend on it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Damping {
     /// Coefficient of restitution e of the loading branch, in (0, 1]:
@@ -13,7 +13,33 @@ pub enum Damping {
     Coefficient(f64),
 }
 
-/// What a pair scene is made from; [`build`](Self::build) checks it.
+impl Damping {
+    /// gamma_n \[kg/s\], checked.
+    fn coefficient(self, k1: f64, effective_mass_kg: f64) -> Result<f64, SceneError> {
+        match self {
+            Self::Restitution(e) => {
+                between("damping (restitution)", e, 1e-12, 1.0, "a restitution is in (0, 1]")?;
+                let log = e.ln();
+                Ok(-2.0
+                    * log
+                    * (k1 * effective_mass_kg / (std::f64::consts::PI.powi(2) + log * log)).sqrt())
+            }
+            Self::Coefficient(gamma_n) => {
+                let critical = 2.0 * (k1 * effective_mass_kg).sqrt();
+                between(
+                    "damping (coefficient)",
+                    gamma_n,
+                    0.0,
+                    1e3 * critical,
+                    "use 0 up to a thousand times critical damping, 2 sqrt(K1 m_eff)",
+                )?;
+                Ok(gamma_n)
+            }
+        }
+    }
+}
+
+/// Description of a pair scene; [`build`](Self::build) checks it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PairSpec {
     /// The particles.
@@ -28,7 +54,7 @@ pub struct PairSpec {
     pub kc_over_k1: f64,
     /// Adhesive force over `K1 R`; 1e-3, see [`paper::ADHESION_OVER_K1_RADIUS`].
     pub adhesion_over_k1_radius: f64,
-    /// Dissipation; a restitution of 0.1 where nothing is said.
+    /// Dissipation; a restitution of 0.1 by default.
     pub damping: Damping,
 }
 
@@ -47,12 +73,7 @@ impl PairSpec {
         }
     }
 
-    /// Checks every field and what follows from them.
-    ///
-    /// # Errors
-    ///
-    /// [`SceneError`] with the field, its value and the remedy.
-    pub fn build(&self) -> Result<PairScene, SceneError> {
+    fn check_fields(&self) -> Result<(), SceneError> {
         let Powder { radius_m, youngs_modulus_pa, surface_tension_n_per_m, density_kg_per_m3 } =
             self.powder;
         between("radius_m", radius_m, 1e-12, 1e3, "give the radius in metres, 1e-12 to 1e3")?;
@@ -99,29 +120,18 @@ impl PairSpec {
             1e-9,
             1.0,
             "use 1e-9 to 1; the paper's value is 1e-3",
-        )?;
-        let effective_mass_kg = self.powder.mass_kg() / 2.0;
-        let dissipation_kg_per_s = match self.damping {
-            Damping::Restitution(e) => {
-                between("damping (restitution)", e, 1e-12, 1.0, "a restitution is in (0, 1]")?;
-                let log = e.ln();
-                -2.0 * log
-                    * (self.k1 * effective_mass_kg / (std::f64::consts::PI.powi(2) + log * log))
-                        .sqrt()
-            }
-            Damping::Coefficient(gamma_n) => {
-                let critical = 2.0 * (self.k1 * effective_mass_kg).sqrt();
-                between(
-                    "damping (coefficient)",
-                    gamma_n,
-                    0.0,
-                    1e3 * critical,
-                    "use 0 up to a thousand times critical damping, 2 sqrt(K1 m_eff)",
-                )?;
-                gamma_n
-            }
-        };
+        )
+    }
 
+    /// Checks every field and what follows from them.
+    ///
+    /// # Errors
+    ///
+    /// [`SceneError`] with the field, its value and the remedy.
+    pub fn build(&self) -> Result<PairScene, SceneError> {
+        self.check_fields()?;
+        let effective_mass_kg = self.powder.mass_kg() / 2.0;
+        let dissipation_kg_per_s = self.damping.coefficient(self.k1, effective_mass_kg)?;
         let final_overlap = self.final_contact_ratio * self.final_contact_ratio;
         let law = ContactLaw {
             adhesion: self.adhesion_over_k1_radius,
@@ -263,7 +273,7 @@ impl PairScene {
         2.0 * (self.effective_mass_kg / (self.law.k2_max * self.k1)).sqrt()
     }
 
-    /// How far the inertia of the soft contact lets the pair lag behind its equilibrium,
+    /// Time by which the inertia of the soft contact lets the pair lag behind its equilibrium,
     /// `sqrt(2 m_eff x R / fa)`: the time that fa needs to pull the pair through the overlap \[s\].
     #[must_use]
     pub fn inertial_lag_s(&self, overlap: f64) -> f64 {

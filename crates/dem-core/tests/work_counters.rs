@@ -1,5 +1,4 @@
-//! How much work the default runs are: an algorithm that needs more has become worse, one that needs less has
-//! another reason to be looked at.
+//! Work of the default runs: more work is a worse algorithm, and less work needs an explanation.
 
 use dem_core::printed::{PrintedTable3, from_printed};
 use dem_core::{Kinetics, PairSpec, Powder, SolverKind, SolverSettings, contact_ratios, paper};
@@ -24,7 +23,7 @@ fn work(
 }
 
 #[test]
-fn default_runs_cost_other_steps_than_they_did() {
+fn default_runs_cost_the_steps_they_did() {
     let materials = [
         ("PS", paper::PS, &paper::PS_TABLE3, 1.08, 1.0),
         ("PA12", paper::PA12, &paper::PA12_TABLE3, 2f64.cbrt(), 15.0),

@@ -11,6 +11,7 @@ mod synthetic;
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let directory = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| "plots".to_owned()));
     std::fs::create_dir_all(&directory)?;
+    std::fs::write(directory.join("bed.png"), synthetic::bed().png(Width::Column)?)?;
     for (n, end_s, long_names) in [(5, 0.13, true), (50, 6.1, false), (5000, 82.0, false)] {
         for (name, figure) in synthetic::figures(n, end_s, long_names) {
             for (suffix, width) in [("column", Width::Column), ("full", Width::Full)] {

@@ -1,23 +1,21 @@
-//! A bed as it looks: its spheres, shaded, coloured by contact ratio.
+//! A bed of spheres, shaded and coloured by contact ratio.
 //!
-//! Seen from far away (no perspective), a little from above, lit from the upper left. Every pixel shows the nearest
-//! sphere; where two spheres grow into each other their neck is the line in which they meet, drawn darker. A dark disc
-//! is a neck with a particle beyond a periodic side.
+//! Parallel projection from a little above, with light from the upper left. Every pixel shows the nearest sphere. The
+//! circle in which two spheres meet, their neck, is drawn darker; a dark disc is a neck with a particle beyond a periodic
+//! side.
 
 use plotters::element::Rectangle;
 use plotters::style::{Color as _, RGBAColor};
 use rayon::prelude::*;
 
-use super::axis::{Axis, Scale};
-use super::canvas::Backdrop;
-use super::header::header;
-use super::layout::{Spec, layout};
-use super::page::Page;
-use super::{Columns, PlotError, Width};
+use crate::columns::Columns;
+use crate::drawing::{Axis, Page, Panel, Scale, Spec, header, layout, row};
+use crate::error::{Drawn, PlotError};
+use crate::picture::Width;
 
 type Vec3 = [f64; 3];
 
-/// A bed at one time.
+/// A bed at one time. It is drawn as pixels, so there is a PNG only.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct BedFigure {
     /// Heading; empty for none.
@@ -28,8 +26,7 @@ pub struct BedFigure {
     pub radius_m: Vec<f64>,
     /// Mean contact ratio a/R of each particle's contacts; NaN for a particle without one.
     pub contact_ratio: Vec<f64>,
-    /// Contacts: the first particle, and the vector from it to where the centre of the other one is \[m\] (its nearest
-    /// image), which is the third number's particle.
+    /// Contacts: first particle, vector from its centre to that of the nearest image of the second \[m\], second particle.
     pub contacts: Vec<(usize, [f64; 3], usize)>,
     /// Lower and upper corner of a box to draw around \[m\].
     pub frame_m: Option<[[f64; 3]; 2]>,
@@ -37,11 +34,11 @@ pub struct BedFigure {
     pub range: [f64; 2],
 }
 
-/// Pixels rendered for one of the picture, along each axis.
+/// Pixels rendered for one pixel of the picture, along each axis.
 const SAMPLES: usize = 2;
 const NO_CONTACT: [f64; 3] = [0.62, 0.62, 0.62];
 const FRAME: [f64; 3] = [0.45, 0.45, 0.45];
-/// Half the width of the line around a neck, as an angle seen from the centre.
+/// Half the width of the line of a neck, as an angle seen from the centre.
 const NECK_LINE: f64 = 0.045;
 
 impl BedFigure {
@@ -51,45 +48,33 @@ impl BedFigure {
     ///
     /// [`PlotError::Length`] if columns do not match.
     pub fn png(&self, width: Width) -> Result<Vec<u8>, PlotError> {
-        let columns = Columns("bed");
-        columns.need("radius_m", &self.radius_m, self.position_m.len(), "particle")?;
-        columns.need("contact_ratio", &self.contact_ratio, self.position_m.len(), "particle")?;
         let page = Page::new(width);
-        let top = header(&page, &self.title, &[])?;
+        self.draw(&page)?;
+        Ok(page.picture()?.png)
+    }
+
+    pub(crate) fn draw(&self, page: &Page) -> Drawn {
+        let columns = Columns("bed");
+        let each = (self.position_m.len(), "particle");
+        columns.need("radius_m", &self.radius_m, each)?;
+        columns.need("contact_ratio", &self.contact_ratio, each)?;
+        let top = header(page, &self.title, &[])?;
         const EDGE: f32 = 4.0;
         let view = View::of(self);
         let room = page.width - 2.0 * EDGE;
         let tallest = 1.15 * room;
-        // At least wide enough to look at, at most as tall as it is wide.
+        // Neither a strip nor much taller than wide.
         let height = (room * (view.size()[1] / view.size()[0]) as f32).clamp(0.3 * room, tallest);
-        page.set_backdrop((EDGE, top), (room, height), |across, down| {
-            let raster = self.raster(&view, across * SAMPLES, down * SAMPLES);
-            Backdrop::averaged(&raster, across, down, SAMPLES)
+        page.set_backdrop((EDGE, top), (room, height), SAMPLES, |across, down| {
+            self.raster(&view, across, down)
         });
         let [low, high] = self.range;
-        let x = Axis {
-            name: "contact ratio a/R, mean of the particle’s contacts".to_owned(),
-            unit: String::new(),
-            scale: Scale::Linear,
-            low,
-            high: if high > low { high } else { low + 1.0 },
-        };
+        let ends = [low, if high > low { high } else { low + 1.0 }];
+        let name = "contact ratio a/R, mean of the particle’s contacts";
+        let x = Axis::holding(name, "", Scale::Linear, ends, 0.0);
         let y = Axis::holding("", "", Scale::Linear, [0.0, 1.0], 0.0);
-        let spec = Spec::new(x, y).bare();
-        let panels = layout(&page, top + height + 6.0, 8.0, &[(7.0, vec![Some(spec)])])?;
-        if let Some(panel) = panels.into_iter().flatten().flatten().next() {
-            const STRIPES: usize = 128;
-            let (from, span) = (panel.x.low, panel.x.high - panel.x.low);
-            let at = |k: usize| from + span * k as f64 / STRIPES as f64;
-            for k in 0..STRIPES {
-                let ink = viridis((k as f64 + 0.5) / STRIPES as f64);
-                let [r, g, b] = ink.map(|part| (255.0 * part).round() as u8);
-                // Up to the end: seams would show between stripes.
-                let corners = [(at(k), 0.0), (panel.x.high, 1.0)];
-                panel.draw(&Rectangle::new(corners, RGBAColor(r, g, b, 1.0).filled()))?;
-            }
-        }
-        Ok(page.picture()?.png)
+        let bar = [row(7.0, [Spec::new(x, y).bare()])];
+        layout(page, top + height + 6.0, 8.0, &bar)?.iter().try_for_each(colour_bar)
     }
 
     fn colour(&self, particle: usize) -> Vec3 {
@@ -101,7 +86,7 @@ impl BedFigure {
         viridis(if high > low { (ratio - low) / (high - low) } else { 0.0 })
     }
 
-    /// The necks of each particle.
+    /// Necks of each particle.
     fn necks(&self) -> Vec<Vec<Neck>> {
         let mut necks = vec![Vec::new(); self.position_m.len()];
         for &(i, to, j) in &self.contacts {
@@ -164,13 +149,28 @@ impl BedFigure {
     }
 }
 
-/// The line in which a sphere meets another, as seen from its centre.
+/// Fills a panel with the colours of its horizontal axis.
+fn colour_bar(panel: &Panel) -> Drawn {
+    const STRIPES: usize = 128;
+    let (from, span) = (panel.x.low, panel.x.high - panel.x.low);
+    for k in 0..STRIPES {
+        let ink = viridis((k as f64 + 0.5) / STRIPES as f64);
+        let [r, g, b] = ink.map(|part| (255.0 * part).round() as u8);
+        // Up to the end: seams would show between stripes.
+        let left = from + span * k as f64 / STRIPES as f64;
+        let corners = [(left, 0.0), (panel.x.high, 1.0)];
+        panel.draw(&Rectangle::new(corners, RGBAColor(r, g, b, 1.0).filled()))?;
+    }
+    Ok(())
+}
+
+/// The circle in which a sphere meets another, as seen from its centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Neck {
     toward: Vec3,
-    /// Angle between the line and the direction of the other sphere.
+    /// Angle between the circle and the direction of the other sphere.
     angle: f64,
-    /// Cosine of the angle up to which the line is drawn.
+    /// Cosine of the angle up to which the circle is drawn.
     outer_cosine: f64,
 }
 
@@ -181,7 +181,7 @@ impl Neck {
     }
 }
 
-/// Where the eye is: an orthonormal basis.
+/// Direction of view as an orthonormal basis.
 #[derive(Debug, Clone, Copy)]
 struct Camera {
     right: Vec3,
@@ -204,7 +204,7 @@ impl Camera {
 
 struct View {
     camera: Camera,
-    /// Left, right, lower and upper end of all that is to be seen.
+    /// Left, right, lower and upper end of the bed as the camera sees it.
     bounds: [f64; 4],
 }
 
@@ -242,7 +242,7 @@ impl View {
     }
 }
 
-/// Pixels before the eye.
+/// Pixels in front of the camera.
 #[derive(Debug, Clone, Copy)]
 struct Screen {
     camera: Camera,
@@ -276,7 +276,7 @@ impl Screen {
         ]
     }
 
-    /// What is seen in the middle of a pixel at a depth.
+    /// Point behind the middle of a pixel at a depth.
     fn point(&self, column: usize, row: usize, depth: f64) -> Vec3 {
         let x = self.middle[0] + (column as f64 + 0.5 - 0.5 * self.across as f64) * self.pixel;
         let y = self.middle[1] - (row as f64 + 0.5 - 0.5 * self.down as f64) * self.pixel;
@@ -339,7 +339,7 @@ impl Depths {
         (seen().fold(f64::NEG_INFINITY, f64::max), seen().fold(f64::INFINITY, f64::min))
     }
 
-    /// How much of the light reaches a point: from here, whether nothing is before it.
+    /// Share of the light that reaches a point, with this camera at the light.
     fn lit(&self, point: Vec3, bias: f64) -> f64 {
         let seen = self.screen.camera.seen(point);
         let [column, row] = self.screen.place(seen);
@@ -365,7 +365,7 @@ fn corners([low, high]: &[Vec3; 2]) -> [Vec3; 8] {
     })
 }
 
-/// The twelve edges of a box where no sphere hides them.
+/// Draws the twelve edges of a box where no sphere hides them.
 fn draw_frame(pixels: &mut [[f32; 3]], seen: &Depths, frame: [Vec3; 2], slack: f64) {
     let screen = &seen.screen;
     let corners = corners(&frame);
@@ -399,7 +399,7 @@ fn draw_frame(pixels: &mut [[f32; 3]], seen: &Depths, frame: [Vec3; 2], slack: f
     }
 }
 
-/// Colours that grow brighter evenly and are told apart by colour-blind readers (viridis of matplotlib, at ten places).
+/// Colour map viridis of matplotlib from ten colours: evenly brighter, and readable by the colour-blind.
 fn viridis(share: f64) -> Vec3 {
     const STOPS: [u32; 10] = [
         0x440154, 0x482878, 0x3e4989, 0x31688e, 0x26828e, 0x1f9e89, 0x35b779, 0x6ece58, 0xb5de2b,
@@ -466,7 +466,7 @@ mod tests {
     }
 
     #[test]
-    fn the_line_of_a_neck_is_where_the_spheres_meet() {
+    fn a_neck_lies_where_the_spheres_meet() {
         let figure = pair(1.6);
         let necks = figure.necks();
         assert_eq!((necks[0].len(), necks[1].len()), (1, 1));

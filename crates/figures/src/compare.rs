@@ -1,25 +1,24 @@
 //! Several models over one series of measurements, with their residuals.
+
 use plotters::style::Color as _;
 
-use super::axis::{Axis, Scale};
-use super::elements::Look;
-use super::header::{Swatch, header};
-use super::layout::{Spec, layout};
-use super::page::Page;
-use super::palette::{GREY, Marker, Pen};
-use super::panel::Panel;
-use super::{Columns, PlotError, Role};
+use crate::axes::Axes;
+use crate::columns::Columns;
+use crate::drawing::{Axis, GREY, Look, Marker, Page, Panel, Pen, Role, Scale, Spec, Swatch};
+use crate::drawing::{header, layout, row};
+use crate::error::PlotError;
+use crate::figure::Figure;
 
 /// One model of a [`CompareFigure`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct NamedCurve {
     /// Name in the legend.
     pub name: String,
-    /// What decides its colour and dash: the same model gets the same role in every figure.
+    /// Colour and dash: give the same model the same role in every figure.
     pub role: Role,
-    /// Model at the grid times (a/R).
+    /// Values of the model at the grid points.
     pub curve: Vec<f64>,
-    /// Model at the times of the measurements (a/R), for the residuals.
+    /// Values of the model at the measurements, for the residuals.
     pub at_data: Vec<f64>,
 }
 
@@ -28,103 +27,65 @@ pub struct NamedCurve {
 pub struct CompareFigure {
     /// Heading; empty for none.
     pub title: String,
-    /// Times of the measurements (s).
-    pub time_s: Vec<f64>,
-    /// Measured contact ratios a/R, one per time.
-    pub contact_ratio: Vec<f64>,
-    /// Times of the curves (s), increasing.
-    pub grid_s: Vec<f64>,
+    /// Control values of the measurements, for example times.
+    pub control: Vec<f64>,
+    /// Measured values, one per control value.
+    pub value: Vec<f64>,
+    /// Control values of the curves, increasing.
+    pub grid: Vec<f64>,
     /// The models, in the order of the legend.
     pub curves: Vec<NamedCurve>,
-    /// Logarithmic time axis (times <= 0 are left out).
-    pub log_time: bool,
+    /// Names and scales of the axes.
+    pub axes: Axes,
 }
 
-impl CompareFigure {
-    pub(super) fn draw(&self, page: &Page) -> Result<(), PlotError> {
+impl Figure for CompareFigure {
+    fn draw(&self, page: &Page) -> Result<(), PlotError> {
         let columns = Columns("compare");
-        columns.need("contact_ratio", &self.contact_ratio, self.time_s.len(), "time")?;
-        for curve in &self.curves {
-            columns.need(
-                &format!("curve of {}", curve.name),
-                &curve.curve,
-                self.grid_s.len(),
-                "grid time",
-            )?;
-            columns.need(
-                &format!("at_data of {}", curve.name),
-                &curve.at_data,
-                self.time_s.len(),
-                "time",
-            )?;
+        let data = (self.control.len(), "control value");
+        columns.need("value", &self.value, data)?;
+        for NamedCurve { name, curve, at_data, .. } in &self.curves {
+            columns.need(&format!("curve of {name}"), curve, (self.grid.len(), "grid point"))?;
+            columns.need(&format!("at_data of {name}"), at_data, data)?;
         }
-        let mut entries = vec![("measured".to_owned(), Swatch::measurement())];
-        let few = !Panel::dense(&self.time_s);
+        let few = !Panel::dense(&self.control);
+        let mut entries = vec![("measured", Swatch::measurement())];
         entries.extend(self.curves.iter().map(|c| {
-            let swatch = if few {
-                Swatch::LineAndPoint(c.role.pen(), c.role.marker())
-            } else {
-                Swatch::Line(c.role.pen())
-            };
-            (c.name.clone(), swatch)
+            let (pen, marker) = (c.role.pen(), c.role.marker());
+            let swatch = if few { Swatch::LineAndPoint(pen, marker) } else { Swatch::Line(pen) };
+            (c.name.as_str(), swatch)
         }));
         let top = header(page, &self.title, &entries)?;
 
-        let scale = if self.log_time { Scale::Log } else { Scale::Linear };
-        let x = Axis::holding(
-            "time t",
-            "s",
-            scale,
-            self.time_s.iter().chain(&self.grid_s).copied(),
-            0.02,
-        );
-        let x = if self.log_time { x } else { x.starting_at(0.0) };
-        let all = self
-            .curves
-            .iter()
-            .flat_map(|c| &c.curve)
-            .chain(&self.contact_ratio)
-            .copied()
-            .chain([0.0]);
-        let y = Axis::holding("contact ratio a/R", "", Scale::Linear, all, 0.04).starting_at(0.0);
-        let residuals: Vec<Vec<f64>> = self
-            .curves
-            .iter()
-            .map(|c| {
-                self.contact_ratio
-                    .iter()
-                    .zip(&c.at_data)
-                    .map(|(measured, model)| measured - model)
-                    .collect()
-            })
-            .collect();
-        let left_over = Axis::holding(
-            "residual of a/R",
-            "",
-            Scale::Linear,
-            residuals.iter().flatten().copied().chain([0.0]),
-            0.06,
-        );
+        let x = self.axes.control(self.control.iter().chain(&self.grid).copied());
+        let values = self.curves.iter().flat_map(|c| &c.curve).chain(&self.value);
+        let y = self.axes.value(values.copied());
+        let residual =
+            |at_data: &[f64]| self.value.iter().zip(at_data).map(|(a, b)| a - b).collect();
+        let residuals: Vec<Vec<f64>> = self.curves.iter().map(|c| residual(&c.at_data)).collect();
+        let left_over = residuals.iter().flatten().copied().chain([0.0]);
+        let (name, unit) = (self.axes.residual_name(), &self.axes.value_unit);
+        let left_over = Axis::holding(&name, unit, Scale::Linear, left_over, 0.06);
         let heights = page.of_width((125.0, 75.0), (200.0, 110.0));
         let rows = [
-            (heights.0, vec![Some(Spec::new(x.clone(), y).x_labels(false))]),
-            (heights.1, vec![Some(Spec::new(x, left_over))]),
+            row(heights.0, [Spec::new(x.clone(), y).x_labels(false)]),
+            row(heights.1, [Spec::new(x, left_over)]),
         ];
-        let panels: Vec<_> =
-            layout(page, top, 10.0, &rows)?.into_iter().flatten().flatten().collect();
+        let panels = layout(page, top, 10.0, &rows)?;
         let [curves, residual] = panels.as_slice() else { return Ok(()) };
-        curves.data(&self.time_s, &self.contact_ratio)?;
+        curves.data(&self.control, &self.value)?;
         for curve in &self.curves {
-            curves.line(&self.grid_s, &curve.curve, curve.role.pen())?;
+            curves.line(&self.grid, &curve.curve, curve.role.pen())?;
         }
         residual.across(0.0, Pen::solid(GREY, 0.5))?;
-        for (curve, values) in self.curves.iter().zip(&residuals) {
-            let (ink, xs) = (curve.role.ink(), &self.time_s);
+        for (NamedCurve { role, .. }, values) in self.curves.iter().zip(&residuals) {
             if few {
-                residual.line(xs, values, Pen { width: 0.6, ..curve.role.pen() })?;
-                residual.markers(xs, values, Look::filled(curve.role.marker(), 1.3, ink))?;
+                residual.line(&self.control, values, Pen { width: 0.6, ..role.pen() })?;
+                let look = Look::filled(role.marker(), 1.3, role.ink());
+                residual.markers(&self.control, values, look)?;
             } else {
-                residual.markers(xs, values, Look::filled(Marker::Dot, 0.5, ink.mix(0.5)))?;
+                let look = Look::filled(Marker::Dot, 0.5, role.ink().mix(0.5));
+                residual.markers(&self.control, values, look)?;
             }
         }
         Ok(())

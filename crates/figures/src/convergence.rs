@@ -1,12 +1,10 @@
 //! Convergence of the sampler, stage by stage.
-use super::axis::{Axis, Scale};
-use super::elements::Look;
-use super::header::{Swatch, header};
-use super::layout::{Spec, layout};
-use super::page::Page;
-use super::palette::{BLACK, Marker, Pen};
-use super::panel::Panel;
-use super::{PlotError, Role};
+
+use crate::columns::Band;
+use crate::drawing::{Axis, BLACK, Look, Marker, Page, Pen, Role, Scale, Spec, Swatch};
+use crate::drawing::{grid_of, header, layout, row};
+use crate::error::PlotError;
+use crate::figure::Figure;
 
 /// One stage of the sampler.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -34,87 +32,61 @@ pub struct ConvergenceFigure {
     pub title: String,
     /// The stages in order.
     pub stages: Vec<ConvergenceStage>,
-    /// k-hat above which weights are not to be trusted (0.7), drawn as a line.
+    /// k-hat above which the weights are not reliable (0.7), drawn as a line.
     pub k_hat_limit: f64,
     /// Effective sample size asked for, drawn as a line.
     pub ess_target: Option<f64>,
 }
 
-impl ConvergenceFigure {
-    pub(super) fn draw(&self, page: &Page) -> Result<(), PlotError> {
+impl Figure for ConvergenceFigure {
+    fn draw(&self, page: &Page) -> Result<(), PlotError> {
         let column =
             |f: fn(&ConvergenceStage) -> f64| -> Vec<f64> { self.stages.iter().map(f).collect() };
         let spent = column(|s| s.simulations);
-        let (evidence, error) = (column(|s| s.log_evidence), column(|s| s.log_evidence_error));
-        let lower: Vec<f64> = evidence.iter().zip(&error).map(|(z, e)| z - e).collect();
-        let upper: Vec<f64> = evidence.iter().zip(&error).map(|(z, e)| z + e).collect();
-        let (beta, ess, k_hat, components) =
-            (column(|s| s.beta), column(|s| s.ess), column(|s| s.k_hat), column(|s| s.components));
-
+        let log_z = column(|s| s.log_evidence);
+        let errors = Band {
+            lower: column(|s| s.log_evidence - s.log_evidence_error),
+            upper: column(|s| s.log_evidence + s.log_evidence_error),
+        };
         let pen = Pen::solid(Role::Posterior.ink(), 1.1);
         let limit = Pen::dashed(BLACK, 0.7, &[2.0, 1.6]);
         let entries = [
-            ("after each stage".to_owned(), Swatch::LineAndPoint(pen, Marker::Circle)),
-            ("limit or target".to_owned(), Swatch::Line(limit)),
+            ("after each stage", Swatch::LineAndPoint(pen, Marker::Circle)),
+            ("limit or target", Swatch::Line(limit)),
         ];
         let top = header(page, &self.title, &entries)?;
 
+        // Name, scale, values, value of the line across (NaN for none), and what else the axis holds.
+        let target = self.ess_target.unwrap_or(f64::NAN);
+        let curves = [
+            ("log Z", Scale::Linear, log_z, f64::NAN, errors.bounds().collect()),
+            ("ESS", Scale::Log, column(|s| s.ess), target, vec![]),
+            ("tempering β", Scale::Linear, column(|s| s.beta), 1.0, vec![0.0]),
+            ("k\u{302}", Scale::Linear, column(|s| s.k_hat), self.k_hat_limit, vec![0.0]),
+            ("components", Scale::Count, column(|s| s.components), f64::NAN, vec![0.0]),
+        ];
         let x = Axis::holding("simulations", "", Scale::Linear, spent.iter().copied(), 0.03)
             .starting_at(0.0);
-        let with = |values: &[f64], more: &[f64]| -> Vec<f64> {
-            values.iter().chain(more).copied().collect()
-        };
-        let spec = |name: &str, scale, values: Vec<f64>| {
-            Spec::new(x.clone(), Axis::holding(name, "", scale, values, 0.08))
-        };
-        let log_z = [evidence.as_slice(), &lower, &upper].concat();
-        let specs = [
-            spec("log Z", Scale::Linear, log_z),
-            spec("ESS", Scale::Log, with(&ess, self.ess_target.as_slice())),
-            spec("tempering β", Scale::Linear, with(&beta, &[0.0, 1.0])),
-            spec("k\u{302}", Scale::Linear, with(&k_hat, &[0.0, self.k_hat_limit])),
-            spec("components", Scale::Count, with(&components, &[0.0])),
-        ];
+        let specs = curves.iter().map(|(name, scale, values, line, others)| {
+            let values = values.iter().chain(others).copied().chain([*line]);
+            Spec::new(x.clone(), Axis::holding(name, "", *scale, values, 0.08))
+        });
+        let specs: Vec<Spec> = specs.collect();
         // One below the other in a column; on a page two and, below them, three.
-        let (height, counts): (f32, &[usize]) =
-            page.of_width((52.0, &[1, 1, 1, 1, 1]), (95.0, &[2, 3]));
-        let mut specs = specs.into_iter();
-        let rows: Vec<_> = counts
-            .iter()
-            .enumerate()
-            .map(|(row, &count)| {
-                let labelled = count > 1 || row + 1 == counts.len();
-                let cells = specs.by_ref().take(count).map(|s| Some(s.x_labels(labelled)));
-                (height, cells.collect::<Vec<_>>())
-            })
-            .collect();
-        let panels: Vec<Panel> =
-            layout(page, top, 10.0, &rows)?.into_iter().flatten().flatten().collect();
-        let [evidence_panel, ess_panel, beta_panel, k_panel, components_panel] = panels.as_slice()
-        else {
-            return Ok(());
-        };
-
-        beta_panel.across(1.0, limit)?;
-        k_panel.across(self.k_hat_limit, limit)?;
-        if let Some(target) = self.ess_target {
-            ess_panel.across(target, limit)?;
-        }
-        evidence_panel.bars(&spent, &lower, &upper, Pen::solid(pen.ink, 0.9))?;
-        let curves = [
-            (beta_panel, &beta),
-            (ess_panel, &ess),
-            (evidence_panel, &evidence),
-            (k_panel, &k_hat),
-            (components_panel, &components),
-        ];
-        for (panel, values) in curves {
+        let rows = page.of_width(
+            grid_of(1, 52.0, specs.clone()),
+            vec![row(95.0, specs[..2].to_vec()), row(95.0, specs[2..].to_vec())],
+        );
+        let radius = if spent.len() <= 60 { 1.6 } else { 0.6 };
+        let look = Look::filled(Marker::Circle, radius, pen.ink);
+        let panels = layout(page, top, 10.0, &rows)?;
+        for (place, (panel, (_, _, values, line, _))) in panels.iter().zip(&curves).enumerate() {
+            panel.across(*line, limit)?;
+            if place == 0 {
+                panel.bars(&spent, &errors.lower, &errors.upper, Pen::solid(pen.ink, 0.9))?;
+            }
             panel.line(&spent, values, pen)?;
-            panel.markers(
-                &spent,
-                values,
-                Look::filled(Marker::Circle, if spent.len() <= 60 { 1.6 } else { 0.6 }, pen.ink),
-            )?;
+            panel.markers(&spent, values, look)?;
         }
         Ok(())
     }

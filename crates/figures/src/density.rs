@@ -2,22 +2,22 @@
 
 use std::collections::BTreeMap;
 
-/// Bins and edges of one coordinate; mass never smooths past an edge beyond which the prior is zero.
+/// Bins of one coordinate; smoothing moves no mass out of the support of the prior.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Bins {
-    pub(super) low: f64,
-    pub(super) high: f64,
-    pub(super) count: usize,
+pub(crate) struct Bins {
+    pub(crate) low: f64,
+    pub(crate) high: f64,
+    pub(crate) count: usize,
     /// Bounds of the support.
-    pub(super) support: (f64, f64),
+    pub(crate) support: (f64, f64),
 }
 
 impl Bins {
-    pub(super) fn width(&self) -> f64 {
+    pub(crate) fn width(&self) -> f64 {
         (self.high - self.low) / self.count as f64
     }
 
-    pub(super) fn centre(&self, bin: usize) -> f64 {
+    pub(crate) fn centre(&self, bin: usize) -> f64 {
         self.low + (bin as f64 + 0.5) * self.width()
     }
 
@@ -33,7 +33,7 @@ impl Bins {
         (first.min(last), last)
     }
 
-    /// Gaussian smoothing; what would leave the support is folded back in.
+    /// Gaussian smoothing; mass that would leave the support is folded back in.
     fn smooth(&self, values: &[f64], bandwidth: f64) -> Vec<f64> {
         let sd = bandwidth / self.width();
         let reach = ((4.0 * sd).ceil() as usize).min(self.count);
@@ -66,8 +66,10 @@ impl Bins {
     }
 }
 
-/// Weighted mean and standard deviation are all a rule-of-thumb bandwidth needs.
-pub(super) fn bandwidth(draws: &[f64], weights: impl Fn(usize) -> f64, dimensions: f64) -> f64 {
+/// Bandwidth by Silverman's rule, with the spread of the middle half where tails are heavy.
+///
+/// B. W. Silverman, Density Estimation for Statistics and Data Analysis, 1986, eq. 3.31.
+pub(crate) fn bandwidth(draws: &[f64], weights: impl Fn(usize) -> f64, dimensions: f64) -> f64 {
     let (mut sum, mut squares, mut total) = (0.0, 0.0, 0.0);
     let mut sorted: Vec<(f64, f64)> = Vec::with_capacity(draws.len());
     for (i, &x) in draws.iter().enumerate() {
@@ -85,7 +87,6 @@ pub(super) fn bandwidth(draws: &[f64], weights: impl Fn(usize) -> f64, dimension
     let mean = total / sum;
     let variance = sorted.iter().map(|(x, w)| w * (x - mean).powi(2)).sum::<f64>() / sum;
     let effective = sum * sum / squares;
-    // Silverman's rule, with the spread of the middle half where tails are heavy.
     sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
     let middle = quantile_sorted(&sorted, 0.75) - quantile_sorted(&sorted, 0.25);
     let spread = if middle > 0.0 { variance.sqrt().min(middle / 1.349) } else { variance.sqrt() };
@@ -93,7 +94,7 @@ pub(super) fn bandwidth(draws: &[f64], weights: impl Fn(usize) -> f64, dimension
 }
 
 /// Quantile of (value, weight) pairs sorted by value.
-pub(super) fn quantile_sorted(sorted: &[(f64, f64)], p: f64) -> f64 {
+pub(crate) fn quantile_sorted(sorted: &[(f64, f64)], p: f64) -> f64 {
     let total: f64 = sorted.iter().map(|(_, w)| w).sum();
     let mut below = 0.0;
     for &(x, w) in sorted {
@@ -105,8 +106,8 @@ pub(super) fn quantile_sorted(sorted: &[(f64, f64)], p: f64) -> f64 {
     sorted.last().map_or(f64::NAN, |&(x, _)| x)
 }
 
-/// Density per unit of the coordinate at the centre of each bin.
-pub(super) fn marginal(
+/// Density per unit of the coordinate at the centre of each bin, smoothed.
+pub(crate) fn marginal(
     bins: &Bins,
     draws: &[f64],
     weights: impl Fn(usize) -> f64,
@@ -127,8 +128,8 @@ pub(super) fn marginal(
     bins.smooth(&mass, bandwidth).into_iter().map(|m| m * scale).collect()
 }
 
-/// Mass per cell of a pair, row after row of `y`.
-pub(super) fn pair(
+/// Smoothed mass per cell of a pair of coordinates, row by row of the second.
+pub(crate) fn pair(
     bins: (&Bins, &Bins),
     draws: (&[f64], &[f64]),
     weights: impl Fn(usize) -> f64,
@@ -154,8 +155,8 @@ pub(super) fn pair(
     mass
 }
 
-/// The level above which cells together hold a share of the mass.
-pub(super) fn level_holding(mass: &[f64], share: f64) -> f64 {
+/// Level above which the cells together hold a share of the mass.
+pub(crate) fn level_holding(mass: &[f64], share: f64) -> f64 {
     let mut sorted: Vec<f64> = mass.iter().copied().filter(|m| *m > 0.0).collect();
     sorted.sort_by(|a, b| b.total_cmp(a));
     let total: f64 = sorted.iter().sum();
@@ -171,12 +172,12 @@ pub(super) fn level_holding(mass: &[f64], share: f64) -> f64 {
 
 /// Closed outlines of the region above a level (marching squares), in cell units: the centre of cell (0, 0) is (0, 0).
 /// The region lies on the same side of every outline, so holes wind the other way.
-pub(super) fn contours(mass: &[f64], columns: usize, level: f64) -> Vec<Vec<(f64, f64)>> {
+pub(crate) fn contours(mass: &[f64], columns: usize, level: f64) -> Vec<Vec<(f64, f64)>> {
     let rows = mass.len() / columns.max(1);
     if !level.is_finite() || level <= 0.0 || rows == 0 {
         return Vec::new();
     }
-    // Outside the grid there is nothing, so every outline closes.
+    // The mass outside the grid is zero, so every outline closes.
     let value = |x: i64, y: i64| -> f64 {
         if x < 0 || y < 0 || x >= columns as i64 || y >= rows as i64 {
             0.0
@@ -189,35 +190,20 @@ pub(super) fn contours(mass: &[f64], columns: usize, level: f64) -> Vec<Vec<(f64
     let mut next: BTreeMap<Edge, Edge> = BTreeMap::new();
     for y in -1..rows as i64 {
         for x in -1..columns as i64 {
+            // Corners and edges of the cell, counter-clockwise: edge i runs from corner i to the next.
             let corner = [value(x, y), value(x + 1, y), value(x + 1, y + 1), value(x, y + 1)];
-            let code = corner
-                .iter()
-                .enumerate()
-                .map(|(i, v)| usize::from(*v >= level) << i)
-                .sum::<usize>();
-            let (bottom, right, top, left) = ((x, y, 0), (x + 1, y, 1), (x, y + 1, 0), (x, y, 1));
-            let centre_in = corner.iter().sum::<f64>() / 4.0 >= level;
-            // Each step keeps the region to its left.
-            let steps: &[(Edge, Edge)] = &match code {
-                1 => vec![(bottom, left)],
-                2 => vec![(right, bottom)],
-                3 => vec![(right, left)],
-                4 => vec![(top, right)],
-                5 if centre_in => vec![(bottom, right), (top, left)],
-                5 => vec![(bottom, left), (top, right)],
-                6 => vec![(top, bottom)],
-                7 => vec![(top, left)],
-                8 => vec![(left, top)],
-                9 => vec![(bottom, top)],
-                10 if centre_in => vec![(left, bottom), (right, top)],
-                10 => vec![(right, bottom), (left, top)],
-                11 => vec![(right, top)],
-                12 => vec![(left, right)],
-                13 => vec![(bottom, right)],
-                14 => vec![(left, bottom)],
-                _ => Vec::new(),
-            };
-            next.extend(steps.iter().copied());
+            let edges: [Edge; 4] = [(x, y, 0), (x + 1, y, 1), (x, y + 1, 0), (x, y, 1)];
+            let inside = corner.map(|v| v >= level);
+            // Each outline keeps the region to its left: it enters through an edge that leaves the region, and goes on
+            // through one that comes back; of two, the next one if the centre of the cell belongs to the region.
+            let step = if corner.iter().sum::<f64>() / 4.0 >= level { 1 } else { 3 };
+            for enter in (0..4).filter(|&i| inside[i] && !inside[(i + 1) % 4]) {
+                let mut leave = (enter + step) % 4;
+                while inside[leave] || !inside[(leave + 1) % 4] {
+                    leave = (leave + step) % 4;
+                }
+                next.insert(edges[enter], edges[leave]);
+            }
         }
     }
     let crossing = |(x, y, direction): Edge| -> (f64, f64) {

@@ -1,19 +1,18 @@
-//! The fit: measurements, what the posterior predicts, and the curves it is compared with.
+//! The fit: measurements, posterior predictive bands, and the curves they are compared with.
+
 use plotters::style::Color as _;
 
-use super::axis::{Axis, Scale};
-use super::elements::Look;
-use super::header::{Swatch, header};
-use super::layout::{Spec, layout};
-use super::page::Page;
-use super::palette::{Marker, Pen, WHITE};
-use super::panel::Panel;
-use super::{Axes, Band, Columns, PlotError, Role};
+use crate::axes::Axes;
+use crate::columns::{Band, Columns};
+use crate::drawing::{Axis, Look, Marker, Page, Panel, Pen, Role, Spec, Swatch, WHITE};
+use crate::drawing::{header, one_panel};
+use crate::error::{Drawn, PlotError};
+use crate::figure::Figure;
 
-/// Where zipping hands over to stretching: the contact ratio a_ve/R, with a central interval.
+/// Transition from zipping to stretching in neck growth: the contact ratio a_ve/R, with a central interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Knee {
-    /// When it is reached \[s\].
+    /// Time at which it is reached \[s\].
     pub time_s: f64,
     /// Median, or any other point estimate.
     pub ratio: f64,
@@ -23,18 +22,18 @@ pub struct Knee {
     pub upper: f64,
 }
 
-/// Neck growth: data, posterior predictive mean and bands, MAP curve, the paper's curve and the best Frenkel curve.
+/// An observable over its control variable: data, posterior mean and bands, MAP curve, and curves to compare with.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FitFigure {
     /// Heading, for example the material; empty for none.
     pub title: String,
-    /// Times of the measurements (s).
-    pub time_s: Vec<f64>,
-    /// Measured contact ratios a/R, one per time.
-    pub contact_ratio: Vec<f64>,
-    /// Times at which the curves are given (s), increasing.
-    pub grid_s: Vec<f64>,
-    /// Posterior mean of the curve, one per grid time (empty: not drawn, as for every curve and band here).
+    /// Control values of the measurements, for example times.
+    pub control: Vec<f64>,
+    /// Measured values, one per control value.
+    pub value: Vec<f64>,
+    /// Control values at which the curves are given, increasing.
+    pub grid: Vec<f64>,
+    /// Posterior mean of the curve, one per grid point (empty: not drawn, as for every curve and band here).
     pub mean: Vec<f64>,
     /// Central 50 % of the curve under the posterior.
     pub band50: Band,
@@ -46,136 +45,114 @@ pub struct FitFigure {
     pub map: Vec<f64>,
     /// Curve of the paper's parameters.
     pub paper: Vec<f64>,
-    /// Best Frenkel curve.
+    /// Best curve of Frenkel's model.
     pub frenkel: Vec<f64>,
-    /// Knee of our posterior.
+    /// Knee of the posterior.
     pub knee: Option<Knee>,
-    /// Knee of the paper's parameters, a_ve/R.
+    /// Knee of the paper's parameters, a_ve/R; drawn where the paper's curve reaches it.
     pub paper_knee: Option<f64>,
-    /// What the axes are called.
+    /// Names and scales of the axes.
     pub axes: Axes,
-    /// Logarithmic time axis (times <= 0 are left out).
-    pub log_time: bool,
+}
+
+impl Figure for FitFigure {
+    fn draw(&self, page: &Page) -> Result<(), PlotError> {
+        self.check()?;
+        let top = header(page, &self.title, &self.entries())?;
+        let x = self.axes.control(self.control.iter().chain(&self.grid).copied());
+        let Some(panel) = one_panel(page, top, Spec::new(x, self.value_axis()))? else {
+            return Ok(());
+        };
+        let dense = Panel::dense(&self.control);
+        if dense {
+            panel.data(&self.control, &self.value)?;
+        }
+        for (band, opacity, _) in self.bands() {
+            panel.band(&self.grid, band, Role::Posterior.ink().mix(opacity))?;
+        }
+        for (values, role, _) in self.curves() {
+            panel.line(&self.grid, values, role.pen())?;
+        }
+        if !dense {
+            panel.data(&self.control, &self.value)?;
+        }
+        self.draw_knees(&panel)
+    }
 }
 
 impl FitFigure {
-    pub(super) fn draw(&self, page: &Page) -> Result<(), PlotError> {
+    fn check(&self) -> Drawn {
         let columns = Columns("fit");
-        columns.need("contact_ratio", &self.contact_ratio, self.time_s.len(), "time")?;
-        for (field, values) in [
-            ("mean", &self.mean),
-            ("map", &self.map),
-            ("paper", &self.paper),
-            ("frenkel", &self.frenkel),
-        ] {
-            columns.allow(field, values, self.grid_s.len(), "grid time")?;
-        }
-        for (field, band) in [
-            ("band50", &self.band50),
-            ("band90", &self.band90),
-            ("predictive90", &self.predictive90),
-        ] {
-            columns.allow_band(field, band, self.grid_s.len(), "grid time")?;
-        }
+        columns.need("value", &self.value, (self.control.len(), "control value"))?;
+        let points = (self.grid.len(), "grid point");
+        columns.allow("mean", &self.mean, points)?;
+        columns.allow("map", &self.map, points)?;
+        columns.allow("paper", &self.paper, points)?;
+        columns.allow("frenkel", &self.frenkel, points)?;
+        columns.allow_band("band50", &self.band50, points)?;
+        columns.allow_band("band90", &self.band90, points)?;
+        columns.allow_band("predictive90", &self.predictive90, points)
+    }
 
-        let posterior = Role::Posterior.ink();
-        let bands = [
-            (&self.predictive90, posterior.mix(0.13), "90 % with noise"),
-            (&self.band90, posterior.mix(0.25), "90 %"),
-            (&self.band50, posterior.mix(0.35), "50 %"),
-        ];
-        let curves = [
+    /// The bands from the widest to the narrowest, with opacity and name.
+    fn bands(&self) -> [(&Band, f64, &'static str); 3] {
+        [
+            (&self.predictive90, 0.13, "90 % with noise"),
+            (&self.band90, 0.25, "90 %"),
+            (&self.band50, 0.35, "50 %"),
+        ]
+    }
+
+    fn curves(&self) -> [(&[f64], Role, &'static str); 4] {
+        [
             (&self.mean, Role::Posterior, "posterior mean"),
             (&self.frenkel, Role::Frenkel, "Frenkel"),
             (&self.paper, Role::Paper, "paper"),
             (&self.map, Role::Map, "MAP"),
-        ];
+        ]
+    }
 
+    fn entries(&self) -> Vec<(&'static str, Swatch)> {
         let mut entries = Vec::new();
-        if !self.time_s.is_empty() {
-            entries.push(("measured".to_owned(), Swatch::measurement()));
+        if !self.control.is_empty() {
+            entries.push(("measured", Swatch::measurement()));
         }
-        for (values, role, name) in &curves {
-            if !values.is_empty() {
-                entries.push(((*name).to_owned(), Swatch::Line(role.pen())));
-            }
-        }
-        for (band, ink, name) in bands.iter().rev() {
-            if !band.lower.is_empty() {
-                entries.push(((*name).to_owned(), Swatch::Band(ink.mix(1.6))));
-            }
+        let curves = self.curves().into_iter().filter(|(values, ..)| !values.is_empty());
+        entries.extend(curves.map(|(_, role, name)| (name, Swatch::Line(role.pen()))));
+        for (_, opacity, name) in self.bands().into_iter().rev().filter(|(b, ..)| !b.is_empty()) {
+            // Bands lie on top of each other: they look darker than one band alone.
+            entries.push((name, Swatch::Band(Role::Posterior.ink().mix(opacity).mix(1.6))));
         }
         if self.knee.is_some() {
-            entries.push(("knee a_{ve}/R".to_owned(), knee_swatch(Role::Posterior)));
+            entries.push(("knee a_{ve}/R", Swatch::Point(knee_look(Role::Posterior))));
         }
         if self.paper_knee.is_some() {
-            entries.push(("knee, paper".to_owned(), knee_swatch(Role::Paper)));
+            entries.push(("knee, paper", Swatch::Point(knee_look(Role::Paper))));
         }
-        let top = header(page, &self.title, &entries)?;
+        entries
+    }
 
-        let scale = if self.log_time { Scale::Log } else { Scale::Linear };
-        let times = self.time_s.iter().chain(&self.grid_s).copied();
-        let axes = &self.axes;
-        let x = Axis::holding(&axes.control_name, &axes.control_unit, scale, times, 0.02);
-        let x = if self.log_time || !axes.from_zero { x } else { x.starting_at(0.0) };
-        // Data, mean and bands set the range; a comparison curve may leave it, as Frenkel's does.
-        let own =
-            [&self.contact_ratio, &self.mean, &self.map, &self.band90.lower, &self.band90.upper];
-        let mut heights: Vec<f64> =
-            own.into_iter().flatten().copied().filter(|v| v.is_finite()).collect();
-        let reach = if axes.from_zero {
-            heights.iter().copied().fold(0.0, f64::max) * 1.15
-        } else {
-            f64::INFINITY
+    /// Data, mean, MAP and the band of the curve set the range; the other curves may leave it, as Frenkel's does.
+    fn value_axis(&self) -> Axis {
+        let own = || {
+            let columns = [&self.value, &self.mean, &self.map].into_iter().flatten().copied();
+            columns.chain(self.band90.bounds()).filter(|v| v.is_finite())
         };
-        let lower = if axes.from_zero { &[][..] } else { &self.predictive90.lower };
-        heights.extend(lower.iter().copied().filter(|v| v.is_finite()));
-        let others = [&self.predictive90.upper, &self.paper, &self.frenkel];
-        heights.extend(
-            others
-                .into_iter()
-                .flatten()
-                .copied()
-                .filter(|v| reach == 0.0 || !axes.from_zero || (0.0..=reach).contains(v)),
-        );
-        if axes.from_zero {
-            heights.push(0.0);
-        }
-        let y = Axis::holding(&axes.value_name, &axes.value_unit, Scale::Linear, heights, 0.04);
-        let y = if axes.from_zero { y.starting_at(0.0) } else { y };
-        let height = page.of_width(140.0, 230.0);
-        let panels = layout(page, top, 8.0, &[(height, vec![Some(Spec::new(x, y))])])?;
-        let Some(panel) = panels.into_iter().flatten().flatten().next() else { return Ok(()) };
+        let reach = own().fold(0.0, f64::max) * 1.15;
+        let all = !self.axes.from_zero || reach == 0.0;
+        let others = self.paper.iter().chain(&self.frenkel).copied();
+        let others = others.chain(self.predictive90.bounds());
+        self.axes.value(own().chain(others.filter(|v| all || (0.0..=reach).contains(v))))
+    }
 
-        if Panel::dense(&self.time_s) {
-            panel.data(&self.time_s, &self.contact_ratio)?;
+    fn draw_knees(&self, panel: &Panel) -> Drawn {
+        if let Some(ratio) = self.paper_knee {
+            let at = crossing(&self.grid, &self.paper, ratio).unwrap_or(f64::NAN);
+            panel.mark(at, ratio, knee_look(Role::Paper))?;
         }
-        for (band, ink, _) in &bands {
-            panel.band(&self.grid_s, &band.lower, &band.upper, *ink)?;
-        }
-        for (values, role, _) in &curves {
-            panel.line(&self.grid_s, values, role.pen())?;
-        }
-        if !Panel::dense(&self.time_s) {
-            panel.data(&self.time_s, &self.contact_ratio)?;
-        }
-        if let Some(knee) = self.paper_knee {
-            let at = crossing(&self.grid_s, &self.paper, knee).unwrap_or(f64::NAN);
-            let ink = Role::Paper.ink();
-            panel.markers(
-                &[at],
-                &[knee],
-                Look::filled(Marker::Diamond, 2.3, ink).outlined(Pen::solid(WHITE, 0.5)),
-            )?;
-        }
-        if let Some(knee) = self.knee {
-            let at = knee.time_s;
-            panel.bars(&[at], &[knee.lower], &[knee.upper], Pen::solid(posterior, 1.6))?;
-            panel.markers(
-                &[at],
-                &[knee.ratio],
-                Look::filled(Marker::Diamond, 2.3, posterior).outlined(Pen::solid(WHITE, 0.5)),
-            )?;
+        if let Some(Knee { time_s, ratio, lower, upper }) = self.knee {
+            panel.bars(&[time_s], &[lower], &[upper], Pen::solid(Role::Posterior.ink(), 1.6))?;
+            panel.mark(time_s, ratio, knee_look(Role::Posterior))?;
         }
         Ok(())
     }
@@ -183,10 +160,6 @@ impl FitFigure {
 
 fn knee_look(role: Role) -> Look {
     Look::filled(Marker::Diamond, 2.3, role.ink()).outlined(Pen::solid(WHITE, 0.5))
-}
-
-fn knee_swatch(role: Role) -> Swatch {
-    Swatch::Point(knee_look(role))
 }
 
 /// Where a curve first rises through a level, by linear interpolation.

@@ -1,14 +1,12 @@
-//! Recursive Bayes: what is known of each parameter after each observation.
+//! Recursive Bayes: knowledge of each parameter after each observation.
+
 use plotters::style::Color as _;
 
-use super::axis::{Axis, Scale};
-use super::elements::Look;
-use super::header::{Swatch, header};
-use super::layout::{Spec, layout};
-use super::page::Page;
-use super::palette::Marker;
-use super::panel::Panel;
-use super::{Band, Columns, PlotError, Role};
+use crate::columns::{Band, Columns};
+use crate::drawing::{Axis, Look, Marker, Page, Panel, Role, Scale, Spec, Swatch};
+use crate::drawing::{grid_of, header, layout};
+use crate::error::{Drawn, PlotError};
+use crate::figure::Figure;
 
 /// One parameter of a [`RecursionFigure`], after each observation.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -17,7 +15,7 @@ pub struct RecursionParameter {
     pub symbol: String,
     /// Unit; empty for a pure number.
     pub unit: String,
-    /// True if all values are log10 of the parameter: the axis is then labelled with the parameter itself.
+    /// Whether all values are log10 of the parameter; the axis is then labelled with the parameter itself.
     pub log10: bool,
     /// Posterior median after each observation.
     pub median: Vec<f64>,
@@ -29,18 +27,18 @@ pub struct RecursionParameter {
     pub paper: Option<f64>,
 }
 
-/// Medians and intervals of the parameters and the effective sample size against the control value (time).
+/// Medians and intervals of the parameters and the effective sample size over the control value (time).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RecursionFigure {
     /// Heading; empty for none.
     pub title: String,
-    /// Name of the control, for example `time t`.
+    /// Name of the control variable, for example `time t`.
     pub control_name: String,
-    /// Unit of the control, for example `s`.
+    /// Unit of the control variable, for example `s`.
     pub control_unit: String,
     /// Control value of each observation, in the order of assimilation.
     pub control: Vec<f64>,
-    /// Logarithmic control axis.
+    /// Whether the control axis is logarithmic.
     pub log_control: bool,
     /// The parameters, up to eight.
     pub parameters: Vec<RecursionParameter>,
@@ -48,109 +46,76 @@ pub struct RecursionFigure {
     pub ess: Vec<f64>,
 }
 
-/// More rows than this do not fit on a page.
+/// More parameters than this do not fit on a page.
 const MOST_PARAMETERS: usize = 8;
+/// Up to so many observations get a marker each.
+const FEW: usize = 60;
 
-impl RecursionFigure {
-    pub(super) fn draw(&self, page: &Page) -> Result<(), PlotError> {
-        let columns = Columns("recursion");
-        columns.at_most("parameters", self.parameters.len(), MOST_PARAMETERS)?;
-        let n = self.control.len();
-        for p in &self.parameters {
-            columns.need(&format!("median of {}", p.symbol), &p.median, n, "observation")?;
-            columns.allow_band(
-                &format!("interval50 of {}", p.symbol),
-                &p.interval50,
-                n,
-                "observation",
-            )?;
-            columns.allow_band(
-                &format!("interval90 of {}", p.symbol),
-                &p.interval90,
-                n,
-                "observation",
-            )?;
-        }
-        columns.allow("ess", &self.ess, n, "observation")?;
-
+impl Figure for RecursionFigure {
+    fn draw(&self, page: &Page) -> Result<(), PlotError> {
+        self.check()?;
         let ink = Role::Posterior.ink();
         let (light, dark) = (ink.mix(0.2), ink.mix(0.4));
         let mut entries = vec![
-            ("posterior median".to_owned(), Swatch::Line(Role::Posterior.pen())),
-            ("50 %".to_owned(), Swatch::Band(ink.mix(0.52))),
-            ("90 %".to_owned(), Swatch::Band(light)),
+            ("posterior median", Swatch::Line(Role::Posterior.pen())),
+            ("50 %", Swatch::Band(ink.mix(0.52))),
+            ("90 %", Swatch::Band(light)),
         ];
         if self.parameters.iter().any(|p| p.paper.is_some()) {
-            entries.push(("paper".to_owned(), Swatch::Line(Role::Paper.pen())));
+            entries.push(("paper", Swatch::Line(Role::Paper.pen())));
         }
         let top = header(page, &self.title, &entries)?;
-
-        let scale = if self.log_control { Scale::Log } else { Scale::Linear };
-        let x = Axis::holding(
-            &self.control_name,
-            &self.control_unit,
-            scale,
-            self.control.iter().copied(),
-            0.02,
-        );
-        let mut specs: Vec<Spec> = self
-            .parameters
-            .iter()
-            .map(|p| {
-                let scale = if p.log10 { Scale::Exponent } else { Scale::Linear };
-                let values = p
-                    .median
-                    .iter()
-                    .chain(&p.interval90.lower)
-                    .chain(&p.interval90.upper)
-                    .chain(&p.paper);
-                Spec::new(
-                    x.clone(),
-                    Axis::holding(&p.symbol, &p.unit, scale, values.copied(), 0.05),
-                )
-            })
-            .collect();
-        if !self.ess.is_empty() {
-            specs.push(Spec::new(
-                x,
-                Axis::holding("ESS", "", Scale::Log, self.ess.iter().copied(), 0.08),
-            ));
-        }
         let (columns, height) = page.of_width((1, 62.0), (2, 100.0));
-        let columns = columns.min(specs.len().max(1));
-        let last_row_starts = specs.len().saturating_sub(columns);
-        let cells: Vec<Option<Spec>> = specs
-            .into_iter()
-            .enumerate()
-            .map(|(i, spec)| Some(spec.x_labels(i >= last_row_starts)))
-            .collect();
-        let rows: Vec<(f32, Vec<Option<Spec>>)> = cells
-            .chunks(columns)
-            .map(|row| {
-                let mut row = row.to_vec();
-                row.resize(columns, None);
-                (height, row)
-            })
-            .collect();
-        let panels: Vec<Panel> =
-            layout(page, top, 10.0, &rows)?.into_iter().flatten().flatten().collect();
+        let panels = layout(page, top, 10.0, &grid_of(columns, height, self.specs()))?;
         for (panel, p) in panels.iter().zip(&self.parameters) {
-            panel.band(&self.control, &p.interval90.lower, &p.interval90.upper, light)?;
-            panel.band(&self.control, &p.interval50.lower, &p.interval50.upper, dark)?;
-            panel.line(&self.control, &p.median, Role::Posterior.pen())?;
-            if n <= 60 {
-                panel.markers(&self.control, &p.median, Look::filled(Marker::Circle, 1.2, ink))?;
-            }
+            panel.band(&self.control, &p.interval90, light)?;
+            panel.band(&self.control, &p.interval50, dark)?;
+            self.curve(panel, &p.median)?;
             if let Some(paper) = p.paper {
                 panel.across(paper, Role::Paper.pen())?;
             }
         }
-        if let Some(panel) = panels.get(self.parameters.len()) {
-            panel.line(&self.control, &self.ess, Role::Posterior.pen())?;
-            if n <= 60 {
-                panel.markers(&self.control, &self.ess, Look::filled(Marker::Circle, 1.2, ink))?;
-            }
+        panels.get(self.parameters.len()).map_or(Ok(()), |panel| self.curve(panel, &self.ess))
+    }
+}
+
+impl RecursionFigure {
+    fn check(&self) -> Drawn {
+        let columns = Columns("recursion");
+        columns.at_most("parameters", self.parameters.len(), MOST_PARAMETERS)?;
+        let each = (self.control.len(), "observation");
+        for p in &self.parameters {
+            let field = |name: &str| format!("{name} of {}", p.symbol);
+            columns.need(&field("median"), &p.median, each)?;
+            columns.allow_band(&field("interval50"), &p.interval50, each)?;
+            columns.allow_band(&field("interval90"), &p.interval90, each)?;
         }
-        Ok(())
+        columns.allow("ess", &self.ess, each)
+    }
+
+    /// A panel per parameter, and one of the effective sample size.
+    fn specs(&self) -> Vec<Spec> {
+        let scale = if self.log_control { Scale::Log } else { Scale::Linear };
+        let control = self.control.iter().copied();
+        let x = Axis::holding(&self.control_name, &self.control_unit, scale, control, 0.02);
+        let mut axes: Vec<Axis> = Vec::new();
+        for p in &self.parameters {
+            let scale = if p.log10 { Scale::Exponent } else { Scale::Linear };
+            let values = p.median.iter().chain(&p.paper).copied().chain(p.interval90.bounds());
+            axes.push(Axis::holding(&p.symbol, &p.unit, scale, values, 0.05));
+        }
+        if !self.ess.is_empty() {
+            axes.push(Axis::holding("ESS", "", Scale::Log, self.ess.iter().copied(), 0.08));
+        }
+        axes.into_iter().map(|y| Spec::new(x.clone(), y)).collect()
+    }
+
+    fn curve(&self, panel: &Panel, values: &[f64]) -> Drawn {
+        panel.line(&self.control, values, Role::Posterior.pen())?;
+        if self.control.len() > FEW {
+            return Ok(());
+        }
+        let look = Look::filled(Marker::Circle, 1.2, Role::Posterior.ink());
+        panel.markers(&self.control, values, look)
     }
 }

@@ -1,112 +1,87 @@
-//! Residuals: is what the model leaves over noise?
+//! Residuals: whether the model leaves anything but noise.
+
 use plotters::style::Color as _;
 
-use super::axis::{Axis, Scale};
-use super::elements::Look;
-use super::header::{Swatch, header};
-use super::layout::{Spec, layout};
-use super::page::Page;
-use super::palette::{GREY, Marker, Pen};
-use super::{Axes, Columns, PlotError, Role};
+use crate::axes::Axes;
+use crate::columns::Columns;
+use crate::drawing::{Axis, GREY, Look, Marker, Page, Pen, Role, Scale, Spec, Swatch};
+use crate::drawing::{header, layout, row};
+use crate::error::PlotError;
+use crate::figure::Figure;
 
-/// Residuals against time, their autocorrelation, and their normal quantiles.
+/// Residuals over the control variable, their autocorrelation, and their normal quantiles.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ResidualsFigure {
     /// Heading; empty for none.
     pub title: String,
-    /// Times of the measurements (s), increasing.
-    pub time_s: Vec<f64>,
-    /// Measurement minus model (a/R), one per time.
+    /// Control values of the measurements, for example times, increasing.
+    pub control: Vec<f64>,
+    /// Measurement minus model, one per control value.
     pub residual: Vec<f64>,
-    /// Standard deviation of the noise (a/R): the band is twice that to both sides.
+    /// Standard deviation of the noise: the band is twice that to both sides.
     pub sigma: f64,
-    /// What the axes of the measured curve are called.
+    /// Names and scales of the axes of the measured curve.
     pub axes: Axes,
-    /// Logarithmic time axis (times <= 0 are left out).
-    pub log_time: bool,
 }
 
-impl ResidualsFigure {
-    pub(super) fn draw(&self, page: &Page) -> Result<(), PlotError> {
-        Columns("residuals").need("residual", &self.residual, self.time_s.len(), "time")?;
+const LIMIT: Pen = Pen::dashed(GREY, 0.8, &[1.2, 1.4]);
+
+impl Figure for ResidualsFigure {
+    fn draw(&self, page: &Page) -> Result<(), PlotError> {
+        let each = (self.control.len(), "control value");
+        Columns("residuals").need("residual", &self.residual, each)?;
         let sigma = if self.sigma.is_finite() { self.sigma.abs() } else { f64::NAN };
         let ink = Role::Posterior.ink();
         let entries = [
-            ("measured − model".to_owned(), Swatch::measurement()),
-            ("±2σ of the noise".to_owned(), Swatch::Band(ink.mix(0.25))),
-            ("95 % if uncorrelated".to_owned(), Swatch::Line(Pen::dashed(GREY, 0.8, &[1.2, 1.4]))),
+            ("measured − model", Swatch::measurement()),
+            ("±2σ of the noise", Swatch::Band(ink.mix(0.25))),
+            ("95 % if uncorrelated", Swatch::Line(LIMIT)),
         ];
         let top = header(page, &self.title, &entries)?;
 
-        let scale = if self.log_time { Scale::Log } else { Scale::Linear };
-        let axes = &self.axes;
-        let times = self.time_s.iter().copied();
-        let x = Axis::holding(&axes.control_name, &axes.control_unit, scale, times, 0.02);
-        let x = if self.log_time || !axes.from_zero { x } else { x.starting_at(0.0) };
-        let residuals = self.residual.iter().copied().chain([2.2 * sigma, -2.2 * sigma]);
-        let name = match axes.value_name.strip_prefix("contact ratio ") {
-            Some(symbol) => format!("residual of {symbol}"),
-            None => format!("residual of {}", axes.value_name),
+        let linear = |name: &str, unit: &str, values: &[f64], margin| {
+            Axis::holding(name, unit, Scale::Linear, values.iter().copied(), margin)
         };
-        let y = Axis::holding(&name, &axes.value_unit, Scale::Linear, residuals, 0.05);
+        let x = self.axes.control(self.control.iter().copied());
+        let values = [self.residual.as_slice(), &[2.2 * sigma, -2.2 * sigma]].concat();
+        let y = linear(&self.axes.residual_name(), &self.axes.value_unit, &values, 0.05);
 
         let correlation = autocorrelation(&self.residual);
         let lags: Vec<f64> = (0..correlation.len()).map(|lag| lag as f64).collect();
-        let white = 1.96 / (self.residual.len().max(1) as f64).sqrt();
         let lag_axis =
             Axis::holding("lag", "observations", Scale::Count, lags.iter().copied(), 0.03);
-        let correlation_axis = Axis::holding(
-            "autocorrelation",
-            "",
-            Scale::Linear,
-            correlation.iter().copied().chain([0.0, 1.0, -white]),
-            0.03,
-        );
+        let white = 1.96 / (self.residual.len().max(1) as f64).sqrt();
+        let values = [correlation.as_slice(), &[0.0, 1.0, -white]].concat();
+        let correlation_axis = linear("autocorrelation", "", &values, 0.03);
 
         let (normal, sorted) = normal_quantiles(&self.residual, sigma);
-        let normal_axis =
-            Axis::holding("normal quantile", "σ", Scale::Linear, normal.iter().copied(), 0.05);
-        let sorted_axis =
-            Axis::holding("residual", "σ", Scale::Linear, sorted.iter().copied(), 0.05);
+        let normal_axis = linear("normal quantile", "σ", &normal, 0.05);
+        let sorted_axis = linear("residual", "σ", &sorted, 0.05);
 
         let heights = page.of_width((95.0, 80.0), (140.0, 130.0));
-        let rows = [
-            (heights.0, vec![Some(Spec::new(x, y))]),
-            (
-                heights.1,
-                vec![
-                    Some(Spec::new(lag_axis, correlation_axis)),
-                    Some(Spec::new(normal_axis, sorted_axis)),
-                ],
-            ),
-        ];
-        let panels: Vec<_> =
-            layout(page, top, 10.0, &rows)?.into_iter().flatten().flatten().collect();
-        let [time, lag, quantile] = panels.as_slice() else { return Ok(()) };
+        let below = [Spec::new(lag_axis, correlation_axis), Spec::new(normal_axis, sorted_axis)];
+        let rows = [row(heights.0, [Spec::new(x, y)]), row(heights.1, below)];
+        let panels = layout(page, top, 10.0, &rows)?;
+        let [curve, lag, quantile] = panels.as_slice() else { return Ok(()) };
 
-        let ends = if self.log_time {
-            [10_f64.powf(time.x.low), 10_f64.powf(time.x.high)]
-        } else {
-            [time.x.low, time.x.high]
-        };
-        time.band(&ends, &[-2.0 * sigma; 2], &[2.0 * sigma; 2], ink.mix(0.15))?;
-        time.across(0.0, Pen::solid(ink, 0.8))?;
-        time.data(&self.time_s, &self.residual)?;
+        let ends = [curve.x.low, curve.x.high];
+        let ends = if self.axes.log_control { ends.map(|end| 10_f64.powf(end)) } else { ends };
+        curve.between(&ends, &[-2.0 * sigma; 2], &[2.0 * sigma; 2], ink.mix(0.15))?;
+        curve.across(0.0, Pen::solid(ink, 0.8))?;
+        curve.data(&self.control, &self.residual)?;
 
-        for level in [white, -white] {
-            lag.across(level, Pen::dashed(GREY, 0.8, &[1.2, 1.4]))?;
-        }
+        lag.across(white, LIMIT)?;
+        lag.across(-white, LIMIT)?;
         lag.across(0.0, Pen::solid(GREY, 0.5))?;
         lag.bars(&lags, &vec![0.0; lags.len()], &correlation, Pen::solid(Role::Data.ink(), 0.9))?;
         lag.markers(&lags, &correlation, Look::filled(Marker::Circle, 1.4, Role::Data.ink()))?;
 
         quantile.line(&[-10.0, 10.0], &[-10.0, 10.0], Pen::solid(ink, 0.8))?;
-        quantile.data(&normal, &sorted)?;
-        Ok(())
+        quantile.data(&normal, &sorted)
     }
 }
 
-/// Sample autocorrelation up to a quarter of the series, at most 40 lags; about the mean zero that a model which fits has.
+/// Sample autocorrelation up to a quarter of the series, at most 40 lags, about zero: the mean if the model fits.
 fn autocorrelation(residual: &[f64]) -> Vec<f64> {
     let r: Vec<f64> = residual.iter().copied().filter(|r| r.is_finite()).collect();
     let largest = r.iter().fold(0.0_f64, |m, v| m.max(v.abs()));

@@ -1,15 +1,15 @@
 use proptest::prelude::*;
 
-use super::axis::{Axis, Direction, Scale, TICK_SIZE, Ticks};
-use super::page::Page;
+use super::drawing::{Axis, BLACK, Direction, Page, Panel, Pen, Scale, TICK_SIZE, Ticks};
+use super::drawing::{length, shortened};
 use super::*;
 
-/// Enough to find what has been found so far, in seconds without optimisation; 400 have passed.
+/// Takes seconds without optimisation; 400 have passed as well.
 const CASES: u32 = 6;
 const ACROSS: Direction = Direction::Across { overhang: 10.0 };
 
-fn ticks(scale: Scale, low: f64, high: f64, length: f32) -> Ticks {
-    Axis::holding("q", "s", scale, [low, high], 0.0).ticks(length, ACROSS)
+fn ticks(scale: Scale, low: f64, high: f64, size: f32) -> Ticks {
+    Axis::holding("q", "s", scale, [low, high], 0.0).ticks(size, ACROSS)
 }
 
 fn labels(ticks: &Ticks) -> Vec<&str> {
@@ -40,7 +40,7 @@ fn large_numbers_without_a_prefix_get_a_power() {
 }
 
 #[test]
-fn what_close_labels_share_is_taken_off() {
+fn close_labels_leave_what_they_share_to_the_title() {
     let ticks = ticks(Scale::Linear, 1.000_000_1, 1.000_000_2, 200.0);
     assert_eq!(ticks.name, "q − 1.0000001");
     assert_eq!(ticks.unit, " (10^{−7} s)");
@@ -58,7 +58,7 @@ fn decades_are_labelled_as_powers_of_ten() {
 }
 
 #[test]
-fn less_than_two_decades_are_labelled_with_numbers() {
+fn a_range_below_two_decades_is_labelled_with_numbers() {
     let ticks = ticks(Scale::Log, 0.15, 9.0, 200.0);
     assert_eq!(labels(&ticks), ["0.2", "0.3", "0.5", "1", "2", "3", "5"]);
 }
@@ -71,23 +71,30 @@ fn counts_have_no_fractions() {
 
 #[test]
 fn scripts_are_shorter_than_text_and_markup_takes_no_room() {
-    assert_eq!(text::length("a_{}b", 7.0), text::length("ab", 7.0));
-    assert!(text::length("C_{1}", 7.0) < text::length("C1", 7.0));
-    let raised = text::length("10", 10.0) + text::length("−3", 7.2);
-    assert!((text::length("10^{−3}", 10.0) - raised).abs() < 1e-4);
-    assert!(text::length("file_name", 7.0) > text::length("filename", 7.0));
+    assert_eq!(length("a_{}b", 7.0), length("ab", 7.0));
+    assert!(length("C_{1}", 7.0) < length("C1", 7.0));
+    let raised = length("10", 10.0) + length("−3", 7.2);
+    assert!((length("10^{−3}", 10.0) - raised).abs() < 1e-4);
+    assert!(length("file_name", 7.0) > length("filename", 7.0));
 }
 
 #[test]
 fn a_shortened_text_fits_and_never_shows_markup() {
     for room in 1..80 {
-        let short = text::shortened("k_{max} of 10^{−3}", 7.0, room as f32);
-        assert!(text::length(&short, 7.0) <= room as f32);
+        let short = shortened("k_{max} of 10^{−3}", 7.0, room as f32);
+        assert!(length(&short, 7.0) <= room as f32);
         assert_eq!(short.matches('{').count(), short.matches('}').count(), "{short}");
     }
 }
 
-/// The figures of every kind, at both widths, with few and many observations and with long names.
+/// A figure on its page.
+fn drawn(figure: &dyn Figure, width: Width) -> Page {
+    let page = Page::new(width);
+    figure.draw(&page).expect("the columns match");
+    page
+}
+
+/// Every figure at both widths, with few and many observations and with long names.
 fn every_page() -> Vec<(String, Page)> {
     let mut pages = Vec::new();
     for (n, end_s, long_names) in [
@@ -100,7 +107,7 @@ fn every_page() -> Vec<(String, Page)> {
     ] {
         for (name, figure) in synthetic::figures(n, end_s, long_names) {
             for width in [Width::Column, Width::Full] {
-                let page = figure.page(width).expect("the columns match");
+                let page = drawn(figure.as_ref(), width);
                 pages.push((format!("{name} with {n} observations, {width:?}"), page));
             }
         }
@@ -156,10 +163,9 @@ fn the_same_figure_gives_the_same_bytes() {
     assert_eq!(render(), render());
 }
 
-/// What is written on a page, from the first text to the last.
+/// The texts of a figure in the order of drawing.
 fn written_on(figure: &dyn Figure, width: Width) -> Vec<String> {
-    let page = figure.page(width).expect("the columns match");
-    page.canvas().texts.iter().map(|t| t.text.clone()).collect()
+    drawn(figure, width).canvas().texts.iter().map(|t| t.text.clone()).collect()
 }
 
 fn corner(draws: Vec<f64>, paper: f64, count: usize) -> CornerFigure {
@@ -173,7 +179,7 @@ fn corner(draws: Vec<f64>, paper: f64, count: usize) -> CornerFigure {
 }
 
 #[test]
-fn a_paper_value_outside_the_drawn_range_is_named_at_the_edge() {
+fn a_paper_value_outside_the_range_is_named_at_the_edge() {
     let draws: Vec<f64> = (0..=100).map(|i| 4.0 + 0.001 * f64::from(i)).collect();
     // With the word or, where that is too long, without.
     let named = |paper: f64| {
@@ -205,8 +211,8 @@ fn every_axis_of_five_parameters_in_a_column_has_two_labels_at_least() {
 fn a_curve_is_cut_at_the_edge_where_it_leaves_the_panel() {
     let page = Page::new(Width::Column);
     let axis = Axis::holding("q", "", Scale::Linear, [0.0, 1.0], 0.0);
-    let panel = panel::Panel::new(&page, (10.0, 20.0), (100.0, 50.0), &axis, &axis);
-    let pen = palette::Pen::solid(palette::BLACK, 1.0);
+    let panel = Panel::new(&page, (10.0, 20.0), (100.0, 50.0), &axis, &axis);
+    let pen = Pen::solid(BLACK, 1.0);
     // From the middle far up and to the right: it leaves through the upper edge at x = 3/4.
     panel.line(&[0.5, 0.5 + 1e8], &[0.5, 0.5 + 2e8], pen).expect("nothing to refuse");
     assert!(page.canvas().svg().contains("M6000 4500L8500 2000\""), "{}", page.canvas().svg());
@@ -246,6 +252,34 @@ fn assert_well_formed(svg: &str) {
 }
 
 #[test]
+fn each_quantity_of_the_ranks_is_named_with_its_p_value() {
+    let quantity = |name: &str, p_value| RankedQuantity {
+        name: name.to_owned(),
+        difference: vec![0.01, -0.02, 0.0],
+        p_value,
+    };
+    let figure = RanksFigure {
+        level: vec![0.25, 0.5, 0.75],
+        quantities: vec![quantity("sigma", 0.034), quantity("c1", f64::NAN)],
+        ..RanksFigure::default()
+    };
+    let texts = written_on(&figure, Width::Column);
+    assert!(texts.iter().any(|t| t == "sigma (p = 0.03)"), "{texts:?}");
+    assert!(texts.iter().any(|t| t == "c1"), "{texts:?}");
+    // Both directions from zero, to the same height.
+    assert!(texts.iter().any(|t| t == "−0.02") && texts.iter().any(|t| t == "0.02"), "{texts:?}");
+}
+
+#[test]
+fn a_bed_is_headed_by_its_title_above_its_colour_scale() {
+    let page = Page::new(Width::Column);
+    synthetic::bed().draw(&page).expect("the columns match");
+    assert_texts_are_apart("bed", &page);
+    let first = page.canvas().texts.first().map(|t| t.text.clone());
+    assert_eq!(first.as_deref(), Some("27 particles"));
+}
+
+#[test]
 fn svg_is_well_formed_whatever_the_names() {
     let mut figure =
         WorkPrecisionFigure { title: "<&\"'> \u{1} ]]> 漢".to_owned(), ..Default::default() };
@@ -268,13 +302,12 @@ fn a_png_has_the_size_of_the_column_at_300_dots_per_inch() {
 }
 
 #[test]
-fn columns_that_do_not_match_are_named() {
-    let figure =
-        FitFigure { time_s: vec![1.0, 2.0], contact_ratio: vec![0.1], ..Default::default() };
-    let message = figure.render(Width::Column).expect_err("one ratio for two times").to_string();
+fn the_error_names_the_column_of_the_wrong_length() {
+    let figure = FitFigure { control: vec![1.0, 2.0], value: vec![0.1], ..Default::default() };
+    let message = figure.render(Width::Column).expect_err("one value for two times").to_string();
     assert_eq!(
         message,
-        "figure fit: `contact_ratio` has 1 values where 2 are needed; give one per time"
+        "figure fit: `value` has 1 values where 2 are needed; give one per control value"
     );
     let corner =
         CornerFigure { parameters: vec![CornerParameter::default(); 6], ..Default::default() };
@@ -285,7 +318,7 @@ fn columns_that_do_not_match_are_named() {
 }
 
 #[test]
-fn contours_enclose_what_is_above_the_level_and_holes_wind_the_other_way() {
+fn contours_enclose_the_cells_above_the_level_and_holes_wind_the_other_way() {
     // A ring of ones around an empty middle.
     let mut mass = vec![0.0; 49];
     for y in 1..6 {
@@ -337,19 +370,19 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 10 * CASES, ..ProptestConfig::default() })]
 
     #[test]
-    fn ticks_lie_within_the_axis_and_apart(a in any_number(), b in any_number(), length in 20.0..450.0_f32) {
+    fn ticks_lie_within_the_axis_and_apart(a in any_number(), b in any_number(), size in 20.0..450.0_f32) {
         for scale in [Scale::Linear, Scale::Log, Scale::Exponent, Scale::Count] {
             for direction in [ACROSS, Direction::Up] {
                 let axis = Axis::holding("q", "m", scale, [a, b], 0.03);
-                let ticks = axis.ticks(length, direction);
+                let ticks = axis.ticks(size, direction);
                 prop_assert!(axis.low < axis.high);
                 let slack = (axis.high - axis.low) * 1e-6;
-                let along = |c: f64| ((c - axis.low) / (axis.high - axis.low)) as f32 * length;
+                let along = |c: f64| ((c - axis.low) / (axis.high - axis.low)) as f32 * size;
                 for pair in ticks.labelled.windows(2) {
                     prop_assert!(pair[0].1 != pair[1].1, "{:?} {:?}", (a, b, scale), ticks);
                     let room = match direction {
                         Direction::Up => TICK_SIZE,
-                        Direction::Across { .. } => pair.iter().map(|(_, l)| text::length(l, TICK_SIZE) / 2.0).sum(),
+                        Direction::Across { .. } => pair.iter().map(|(_, l)| length(l, TICK_SIZE) / 2.0).sum(),
                     };
                     prop_assert!(along(pair[1].0) - along(pair[0].0) >= room, "{:?} {:?}", (a, b, scale), ticks);
                 }
@@ -359,6 +392,21 @@ proptest! {
             }
         }
     }
+}
+
+/// A corner of two parameters with the same prior, one of them perhaps given by its logarithm.
+fn corner_of_two(xs: &[f64], ys: &[f64], map: f64, log10: bool) -> CornerFigure {
+    let parameter = CornerParameter {
+        log10,
+        draws: xs.to_vec(),
+        prior: xs.iter().copied().zip(ys.iter().copied()).collect(),
+        paper: ys.first().copied(),
+        map: Some(map),
+        ..Default::default()
+    };
+    let other = CornerParameter { draws: ys.to_vec(), log10: false, ..parameter.clone() };
+    let title = String::new();
+    CornerFigure { parameters: vec![parameter, other], weights: ys.to_vec(), title }
 }
 
 proptest! {
@@ -374,11 +422,6 @@ proptest! {
         let band = Band { lower: ys.clone(), upper: xs.clone() };
         let mut sorted = xs.clone();
         sorted.sort_by(f64::total_cmp);
-        let parameter = CornerParameter {
-            log10: log, draws: xs.clone(), prior: xs.iter().copied().zip(ys.iter().copied()).collect(),
-            paper: ys.first().copied(), map: Some(shift), ..Default::default()
-        };
-        let other = CornerParameter { draws: ys.clone(), log10: false, ..parameter.clone() };
         let recursion = RecursionParameter {
             median: ys.clone(), interval50: band.clone(), interval90: band.clone(), paper: Some(shift), log10: log,
             ..Default::default()
@@ -391,15 +434,18 @@ proptest! {
         let series = WorkPrecisionSeries {
             name: "m".into(), role: Role::Map, cost: xs.clone(), error: ys.clone(), band: band.clone(),
         };
+        let work_precision =
+            WorkPrecisionFigure { series: vec![series], guide_slope: Some(shift), ..Default::default() };
+        let axes = Axes { from_zero: shift > 0.0, log_control: log, ..Axes::default() };
         let figures: Vec<Box<dyn Figure>> = vec![
             Box::new(FitFigure {
-                time_s: xs.clone(), contact_ratio: ys.clone(), grid_s: sorted.clone(), mean: ys.clone(),
+                control: xs.clone(), value: ys.clone(), grid: sorted.clone(), mean: ys.clone(),
                 band50: band.clone(), band90: band.clone(), predictive90: band.clone(), map: xs.clone(),
                 paper: ys.clone(), frenkel: xs.clone(), knee: Some(Knee { time_s: shift, ratio: shift, lower: 0.0, upper: shift }),
-                paper_knee: Some(shift), log_time: log, title: "t".into(),
-                axes: Axes { from_zero: shift > 0.0, ..Axes::default() },
+                paper_knee: Some(shift), title: "t".into(),
+                axes: axes.clone(),
             }),
-            Box::new(CornerFigure { parameters: vec![parameter, other], weights: ys.clone(), title: String::new() }),
+            Box::new(corner_of_two(&xs, &ys, shift, log)),
             Box::new(RecursionFigure {
                 control: sorted.clone(), log_control: log, parameters: vec![recursion], ess: xs.clone(), ..Default::default()
             }),
@@ -407,21 +453,39 @@ proptest! {
                 stages: (0..xs.len()).map(stage).collect(), k_hat_limit: shift, ess_target: Some(shift), title: String::new(),
             }),
             Box::new(ResidualsFigure {
-                time_s: sorted.clone(), residual: ys.clone(), sigma: shift, log_time: log, title: String::new(),
-                axes: Axes { from_zero: shift > 0.0, ..Axes::default() },
+                control: sorted.clone(), residual: ys.clone(), sigma: shift, title: String::new(),
+                axes: axes.clone(),
             }),
             Box::new(RegimeMapFigure {
                 grid_s: sorted.clone(), a0: shift, a1: ys.clone(), a2: xs.clone(), p1: Some((shift, 0.1)),
                 p2: Some((0.1, shift)), final_ratio: Some(shift), data_time_s: xs.clone(), data_ratio: ys.clone(), title: String::new(),
             }),
             Box::new(CompareFigure {
-                time_s: sorted.clone(), contact_ratio: ys.clone(), grid_s: sorted.clone(), curves: vec![curve],
-                log_time: log, title: String::new(),
+                control: sorted.clone(), value: ys.clone(), grid: sorted.clone(), curves: vec![curve],
+                axes, title: String::new(),
             }),
-            Box::new(WorkPrecisionFigure { series: vec![series], guide_slope: Some(shift), ..Default::default() }),
+            Box::new(WorkPrecisionGrid {
+                rows: vec![vec![work_precision.clone(); 2], vec![work_precision.clone()], vec![]],
+                title: String::new(),
+            }),
+            Box::new(work_precision),
+            Box::new(SeriesFigure {
+                time_s: sorted.clone(), relative_density: xs.clone(), coordination: ys.clone(),
+                mean_contact_ratio: ys.clone(), contact_ratio_10: xs.clone(), contact_ratio_90: ys.clone(),
+                heated_from_s: Some(shift), model_ends_s: xs.first().copied(), title: String::new(),
+            }),
+            Box::new(DensificationFigure {
+                time_s: sorted.clone(), median: ys.clone(), band50: band.clone(), band90: band.clone(),
+                model_ends_at: Some(shift), target: shift, time_to_target_s: Some(shift),
+                interval_s: [xs.first().copied(), None], ..Default::default()
+            }),
+            Box::new(RanksFigure {
+                level: sorted.clone(), band95: band, title: String::new(),
+                quantities: vec![RankedQuantity { name: "q".into(), difference: ys, p_value: shift }; 4],
+            }),
         ];
         for (i, figure) in figures.iter().enumerate() {
-            let page = figure.page(Width::Column).expect("the columns match");
+            let page = drawn(figure.as_ref(), Width::Column);
             assert_texts_are_apart(&format!("figure {i}"), &page);
             assert_well_formed(&page.canvas().svg());
         }

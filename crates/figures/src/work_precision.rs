@@ -1,14 +1,12 @@
 //! Work against precision, both logarithmic.
+
 use plotters::style::Color as _;
 
-use super::axis::{Axis, Scale};
-use super::elements::Look;
-use super::header::{Swatch, header};
-use super::layout::{Spec, layout};
-use super::page::Page;
-use super::palette::{GREY, Pen};
-use super::panel::Panel;
-use super::{Band, Columns, PlotError, Role};
+use crate::columns::{Band, Columns};
+use crate::drawing::{Axis, GREY, Look, Page, Panel, Pen, Role, Row, Scale, Spec, Swatch};
+use crate::drawing::{header, layout, one_panel, row};
+use crate::error::{Drawn, PlotError};
+use crate::figure::Figure;
 
 const GUIDE: Pen = Pen::solid(GREY, 0.7);
 
@@ -17,7 +15,7 @@ const GUIDE: Pen = Pen::solid(GREY, 0.7);
 pub struct WorkPrecisionSeries {
     /// Name in the legend.
     pub name: String,
-    /// What decides its colour, dash and marker.
+    /// Colour, dash and marker.
     pub role: Role,
     /// Work, positive.
     pub cost: Vec<f64>,
@@ -32,11 +30,11 @@ pub struct WorkPrecisionSeries {
 pub struct WorkPrecisionFigure {
     /// Heading; empty for none.
     pub title: String,
-    /// What the cost is, for example `simulations`.
+    /// Name of the cost, for example `simulations`.
     pub cost_name: String,
     /// Unit of the cost; empty for a count.
     pub cost_unit: String,
-    /// What the error is.
+    /// Name of the error.
     pub error_name: String,
     /// Unit of the error; empty for a pure number.
     pub error_unit: String,
@@ -46,59 +44,56 @@ pub struct WorkPrecisionFigure {
     pub guide_slope: Option<f64>,
 }
 
-/// Several work-precision panels on one page, with one legend: rows of equally many.
+/// Several work-precision panels on one page, with one legend.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct WorkPrecisionGrid {
     /// Heading; empty for none.
     pub title: String,
-    /// The panels, row by row; their own titles are not drawn. The legend has every name once.
+    /// The panels, row by row. Their own titles are not drawn, and the legend has every name once.
     pub rows: Vec<Vec<WorkPrecisionFigure>>,
 }
 
-impl WorkPrecisionGrid {
-    pub(super) fn draw(&self, page: &Page) -> Result<(), PlotError> {
+impl Figure for WorkPrecisionGrid {
+    fn draw(&self, page: &Page) -> Result<(), PlotError> {
         let all = || self.rows.iter().flatten();
         all().try_for_each(WorkPrecisionFigure::check)?;
-        let mut entries: Vec<(String, Swatch)> = Vec::new();
-        for entry in all().flat_map(WorkPrecisionFigure::entries) {
-            if entries.iter().all(|(name, _)| *name != entry.0) {
-                entries.push(entry);
+        let every: Vec<(String, Swatch)> = all().flat_map(WorkPrecisionFigure::entries).collect();
+        let mut entries: Vec<(&str, Swatch)> = Vec::new();
+        for (name, swatch) in &every {
+            if entries.iter().all(|(known, _)| known != name) {
+                entries.push((name, *swatch));
             }
         }
         let top = header(page, &self.title, &entries)?;
         let height = page.of_width(80.0, 110.0);
-        let specs: Vec<(f32, Vec<Option<Spec>>)> = self
-            .rows
-            .iter()
-            .map(|row| (height, row.iter().map(|figure| Some(figure.spec())).collect()))
-            .collect();
-        let panels = layout(page, top, 8.0, &specs)?;
-        for (panel, figure) in panels.into_iter().flatten().zip(all()) {
-            panel.map_or(Ok(()), |panel| figure.fill(&panel))?;
-        }
-        Ok(())
+        let rows = self.rows.iter().map(|figures| row(height, figures.iter().map(|f| f.spec())));
+        let panels = layout(page, top, 8.0, &rows.collect::<Vec<Row>>())?;
+        panels.iter().zip(all()).try_for_each(|(panel, figure)| figure.fill(panel))
+    }
+}
+
+impl Figure for WorkPrecisionFigure {
+    fn draw(&self, page: &Page) -> Result<(), PlotError> {
+        self.check()?;
+        let entries = self.entries();
+        let entries: Vec<_> = entries.iter().map(|(name, swatch)| (&name[..], *swatch)).collect();
+        let top = header(page, &self.title, &entries)?;
+        one_panel(page, top, self.spec())?.map_or(Ok(()), |panel| self.fill(&panel))
     }
 }
 
 impl WorkPrecisionFigure {
-    pub(super) fn draw(&self, page: &Page) -> Result<(), PlotError> {
-        self.check()?;
-        let top = header(page, &self.title, &self.entries())?;
-        let height = page.of_width(140.0, 230.0);
-        let panels = layout(page, top, 8.0, &[(height, vec![Some(self.spec())])])?;
-        panels.into_iter().flatten().flatten().try_for_each(|panel| self.fill(&panel))
-    }
-
-    fn check(&self) -> Result<(), PlotError> {
+    fn check(&self) -> Drawn {
         let columns = Columns("work precision");
         for s in &self.series {
-            columns.need(&format!("error of {}", s.name), &s.error, s.cost.len(), "cost")?;
-            columns.allow_band(&format!("band of {}", s.name), &s.band, s.cost.len(), "cost")?;
+            let each = (s.cost.len(), "cost");
+            columns.need(&format!("error of {}", s.name), &s.error, each)?;
+            columns.allow_band(&format!("band of {}", s.name), &s.band, each)?;
         }
         Ok(())
     }
 
-    /// The slope of the guide line, if there is one.
+    /// Slope of the guide line, if there is one.
     fn guide(&self) -> Option<f64> {
         self.guide_slope.filter(|slope| slope.is_finite())
     }
@@ -116,44 +111,32 @@ impl WorkPrecisionFigure {
     }
 
     fn spec(&self) -> Spec {
-        let x = Axis::holding(
-            &self.cost_name,
-            &self.cost_unit,
-            Scale::Log,
-            self.series.iter().flat_map(|s| &s.cost).copied(),
-            0.05,
-        );
-        let values = self
-            .series
-            .iter()
-            .flat_map(|s| s.error.iter().chain(&s.band.upper).chain(&s.band.lower));
-        let y =
-            Axis::holding(&self.error_name, &self.error_unit, Scale::Log, values.copied(), 0.06);
-        Spec::new(x, y)
+        let costs = self.series.iter().flat_map(|s| &s.cost).copied();
+        let errors =
+            self.series.iter().flat_map(|s| s.error.iter().copied().chain(s.band.bounds()));
+        Spec::new(
+            Axis::holding(&self.cost_name, &self.cost_unit, Scale::Log, costs, 0.05),
+            Axis::holding(&self.error_name, &self.error_unit, Scale::Log, errors, 0.06),
+        )
     }
 
-    fn fill(&self, panel: &Panel) -> Result<(), PlotError> {
+    fn fill(&self, panel: &Panel) -> Drawn {
         if let Some(slope) = self.guide() {
-            // Through the middle of the panel, as far as it goes; in coordinates, then back to values.
+            // Through the middle of the panel; in coordinates, then back to values.
             let (x0, y0) = ((panel.x.low + panel.x.high) / 2.0, (panel.y.low + panel.y.high) / 2.0);
             let half = (panel.x.high - panel.x.low) / 2.0;
-            let (xs, ys): (Vec<f64>, Vec<f64>) = [-half, half]
-                .iter()
-                .map(|dx| (10_f64.powf(x0 + dx), 10_f64.powf(y0 + slope * dx)))
-                .unzip();
+            let xs = [-half, half].map(|dx| 10_f64.powf(x0 + dx));
+            let ys = [-half, half].map(|dx| 10_f64.powf(y0 + slope * dx));
             panel.line(&xs, &ys, GUIDE)?;
         }
         for s in &self.series {
-            panel.band(&s.cost, &s.band.lower, &s.band.upper, s.role.ink().mix(0.15))?;
+            panel.band(&s.cost, &s.band, s.role.ink().mix(0.15))?;
         }
         for s in &self.series {
             panel.line(&s.cost, &s.error, s.role.pen())?;
-            let radius = if s.cost.len() <= 120 { 1.8 } else { 0.7 };
-            panel.markers(
-                &s.cost,
-                &s.error,
-                Look::filled(s.role.marker(), radius, s.role.ink()),
-            )?;
+            let radius = if Panel::dense(&s.cost) { 0.7 } else { 1.8 };
+            let look = Look::filled(s.role.marker(), radius, s.role.ink());
+            panel.markers(&s.cost, &s.error, look)?;
         }
         Ok(())
     }

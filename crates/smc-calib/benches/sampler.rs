@@ -2,9 +2,10 @@
 #![allow(missing_docs, clippy::unwrap_used)]
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use smc_calib::reference::gaussian;
 use smc_calib::{
     FnSimulator, Likelihood, Noise, Observations, Parameter, Prior, PriorSpec, Problem, Settings,
-    SimError, bench_support, calibrate,
+    SimError, calibrate, sample_density,
 };
 use std::hint::black_box;
 
@@ -29,19 +30,24 @@ fn likelihood(c: &mut Criterion) {
     });
 }
 
-fn inner_loops(c: &mut Criterion) {
-    let mut bench = bench_support::Bench::new(10_000);
-    c.bench_function("drawing 10^4 points in 3 dimensions", |b| b.iter(|| bench.draw()));
-    c.bench_function("mixture density, 5 components, 10^4 points in 3 dimensions", |b| {
-        b.iter(|| bench.density())
-    });
-    c.bench_function("one EM step, 5 components, 512 points in 3 dimensions", |b| {
-        b.iter(|| bench.em_step())
-    });
-    c.bench_function("surrogate, fit to 4096 samples in 3 dimensions", |b| {
-        b.iter(|| bench.fit_surrogate())
-    });
-    c.bench_function("surrogate at 10^4 points in 3 dimensions", |b| b.iter(|| bench.surrogate()));
+/// The sampler alone: the likelihood costs nothing.
+fn sampler(c: &mut Criterion) {
+    let target = gaussian(3, 0.8, 0.1);
+    let settings = Settings { samples: 16_384, ..Settings::default() };
+    let mut group = c.benchmark_group("16 384 samples of a Gaussian in 3 dimensions");
+    group.sample_size(10);
+    for (name, settings) in [
+        ("all", settings.clone()),
+        // A short final stage has no surrogate as control variate.
+        ("no surrogate", Settings { final_share: 0.1, ..settings.clone() }),
+        (
+            "no surrogate, one component",
+            Settings { final_share: 0.1, max_components: 1, patches: 0, ..settings },
+        ),
+    ] {
+        group.bench_function(name, |b| b.iter(|| sample_density(&target, &settings).unwrap()));
+    }
+    group.finish();
 }
 
 fn whole(c: &mut Criterion) {
@@ -74,5 +80,5 @@ fn whole(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, likelihood, inner_loops, whole);
+criterion_group!(benches, likelihood, sampler, whole);
 criterion_main!(benches);

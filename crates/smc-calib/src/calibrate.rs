@@ -15,7 +15,7 @@ use std::ops::ControlFlow;
 
 /// Watches a run, and may end it.
 pub trait Observer {
-    /// Called after every stage; `Break` ends the run with what there is.
+    /// Called after every stage; `Break` ends the run with the samples so far.
     fn stage(&mut self, record: &StageRecord) -> ControlFlow<()>;
 }
 
@@ -26,15 +26,14 @@ impl Observer for () {
     }
 }
 
-/// Simulations from which on too many failures end a run.
+/// Fewest simulations after which too many failures end a run.
 const FEWEST_TO_JUDGE: usize = 16;
 
 /// Infers the parameters of a problem.
 ///
 /// # Errors
 /// See [`CalibrateError`]: a problem or settings that do not fit together, a simulator that cannot run, too many
-/// failures, zero evidence, or a simulator or an observer that ended the run before anything could be
-/// said.
+/// failures, zero evidence, or an interruption by the simulator or the observer before there is a posterior.
 pub fn calibrate(
     problem: &Problem<'_>,
     settings: &Settings,
@@ -79,7 +78,7 @@ pub fn calibrate_joint(
         };
         let Some((n, proposal, last)) = next else { break };
         sampler.stage(n, proposal).map_err(|error| error.after(&stages))?;
-        // A share of a handful says nothing yet.
+        // The share of failures among a handful of simulations says nothing yet.
         if sampler.pool.len() >= FEWEST_TO_JUDGE.min(settings.samples) {
             refuse_failures(&sampler.pool, settings)?;
         }
@@ -113,18 +112,7 @@ pub fn calibrate_joint(
     if ln_scale == f64::NEG_INFINITY {
         return Err(CalibrateError::ZeroEvidence { simulations: sampler.pool.len() });
     }
-    summarise(Run {
-        problem,
-        settings,
-        target: &target,
-        likelihood: &likelihood,
-        sampler,
-        raw,
-        ln_scale,
-        tuned: tuned.is_some(),
-        stages,
-        stop,
-    })
+    summarise(Run { target: &target, sampler, raw, ln_scale, tuned: tuned.is_some(), stages, stop })
 }
 
 /// Ends a run in which too large a share of the simulations failed.
@@ -213,9 +201,9 @@ pub(crate) fn stage_record(
     Staged { record, worst_mean_error }
 }
 
-/// Whether a wish is fulfilled before the budget is spent.
+/// The target that is reached before the budget is spent, if any.
 fn reached(staged: &Staged, sampler: &Sampler<'_>, settings: &Settings) -> Option<StopReason> {
-    // Weights that cannot be trusted fulfil nothing, nor do those of a flattened likelihood.
+    // Weights that cannot be trusted reach no target, nor do those of a flattened likelihood.
     if !khat_holds(staged.record.khat) || sampler.beta < 1.0 {
         return None;
     }
@@ -228,7 +216,7 @@ fn reached(staged: &Staged, sampler: &Sampler<'_>, settings: &Settings) -> Optio
     None
 }
 
-/// Refuses what does not fit together.
+/// Refuses settings and parts of a problem that do not fit together.
 pub(crate) fn check(
     problem: &JointProblem<'_>,
     settings: &Settings,

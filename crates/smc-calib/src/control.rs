@@ -7,7 +7,7 @@
 //!
 //! whatever g is (P. Glasserman, Monte Carlo Methods in Financial Engineering, 2004, section 4.1). Here g is a
 //! surrogate fitted to the samples of the stages before and, for one half of the final stage's sub-nets, to those of the
-//! other half (cross-fitting). The first term has as much less noise as g is like f; the second takes no simulation,
+//! other half (cross-fitting). The closer g is to f, the less noise the first term has; the second takes no simulation,
 //! only more points of q. Both are without bias. `phi` are 1, the coordinates, and their products: evidence, means and
 //! covariances.
 //!
@@ -24,14 +24,14 @@ use crate::sampler::{Frozen, Sampler};
 use crate::sobol::scrambled_net;
 use crate::stream::{Purpose, stream};
 use crate::surrogate::{Surrogate, coefficients, monomials};
-use crate::trust::limits::EVIDENCE_ERRORS;
+use crate::trust::agree;
 use rayon::prelude::*;
 
 /// Points that the surrogate is integrated with, per sample of the final stage, and at least.
 const POINTS: [usize; 2] = [8, 32_768];
 /// Samples with a log posterior density this far below the best have no part in the surrogate.
 const DEPTH: f64 = 16.0;
-/// Largest g/q, in units of the mean of f/q. Where g is that large it is wrong more often than right.
+/// Largest g/q, in units of the mean of f/q: a g above it is wrong more often than right.
 const CAP: f64 = 3.0;
 /// Parts of the final stage, each with a surrogate that its own samples had no part in.
 const FOLDS: usize = 2;
@@ -90,7 +90,7 @@ pub(crate) fn integrals(
     if d > MOST_DIMENSIONS || r < 2 || n < 8 * p || first < 8 * p {
         return None;
     }
-    // Of failed samples too: where they are f is zero, but g need not be.
+    // Failed samples too: f is zero there, but g need not be.
     let x: Vec<f64> = (0..pool.len() * d)
         .into_par_iter()
         .with_min_len(256)
@@ -102,12 +102,10 @@ pub(crate) fn integrals(
         standard.features(x.iter().copied(), out);
     });
 
-    // f/q over the scale at the samples of the final stage, and the log of q over the prior at all.
+    // f/q over the scale at the samples of the final stage, and the log of q over the prior at all samples.
     let target: Vec<f64> = frozen.ln_w.iter().map(|l| (l - ln_scale).exp()).collect();
     let ln_q = [&sampler.ln_last_proposal(0..first)[..], &frozen.ln_q].concat();
     let points = (POINTS[0] * n).max(POINTS[1]) / r;
-    let width = proposal.uniforms();
-    let seed = sampler.settings.seed;
     let metric = metric(proposal)?;
     let mut counts = vec![0.0; r];
     pool.replicate[first..].iter().for_each(|k| counts[*k as usize] += 1.0);
@@ -118,16 +116,11 @@ pub(crate) fn integrals(
         let known: Vec<usize> = (0..first).chain(others.iter().copied()).collect();
         let surrogate = surrogate(sampler, &known, &ln_q, &metric)?;
         let cap = CAP * others.iter().map(|i| target[i - first]).sum::<f64>() / others.len() as f64;
-        // g/q over the scale.
-        let weigh = |z: &[f64], ln_q: f64, found: &mut Vec<(f64, u32)>| {
-            surrogate
-                .ln_ratio(z, ln_q, found)
-                .map_or(0.0, |ratio| (ratio - ln_scale).exp().min(cap))
-        };
+        let variate = Variate { surrogate, ln_scale, cap };
         let control: Vec<f64> = own
             .par_iter()
             .with_min_len(64)
-            .map_init(Vec::new, |found, i| weigh(pool.point(*i), ln_q[*i], found))
+            .map_init(Vec::new, |found, i| variate.at(pool.point(*i), ln_q[*i], found))
             .collect();
         let target: Vec<f64> = own.iter().map(|i| target[i - first]).collect();
         if !explains(&target, &control) {
@@ -135,23 +128,12 @@ pub(crate) fn integrals(
         }
 
         // Per sub-net: the integral of g phi by a net of its own, and the mean of (f - g) phi / q.
+        let seed = sampler.settings.seed;
         of_sub_nets.par_chunks_mut(p).enumerate().skip(fold).step_by(FOLDS).for_each(
             |(k, sums)| {
-                let net = scrambled_net(width, points, &mut stream(seed, Purpose::Surrogate, 0, k));
-                let (mut z, mut row) = (vec![0.0; d], vec![0.0; p]);
-                let mut found = Vec::new();
-                for u in net.chunks_exact(width) {
-                    proposal.draw(u, &mut z);
-                    let ln_prior = -z.iter().map(|z| 0.5 * z * z + LN_SQRT_2PI).sum::<f64>();
-                    let g = weigh(&z, proposal.ln_over_prior(&z, ln_prior), &mut found);
-                    if g > 0.0 {
-                        standard.features(
-                            z.iter().enumerate().map(|(j, z)| coordinate(j, *z)),
-                            &mut row,
-                        );
-                        sums.iter_mut().zip(&row).for_each(|(s, f)| *s += g * f / points as f64);
-                    }
-                }
+                let mut rng = stream(seed, Purpose::Surrogate, 0, k);
+                let net = scrambled_net(proposal.uniforms(), points, &mut rng);
+                variate.integrate(&net, proposal, &standard, coordinate, sums);
             },
         );
         for ((i, target), control) in own.iter().zip(&target).zip(&control) {
@@ -167,6 +149,47 @@ pub(crate) fn integrals(
     Some(Integrals { of_sub_nets, features })
 }
 
+/// The control variate g/q over the scale of the weights.
+struct Variate {
+    surrogate: Surrogate,
+    ln_scale: f64,
+    /// Its largest value.
+    cap: f64,
+}
+
+impl Variate {
+    /// At z, where `ln_q` is the log of proposal over prior.
+    fn at(&self, z: &[f64], ln_q: f64, found: &mut Vec<(f64, u32)>) -> f64 {
+        self.surrogate
+            .ln_ratio(z, ln_q, found)
+            .map_or(0.0, |ratio| (ratio - self.ln_scale).exp().min(self.cap))
+    }
+
+    /// Adds the integral of g phi by the points of a net, taken to the proposal.
+    fn integrate(
+        &self,
+        net: &[f64],
+        proposal: &Proposal,
+        standard: &Standard,
+        coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
+        sums: &mut [f64],
+    ) {
+        let width = proposal.uniforms();
+        let points = (net.len() / width) as f64;
+        let (mut z, mut row) = (vec![0.0; proposal.dimension], vec![0.0; sums.len()]);
+        let mut found = Vec::new();
+        for u in net.chunks_exact(width) {
+            proposal.draw(u, &mut z);
+            let ln_prior = -z.iter().map(|z| 0.5 * z * z + LN_SQRT_2PI).sum::<f64>();
+            let g = self.at(&z, proposal.ln_over_prior(&z, ln_prior), &mut found);
+            if g > 0.0 {
+                standard.features(z.iter().enumerate().map(|(j, z)| coordinate(j, *z)), &mut row);
+                sums.iter_mut().zip(&row).for_each(|(s, f)| *s += g * f / points);
+            }
+        }
+    }
+}
+
 /// Factor of the covariance that distances are measured in: of the mean precision of the proposal's components, which
 /// says how fast the posterior varies, not how wide it is (a bent or a split posterior is much wider).
 fn metric(proposal: &Proposal) -> Option<Vec<f64>> {
@@ -179,7 +202,7 @@ fn metric(proposal: &Proposal) -> Option<Vec<f64>> {
     cholesky(&gram(&packed_inverse(&cholesky(&precision, d)?, d), d), d)
 }
 
-/// Fitted to the known samples of the pool.
+/// The surrogate fitted to some samples of the pool.
 fn surrogate(
     sampler: &Sampler<'_>,
     known: &[usize],
@@ -231,7 +254,7 @@ pub(crate) fn estimate(
     } else {
         (pooled_value, pooled_se)
     };
-    let agree = (pooled_value - frozen_value).abs() <= EVIDENCE_ERRORS * pooled_se.hypot(frozen_se);
+    let agree = agree(pooled_value, frozen_value, pooled_se.hypot(frozen_se));
     let evidence = Evidence { value, se, frozen_value, frozen_se, pooled_value, pooled_se, agree };
     (estimator, evidence)
 }

@@ -6,7 +6,7 @@ use crate::sampler::Sampler;
 use crate::target::Target;
 use crate::{CalibrateError, Counters, Evidence, Settings, psis};
 
-/// What the sampler knows about a log density over normal scores.
+/// Moments and evidence of a log density over normal scores.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DensitySummary {
     /// Means of the coordinates.

@@ -7,18 +7,18 @@ use crate::summary::{Run, summarise};
 use crate::target::CurveTarget;
 use crate::{CalibrateError, JointProblem, Noise, Posterior, Settings, StopReason};
 
-/// Normal scores beyond this are that: a set on the very bound of its prior is inside.
+/// Largest normal score of a given set: one on the bound of its prior, where the score is infinite, counts as inside.
 const FARTHEST: f64 = 9.0;
 
 /// Evaluates given parameter sets \[SI\] and weights them as draws from the prior, in one stage.
 ///
-/// The weights are the likelihoods: right where the sets are draws from the prior (random, or evenly spread over it),
-/// and wrong where they are not. The simulator gets the sets through their normal scores, equal to rounding. Of
+/// The weights are the likelihoods, which is right only where the sets are draws from the prior (random, or evenly spread
+/// over it). The simulator gets the sets through their normal scores, equal to rounding. Of
 /// `settings` only the number of draws, the share of failures, the seed and `map_simulations` count.
 ///
 /// # Errors
-/// As [`calibrate_joint`](crate::calibrate_joint); [`CalibrateError::Design`] for a set that is no set of parameters,
-/// or that its prior excludes.
+/// As [`calibrate_joint`](crate::calibrate_joint); [`CalibrateError::Design`] for a set of another
+/// number of parameters, or outside its prior.
 pub fn calibrate_design(
     problem: &JointProblem<'_>,
     settings: &Settings,
@@ -53,7 +53,7 @@ pub fn calibrate_design(
     }
     let target = CurveTarget::new(problem, &likelihood, settings.samples);
     let mut sampler = Sampler::new(&target, &settings);
-    // Given sets belong to no net: each is a sample of its own for the error bars.
+    // Given sets are independent: for the error bars each belongs to one of as many groups as there are sub-nets.
     sampler.replicates = settings.replicates.min(sets.len()).max(1);
     let groups = sampler.replicates;
     let replicates: Vec<u32> = (0..sets.len()).map(|set| (set % groups) as u32).collect();
@@ -67,10 +67,7 @@ pub fn calibrate_design(
         return Err(CalibrateError::ZeroEvidence { simulations: sampler.pool.len() });
     }
     summarise(Run {
-        problem,
-        settings: &settings,
         target: &target,
-        likelihood: &likelihood,
         sampler,
         raw,
         ln_scale,

@@ -1,16 +1,15 @@
 //! Gaussian mixtures fitted to weighted samples by MAP-EM; the number of components by BIC.
 //!
-//! Everything happens in coordinates in which the weighted samples have mean zero and unit covariance, so
-//! that shrinkage and floors are relative to the spread of what is fitted.
+//! Everything happens in the whitened coordinates of a [`Cloud`], so that shrinkage and floors are relative to the spread
+//! of what is fitted.
 
 use crate::cholesky::{cholesky, packed_inverse};
+use crate::cloud::{Cloud, Gaussian};
 use crate::lanes::{LANES, exp_of_nonpositive, ln_of_positive};
 use crate::stream::{Purpose, stream};
 use rand::RngExt;
 use rayon::prelude::*;
 
-/// Most distinct samples that a mixture is fitted to; more are resampled to this number.
-const MAX_POINTS: usize = 1024;
 /// Most EM iterations per fit.
 const MAX_ITERATIONS: usize = 40;
 /// EM ends when the mean log density rises by less than this in one iteration.
@@ -22,15 +21,6 @@ const SHRINK: f64 = 0.01;
 /// Least variance of a component, as a share of the pooled variance.
 const VARIANCE_FLOOR: f64 = 1e-7;
 
-/// One fitted Gaussian.
-#[derive(Clone, Debug)]
-pub(crate) struct Gaussian {
-    pub weight: f64,
-    pub mean: Vec<f64>,
-    /// Lower Cholesky factor of the covariance, row by row.
-    pub factor: Vec<f64>,
-}
-
 /// A fitted mixture and the work it took.
 #[derive(Clone, Debug)]
 pub(crate) struct Fit {
@@ -39,109 +29,7 @@ pub(crate) struct Fit {
     pub mixtures: usize,
 }
 
-/// Weighted points, whitened, with the map back.
-pub(crate) struct Cloud {
-    d: usize,
-    /// Whitened points, row by row.
-    points: Vec<f64>,
-    /// Weights, summing to one.
-    weights: Vec<f64>,
-    /// The points again in blocks of [`LANES`], coordinate by coordinate within a block, and their weights; the last
-    /// block filled up with points of weight zero.
-    lanes: Vec<f64>,
-    lane_weights: Vec<f64>,
-    mean: Vec<f64>,
-    factor: Vec<f64>,
-    /// Effective number of samples behind the weights.
-    ess: f64,
-}
-
 impl Cloud {
-    /// Takes points (row by row) and weights of any scale; resamples where there are many.
-    pub(crate) fn new(
-        d: usize,
-        z: &[f64],
-        weights: &[f64],
-        seed: u64,
-        stage: usize,
-    ) -> Option<Self> {
-        let total: f64 = weights.iter().sum();
-        if !(total > 0.0 && total.is_finite()) {
-            return None;
-        }
-        let squares: f64 = weights.iter().map(|w| w * w).sum();
-        let ess = total * total / squares;
-        let n = weights.len();
-        let mut mean = vec![0.0; d];
-        for (w, z) in weights.iter().zip(z.chunks_exact(d)) {
-            if *w > 0.0 {
-                for (m, z) in mean.iter_mut().zip(z) {
-                    *m += w / total * z;
-                }
-            }
-        }
-        let mut cov = vec![0.0; d * d];
-        for (w, z) in weights.iter().zip(z.chunks_exact(d)) {
-            if *w > 0.0 {
-                for i in 0..d {
-                    for j in 0..=i {
-                        cov[i * d + j] += w / total * (z[i] - mean[i]) * (z[j] - mean[j]);
-                    }
-                }
-            }
-        }
-        let trace: f64 = (0..d).map(|i| cov[i * d + i]).sum();
-        for i in 0..d {
-            for j in 0..i {
-                cov[j * d + i] = cov[i * d + j];
-            }
-            cov[i * d + i] += 1e-12 * trace + 1e-18;
-        }
-        let factor = cholesky(&cov, d)?;
-        let inverse = packed_inverse(&factor, d);
-        let mut points = Vec::new();
-        let mut kept = Vec::new();
-        let mut push = |index: usize, weight: f64| {
-            let z = &z[index * d..(index + 1) * d];
-            let mut row = 0;
-            for i in 0..d {
-                points.push((0..=i).map(|j| inverse[row + j] * (z[j] - mean[j])).sum::<f64>());
-                row += i + 1;
-            }
-            kept.push(weight);
-        };
-        if n <= MAX_POINTS {
-            (0..n).filter(|i| weights[*i] > 0.0).for_each(|i| push(i, weights[i] / total));
-        } else {
-            // Systematic resampling; a sample drawn several times is kept once with that weight.
-            let step = 1.0 / MAX_POINTS as f64;
-            let mut next = step * stream(seed, Purpose::MixtureResample, stage, 0).random::<f64>();
-            let mut sum = 0.0;
-            for (i, weight) in weights.iter().enumerate() {
-                sum += weight / total;
-                let mut times = 0;
-                while next < sum {
-                    times += 1;
-                    next += step;
-                }
-                if times > 0 {
-                    push(i, f64::from(times) * step);
-                }
-            }
-            let kept_total: f64 = kept.iter().sum();
-            kept.iter_mut().for_each(|w| *w /= kept_total);
-        }
-        let mut lane_weights = kept.clone();
-        lane_weights.resize(kept.len().next_multiple_of(LANES), 0.0);
-        let mut lanes = vec![0.0; lane_weights.len() * d];
-        for (i, x) in points.chunks_exact(d).enumerate() {
-            for (j, x) in x.iter().enumerate() {
-                lanes[(i / LANES * d + j) * LANES + i % LANES] = *x;
-            }
-        }
-        Some(Self { d, points, weights: kept, lanes, lane_weights, mean, factor, ess })
-    }
-
     /// The mixture with the best BIC among one to `max_components` components.
     pub(crate) fn fit(&self, max_components: usize, seed: u64, stage: usize) -> Fit {
         let parameters = |k: usize| (k - 1 + k * self.d + k * self.d * (self.d + 1) / 2) as f64;
@@ -173,20 +61,12 @@ impl Cloud {
             }
             k += 2;
         }
-        let components = best.map_or_else(Vec::new, |(_, m)| self.unwhiten(&m));
+        let components = best.map_or_else(Vec::new, |(_, m)| {
+            let parts = m.weights.iter().zip(m.means.chunks_exact(self.d));
+            let parts = parts.zip(m.factors.chunks_exact(self.d * self.d));
+            parts.map(|((weight, mean), factor)| self.unwhiten(*weight, mean, factor)).collect()
+        });
         Fit { components, em_iterations, mixtures }
-    }
-
-    /// `k` components by k-means++, and room for the shares of the points.
-    pub(crate) fn started(&self, k: usize) -> (Mixture, Vec<f64>) {
-        (self.start(k, 1, 0), vec![0.0; self.padded() * k])
-    }
-
-    /// One EM step: the mean log density before it.
-    pub(crate) fn one_step(&self, (mixture, shares): &mut (Mixture, Vec<f64>)) -> f64 {
-        let ln = self.expect(mixture, shares);
-        self.maximise(mixture, shares);
-        ln
     }
 
     /// K-means++ start: centres drawn in proportion to weight times squared distance, then a few Lloyd steps.
@@ -446,35 +326,11 @@ impl Cloud {
             }
         }
     }
-
-    /// Back from whitened coordinates: means by the affine map, factors by the product of the two.
-    fn unwhiten(&self, mixture: &Mixture) -> Vec<Gaussian> {
-        let d = self.d;
-        (0..mixture.k)
-            .map(|c| {
-                let m = &mixture.means[c * d..(c + 1) * d];
-                let f = &mixture.factors[c * d * d..(c + 1) * d * d];
-                let mean = (0..d)
-                    .map(|i| {
-                        self.mean[i] + (0..=i).map(|j| self.factor[i * d + j] * m[j]).sum::<f64>()
-                    })
-                    .collect();
-                let mut factor = vec![0.0; d * d];
-                for i in 0..d {
-                    for j in 0..=i {
-                        factor[i * d + j] =
-                            (j..=i).map(|l| self.factor[i * d + l] * f[l * d + j]).sum();
-                    }
-                }
-                Gaussian { weight: mixture.weights[c], mean, factor }
-            })
-            .collect()
-    }
 }
 
 /// A mixture in whitened coordinates.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Mixture {
+#[derive(Clone, Debug)]
+struct Mixture {
     k: usize,
     weights: Vec<f64>,
     means: Vec<f64>,

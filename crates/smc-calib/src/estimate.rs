@@ -15,7 +15,7 @@ use crate::pool::Pool;
 /// Least and largest relative change of a weight.
 const CHANGES: std::ops::RangeInclusive<f64> = -0.8..=2.0;
 
-/// What the relative change of a weight goes by.
+/// The quantity that the relative change of a weight is proportional to.
 #[derive(Clone, Copy)]
 enum Spread {
     /// The weight.
@@ -45,11 +45,11 @@ pub(crate) struct Integrals {
 struct Known {
     /// Number of integrals.
     p: usize,
-    /// What is known, and what they are integrals of.
+    /// Their values, and the functions that are integrated.
     integrals: Integrals,
     /// Sums of weight times feature over the samples of every sub-net.
     of_pool: Vec<f64>,
-    /// What changes of weights go by.
+    /// The quantity that changes of weights are proportional to.
     spread: Spread,
     /// Cholesky factor of the sum of products of features, weighted by weight times spread.
     factor: Vec<f64>,

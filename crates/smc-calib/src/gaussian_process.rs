@@ -1,12 +1,12 @@
-//! A Gaussian process through what was simulated: a cheap stand-in that says where to simulate next.
+//! A Gaussian process through simulated values: a cheap stand-in that says where to simulate next.
 //!
-//! Nothing but the place of samples depends on it: their weights are those of the true likelihood.
+//! It decides only where samples are placed; their weights come from the true likelihood.
 //!
 //! Covariance: a quadratic whose coefficients are as good as unknown, plus a squared exponential whose scale and
 //! length maximise the marginal likelihood (C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine
-//! Learning (2006), sections 2.7 and 5.4), the same for all columns. Each sample has a nugget of its own: what is
-//! far from the data need not be met closely. How far off the process is is known from leaving out each sample in
-//! turn (the same, section 5.4.2).
+//! Learning (2006), sections 2.7 and 5.4), the same for all columns. Each sample has a nugget of its own: curves
+//! far from the data need not be met closely. The error of the process is measured by leaving out each sample in turn
+//! (the same, section 5.4.2).
 
 use crate::cholesky::{cholesky, packed_inverse};
 use crate::sobol::MAX_DIMENSIONS;
@@ -54,18 +54,18 @@ impl Kernel {
     }
 }
 
-/// What a process runs through.
+/// Data of a process.
 pub(crate) struct Data<'a> {
     pub d: usize,
     /// Samples, row by row.
     pub z: &'a [f64],
-    /// Weights that say in which directions, and how far, the samples that matter spread.
+    /// Weights whose covariance whitens the samples.
     pub weights: &'a [f64],
-    /// Which samples.
+    /// Numbers of the samples that the process runs through.
     pub chosen: &'a [usize],
-    /// Their numbers, row by row.
+    /// Values at these samples, row by row.
     pub values: &'a [f64],
-    /// Standard deviation of each one's nugget, in units of the columns.
+    /// Standard deviation of the nugget of each, in units of the columns.
     pub nuggets: &'a [f64],
     /// Offset and unit of each column.
     pub offsets: Vec<f64>,
@@ -73,7 +73,7 @@ pub(crate) struct Data<'a> {
 }
 
 impl GaussianProcess {
-    /// Through the data; none where they have no spread.
+    /// The process through some data; none where they have no spread.
     pub(crate) fn new(data: Data<'_>) -> Option<Self> {
         let (d, m) = (data.d, data.units.len());
         let (centre, inverse) = whitening(d, data.z, data.weights)?;

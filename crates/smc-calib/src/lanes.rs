@@ -3,7 +3,7 @@
 //! Both work by taking a power of two out and a polynomial of what is left; errors are a few units in the last
 //! place. Bits do not depend on how many numbers are done at once.
 
-/// Numbers that are worked on together; sums run in this many lanes, in a fixed order.
+/// Number of values that are computed together; sums run in this many lanes, in a fixed order.
 pub(crate) const LANES: usize = 8;
 
 /// exp(x) for x not above 0; numbers below -700 count as -700.

@@ -45,7 +45,7 @@ pub struct LeaveOneOutPoint {
     pub control: f64,
     /// `ln p(y_i | all others)`.
     pub ln_density: f64,
-    /// Pareto shape of the ratios; trustworthy below 0.7.
+    /// Pareto shape of the ratios; trustworthy below [`KHAT_LIMIT`](crate::trust::limits::KHAT_LIMIT).
     pub khat: f64,
 }
 
@@ -56,7 +56,7 @@ pub struct LeaveOneOutPoint {
 /// posterior.
 ///
 /// # Errors
-/// Noise that does not fit, or a fatal simulator error.
+/// Noise that does not fit, or a simulator that cannot run or is interrupted.
 pub fn leave_one_out(
     problem: &Problem<'_>,
     posterior: &Posterior,
@@ -70,7 +70,7 @@ pub fn leave_one_out(
 /// `curve(s, outputs)`: from what was stored of the run, where a simulation is expensive.
 ///
 /// # Errors
-/// Noise that does not fit, or a fatal error of `curve`.
+/// Noise that does not fit, or an error of `curve` that is not recoverable.
 pub fn leave_one_out_of(
     problem: &JointProblem<'_>,
     posterior: &Posterior,
@@ -81,76 +81,95 @@ pub fn leave_one_out_of(
     }
     let likelihood = JointLikelihood::new(problem)?;
     let m = problem.observations();
-    let control = problem.control();
-    let mut chosen: Vec<usize> =
-        (0..posterior.samples.len()).filter(|s| posterior.samples[*s].weight > 0.0).collect();
-    let most = (MAX_KEPT / m.max(1)).max(1000);
-    if chosen.len() > most {
-        chosen.sort_unstable_by(|a, b| {
-            let weight = |s: &usize| posterior.samples[*s].weight;
-            weight(b).total_cmp(&weight(a)).then(a.cmp(b))
-        });
-        chosen.truncate(most);
-        chosen.sort_unstable();
-    }
-    // Row by row: ln p(y_i | theta_s, sigma_s^2).
+    let chosen = chosen(posterior, (MAX_KEPT / m.max(1)).max(1000));
     let rows: Vec<Option<Vec<f64>>> = chosen
         .par_iter()
         .map(|&s| densities(&likelihood, posterior.settings.seed, s, m, &curve))
         .collect::<Result<_, _>>()?;
-    let (ln_weights, labels, rows): (Vec<f64>, Vec<usize>, Vec<Vec<f64>>) = {
-        let mut kept = (Vec::new(), Vec::new(), Vec::new());
-        for (s, row) in chosen.iter().zip(rows) {
-            if let Some(row) = row {
-                let sample = &posterior.samples[*s];
-                kept.0.push(sample.weight.ln());
-                kept.1.push(sample.replicate);
-                kept.2.push(row);
-            }
+    let mut kept = Kept::default();
+    for (s, row) in chosen.iter().zip(rows) {
+        if let Some(row) = row {
+            let sample = &posterior.samples[*s];
+            kept.ln_weights.push(sample.weight.ln());
+            kept.replicates.push(sample.replicate);
+            kept.rows.push(row);
         }
-        kept
-    };
-    let replicates = labels.iter().max().map_or(0, |l| l + 1);
-    let total: f64 = ln_weights.iter().map(|w| w.exp()).sum();
-    let results: Vec<(LeaveOneOutPoint, f64, Vec<f64>)> = (0..m)
-        .into_par_iter()
-        .map(|i| {
-            let ln_ratios: Vec<f64> =
-                ln_weights.iter().zip(&rows).map(|(w, row)| w - row[i]).collect();
-            let smoothed = psis::smooth(&ln_ratios);
-            let density: f64 =
-                smoothed.weights.iter().zip(&rows).map(|(w, row)| w * row[i].exp()).sum();
-            let included: f64 =
-                ln_weights.iter().zip(&rows).map(|(w, row)| w.exp() * row[i].exp()).sum::<f64>()
-                    / total;
-            let mut parts = vec![0.0; replicates];
-            for ((w, row), label) in smoothed.weights.iter().zip(&rows).zip(&labels) {
-                parts[*label] += w * (row[i].exp() / density - 1.0);
-            }
-            let point = LeaveOneOutPoint {
-                index: i,
-                control: control[i],
-                ln_density: density.ln(),
-                khat: smoothed.khat,
-            };
-            (point, included.ln() - density.ln(), parts)
-        })
-        .collect();
-    let points: Vec<LeaveOneOutPoint> = results.iter().map(|r| r.0).collect();
+    }
+    let control = problem.control();
+    let total: f64 = kept.ln_weights.iter().map(|w| w.exp()).sum();
+    let results: Vec<LeftOut> =
+        (0..m).into_par_iter().map(|i| kept.without(i, control[i], total)).collect();
+    Ok(Some(summary(&results)))
+}
+
+/// Samples of positive weight; of too many the `most` of largest weight, in order.
+fn chosen(posterior: &Posterior, most: usize) -> Vec<usize> {
+    let weight = |s: &usize| posterior.samples[*s].weight;
+    let mut chosen: Vec<usize> = (0..posterior.samples.len()).filter(|s| weight(s) > 0.0).collect();
+    if chosen.len() > most {
+        chosen.sort_unstable_by(|a, b| weight(b).total_cmp(&weight(a)).then(a.cmp(b)));
+        chosen.truncate(most);
+        chosen.sort_unstable();
+    }
+    chosen
+}
+
+/// The samples that could be simulated again.
+#[derive(Default)]
+struct Kept {
+    ln_weights: Vec<f64>,
+    replicates: Vec<usize>,
+    /// `ln p(y_i | theta_s, sigma_s^2)`, one row per sample.
+    rows: Vec<Vec<f64>>,
+}
+
+/// One observation left out.
+struct LeftOut {
+    point: LeaveOneOutPoint,
+    /// Log density with the observation included minus with it left out.
+    gain: f64,
+    /// Share of every sub-net in the error of the log density.
+    parts: Vec<f64>,
+}
+
+impl Kept {
+    /// Predicts observation i by the others; `total` is the sum of the weights.
+    fn without(&self, i: usize, control: f64, total: f64) -> LeftOut {
+        let Self { ln_weights, replicates, rows } = self;
+        let ln_ratios: Vec<f64> = ln_weights.iter().zip(rows).map(|(w, row)| w - row[i]).collect();
+        let smoothed = psis::smooth(&ln_ratios);
+        let density: f64 = smoothed.weights.iter().zip(rows).map(|(w, row)| w * row[i].exp()).sum();
+        let included: f64 =
+            ln_weights.iter().zip(rows).map(|(w, row)| w.exp() * row[i].exp()).sum::<f64>() / total;
+        let mut parts = vec![0.0; replicates.iter().max().map_or(0, |r| r + 1)];
+        for ((w, row), replicate) in smoothed.weights.iter().zip(rows).zip(replicates) {
+            parts[*replicate] += w * (row[i].exp() / density - 1.0);
+        }
+        let (ln_density, khat) = (density.ln(), smoothed.khat);
+        let point = LeaveOneOutPoint { index: i, control, ln_density, khat };
+        LeftOut { point, gain: included.ln() - ln_density, parts }
+    }
+}
+
+/// Sums over all observations.
+fn summary(results: &[LeftOut]) -> LeaveOneOut {
+    let points: Vec<LeaveOneOutPoint> = results.iter().map(|r| r.point).collect();
+    let m = points.len();
     let ln_density: f64 = points.iter().map(|p| p.ln_density).sum();
     let mean = ln_density / m as f64;
     let variance = points.iter().map(|p| (p.ln_density - mean).powi(2)).sum::<f64>()
         / (m.saturating_sub(1)).max(1) as f64;
+    let replicates = results.first().map_or(0, |r| r.parts.len());
     let parts: Vec<f64> =
-        (0..replicates).map(|r| results.iter().map(|result| result.2[r]).sum()).collect();
-    Ok(Some(LeaveOneOut {
+        (0..replicates).map(|k| results.iter().map(|r| r.parts[k]).sum()).collect();
+    LeaveOneOut {
         ln_density,
         spread: (m as f64 * variance).sqrt(),
         se: spread_of_parts(&parts),
-        effective_parameters: results.iter().map(|r| r.1).sum(),
+        effective_parameters: results.iter().map(|r| r.gain).sum(),
         khat: points.iter().map(|p| p.khat).fold(f64::NEG_INFINITY, f64::max),
         points,
-    }))
+    }
 }
 
 /// Standard error of a sum of independent, equally distributed parts.

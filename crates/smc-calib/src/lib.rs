@@ -1,36 +1,10 @@
-//! Bayesian calibration of simulators: recursive Bayes over a measured curve, sampled by iteratively refined
-//! Gaussian-mixture proposals whose weights make the answer right.
-//!
-//! ```
-//! use smc_calib::{FnSimulator, Noise, Observations, Parameter, Prior, PriorSpec, Problem, Settings, calibrate};
-//!
-//! // y = exp(-t / tau), measured at four times.
-//! let times = [0.5, 1.0, 2.0, 4.0];
-//! let simulator = FnSimulator::new(1, 4, move |theta: &[f64], out: &mut [f64]| {
-//!     for (o, t) in out.iter_mut().zip(times) {
-//!         *o = (-t / theta[0]).exp();
-//!     }
-//!     Ok(())
-//! });
-//! let problem = Problem {
-//!     simulator: &simulator,
-//!     parameters: vec![Parameter::new("tau", "s", Prior::new(PriorSpec::LogUniform { lower: 0.1, upper: 100.0 })?)],
-//!     observations: Observations::new(times.to_vec(), vec![0.78, 0.61, 0.36, 0.14])?,
-//!     noise: Noise::Inferred { nu0: 4.0, s0: 0.02 },
-//! };
-//! let posterior = calibrate(&problem, &Settings { samples: 2048, ..Settings::default() }, &mut ())?;
-//! let tau = posterior.parameters[0].in_si.eti95;
-//! assert!(tau.lower < 2.0 && 2.0 < tau.upper && posterior.khat < 0.7);
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
-
+#![doc = include_str!("../README.md")]
 // Loops over matrix rows and columns read like the formulas they compute.
 #![allow(clippy::needless_range_loop)]
 
-#[doc(hidden)]
-pub mod bench_support;
 mod calibrate;
 mod cholesky;
+mod cloud;
 mod control;
 mod density;
 mod design;
@@ -45,6 +19,7 @@ mod map_search;
 mod marginal;
 mod mixture;
 mod neighbours;
+mod nelder_mead;
 mod noise;
 pub mod normal;
 mod observations;
@@ -70,6 +45,7 @@ mod summary;
 mod surrogate;
 mod target;
 pub mod trust;
+mod weighted;
 
 pub use calibrate::{Observer, calibrate, calibrate_joint};
 pub use density::{DensitySummary, sample_density, sample_density_in};
@@ -92,3 +68,4 @@ pub use simulator::{FnSimulator, SimError, Simulator};
 pub use stage::{ComponentRecord, MixtureRecord, StageRecord};
 pub use target::Target;
 pub use trust::{Concern, Trust, Verdict};
+pub use weighted::Weighted;

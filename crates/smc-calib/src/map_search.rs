@@ -1,178 +1,156 @@
-//! Search for the maximum a posteriori point: Nelder and Mead's simplex from several starts.
-//!
-//! J. A. Nelder, R. Mead, "A simplex method for function minimization", Computer Journal 7 (1965) 308.
+//! The maximum a posteriori point, of the density in the priors' coordinates.
 
-/// Most starts of [`best_of`].
-pub(crate) const MOST_STARTS: usize = 12;
+use crate::estimate::Estimator;
+use crate::nelder_mead::{Start, best_of};
+use crate::sampler::Sampler;
+use crate::target::CurveTarget;
+use crate::{CalibrateError, MapPoint, SimError};
+use rayon::prelude::*;
 
-/// A place to start from and the axes of its first simplex, row by row: start + axis is a corner.
-#[derive(Clone, Debug)]
-pub(crate) struct Start {
-    pub point: Vec<f64>,
-    pub axes: Vec<f64>,
-}
+/// Most places that the search starts from.
+const MOST_STARTS: usize = 12;
+/// Normal score beyond which a parameter is its bound to all digits.
+const FARTHEST: f64 = 8.0;
 
-/// Maximises `value` from several starts with at most about `budget` evaluations in all.
-///
-/// In rounds: every start is searched a little, the better half goes on from where it is with smaller simplices,
-/// until one is left, which gets the rest. Ties go to the earlier start. Returns the best point, its value, and
-/// the evaluations used.
-pub(crate) fn best_of(
-    starts: &[Start],
-    budget: usize,
-    value: &mut dyn FnMut(&[f64]) -> f64,
-) -> (Vec<f64>, f64, usize) {
-    let mut rounds = 1;
-    while starts.len() >> rounds > 0 {
-        rounds += 1;
-    }
-    let share = budget / rounds;
-    let mut field: Vec<(Start, f64)> =
-        starts.iter().map(|s| (s.clone(), f64::NEG_INFINITY)).collect();
-    let mut used = 0;
-    let mut best = (starts.first().map_or_else(Vec::new, |s| s.point.clone()), f64::NEG_INFINITY);
-    while !field.is_empty() && used < budget {
-        let last = field.len() == 1;
-        let each = if last { budget - used } else { share / field.len() };
-        for (start, reached) in &mut field {
-            let (x, v, n) = maximise(&start.point, &start.axes, each, value);
-            used += n;
-            if v > *reached {
-                (start.point, *reached) = (x, v);
-            }
-            start.axes.iter_mut().for_each(|a| *a *= 0.5);
-        }
-        // Stable: equal values stay in the order of their starts.
-        field.sort_by(|a, b| b.1.total_cmp(&a.1));
-        if field[0].1 > best.1 {
-            best = (field[0].0.point.clone(), field[0].1);
-        }
-        if last {
-            break;
-        }
-        field.truncate(field.len().div_ceil(2));
-    }
-    (best.0, best.1, used)
-}
-
-/// Maximises `value` from `start`, the first simplex along `axes` (row by row); at most about `budget`
-/// evaluations. Returns the best point, its value, and the evaluations used.
-pub(crate) fn maximise(
-    start: &[f64],
-    axes: &[f64],
-    budget: usize,
-    value: &mut dyn FnMut(&[f64]) -> f64,
-) -> (Vec<f64>, f64, usize) {
-    let d = start.len();
-    let mut used = 0;
-    let mut best = (start.to_vec(), f64::NEG_INFINITY);
-    let mut scale = 1.0;
-    // A collapsed simplex is started again, smaller, until that finds nothing better.
-    while used < budget {
-        let before = best.1;
-        let mut call = |x: &[f64], used: &mut usize| {
-            *used += 1;
-            let v = value(x);
-            if v.is_nan() { f64::NEG_INFINITY } else { v }
-        };
-        let mut simplex: Vec<(Vec<f64>, f64)> = Vec::with_capacity(d + 1);
-        for i in 0..=d {
-            let mut x = best.0.clone();
-            if i > 0 {
-                for (x, a) in x.iter_mut().zip(&axes[(i - 1) * d..i * d]) {
-                    *x += scale * a;
-                }
-            }
-            let v = call(&x, &mut used);
-            simplex.push((x, v));
-        }
-        loop {
-            simplex.sort_by(|a, b| b.1.total_cmp(&a.1));
-            let spread = simplex[0].1 - simplex[d].1;
-            if used >= budget || spread.abs() < 1e-9 {
-                break;
-            }
-            let centre: Vec<f64> = (0..d)
-                .map(|j| simplex[..d].iter().map(|s| s.0[j]).sum::<f64>() / d as f64)
-                .collect();
-            let along = |t: f64| -> Vec<f64> {
-                (0..d).map(|j| centre[j] + t * (simplex[d].0[j] - centre[j])).collect()
-            };
-            let reflected = along(-1.0);
-            let r = call(&reflected, &mut used);
-            if r > simplex[0].1 {
-                let expanded = along(-2.0);
-                let e = call(&expanded, &mut used);
-                simplex[d] = if e > r { (expanded, e) } else { (reflected, r) };
-            } else if r > simplex[d - 1].1 {
-                simplex[d] = (reflected, r);
+/// The point of highest density: searched for in normal scores, or the best sample where no simulation is to be spent.
+pub(crate) fn find_map(
+    target: &CurveTarget<'_>,
+    sampler: &Sampler<'_>,
+    estimator: &Estimator,
+) -> Result<MapPoint, CalibrateError> {
+    let pool = &sampler.pool;
+    let density: Vec<f64> = (0..pool.len())
+        .into_par_iter()
+        .with_min_len(256)
+        .map(|i| {
+            if pool.ln_l[i].is_finite() {
+                pool.ln_l[i] + target.ln_prior(pool.point(i))
             } else {
-                let contracted = if r > simplex[d].1 { along(-0.5) } else { along(0.5) };
-                let c = call(&contracted, &mut used);
-                if c > simplex[d].1.max(r) {
-                    simplex[d] = (contracted, c);
-                } else {
-                    let head = simplex[0].0.clone();
-                    for s in &mut simplex[1..] {
-                        for (x, h) in s.0.iter_mut().zip(&head) {
-                            *x = h + 0.5 * (*x - h);
-                        }
-                        s.1 = call(&s.0, &mut used);
+                f64::NEG_INFINITY
+            }
+        })
+        .collect();
+    let budget = sampler.settings.map_simulations;
+    if budget == 0 {
+        return Ok(best_sample(target, sampler, &density));
+    }
+    let starts = map_starts(sampler, estimator, &density);
+    let start = starts.first().map_or_else(|| pool.point(0).to_vec(), |s| s.point.clone());
+    let mut outputs = vec![0.0; target.problem.observations()];
+    let mut ended: Option<SimError> = None;
+    let (z, _, simulations) = best_of(&starts, budget, &mut |z| {
+        if ended.is_some() || z.iter().any(|z| z.abs() > FARTHEST) {
+            return f64::NEG_INFINITY;
+        }
+        match target.simulate(z, &mut outputs) {
+            Ok(()) => target.likelihood.ln_joint(&outputs) + target.ln_prior(z),
+            Err(error) => {
+                ended = Some(error).filter(|error| !error.is_recoverable());
+                f64::NEG_INFINITY
+            }
+        }
+    });
+    let total = pool.len() + simulations;
+    if let Some(error) = ended {
+        return Err(CalibrateError::ended_by(error, total));
+    }
+    let z = simulated_again(target, [z, start], &mut outputs)
+        .map_err(|error| CalibrateError::ended_by(error, total))?;
+    let log_likelihood = target.likelihood.ln_joint(&outputs);
+    Ok(MapPoint {
+        theta: target.theta(&z),
+        log_likelihood,
+        log_density: log_likelihood + target.ln_prior(&z),
+        outputs,
+        simulations: simulations + 1,
+    })
+}
+
+/// The first of two points that can be simulated again, with its curve in `outputs`: the best one that was found, or else
+/// the sample that the search started from.
+fn simulated_again(
+    target: &CurveTarget<'_>,
+    [best, start]: [Vec<f64>; 2],
+    outputs: &mut [f64],
+) -> Result<Vec<f64>, SimError> {
+    match target.simulate(&best, outputs) {
+        Ok(()) => return Ok(best),
+        Err(SimError::Interrupted) => return Err(SimError::Interrupted),
+        Err(_) => {}
+    }
+    target.simulate(&start, outputs).map_err(|error| match error {
+        SimError::Interrupted => error,
+        other => SimError::fatal(format!(
+            "the same parameters worked before and now fail: {}",
+            other.cause()
+        )),
+    })?;
+    Ok(start)
+}
+
+/// The sample of highest density, the earliest of equals; its curve is the one that was kept.
+fn best_sample(target: &CurveTarget<'_>, sampler: &Sampler<'_>, density: &[f64]) -> MapPoint {
+    let pool = &sampler.pool;
+    let mut best = 0;
+    for i in 0..pool.len() {
+        if density[i] > density[best] {
+            best = i;
+        }
+    }
+    let kept = &pool.kept[best * pool.kept_width..(best + 1) * pool.kept_width];
+    MapPoint {
+        theta: target.theta(pool.point(best)),
+        log_likelihood: pool.ln_l[best],
+        log_density: density[best],
+        outputs: target.best_outputs().unwrap_or_else(|| kept.to_vec()),
+        simulations: 0,
+    }
+}
+
+/// Places to search from: the best sample of every component of the last proposal, the best first, so that each
+/// peak and each stretch of a ridge that the mixture tells apart has one.
+fn map_starts(sampler: &Sampler<'_>, estimator: &Estimator, density: &[f64]) -> Vec<Start> {
+    let pool = &sampler.pool;
+    let d = pool.d;
+    let components =
+        sampler.proposals.last().map_or(&[] as &[_], |(_, proposal)| &proposal.components);
+    let top = density.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    // Per component: its best sample among those that are nearest to it.
+    let mut best: Vec<Option<usize>> = vec![None; components.len().max(1)];
+    for i in (0..pool.len()).filter(|i| density[*i] > top - 50.0) {
+        let z = pool.point(i);
+        let mut nearest = (0, f64::INFINITY);
+        for (c, component) in components.iter().enumerate() {
+            let m = component.distance2(z);
+            if m < nearest.1 {
+                nearest = (c, m);
+            }
+        }
+        let best = &mut best[nearest.0];
+        if best.is_none_or(|b| density[i] > density[b]) {
+            *best = Some(i);
+        }
+    }
+    let mut starts: Vec<(usize, usize)> =
+        best.into_iter().enumerate().filter_map(|(c, i)| i.map(|i| (c, i))).collect();
+    starts.sort_by(|a, b| density[b.1].total_cmp(&density[a.1]).then(a.1.cmp(&b.1)));
+    starts.truncate(MOST_STARTS);
+    starts
+        .into_iter()
+        .map(|(c, i)| {
+            let mut axes = vec![0.0; d * d];
+            for a in 0..d {
+                match components.get(c) {
+                    // Columns of the factor: the directions in which the component is wide and narrow.
+                    Some(c) => (a..d).for_each(|j| axes[a * d + j] = 0.3 * c.factor[j * d + a]),
+                    None => {
+                        let mean = estimator.mean(|i| pool.z[i * d + a]);
+                        let variance = estimator.mean(|i| (pool.z[i * d + a] - mean).powi(2));
+                        axes[a * d + a] = 0.5 * variance.max(0.0).sqrt().max(1e-6);
                     }
                 }
             }
-        }
-        if simplex[0].1 > best.1 {
-            best = simplex.swap_remove(0);
-        }
-        if best.1 - before < 1e-6 {
-            break;
-        }
-        scale *= 0.3;
-    }
-    (best.0, best.1, used)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn finds_the_top_of_a_curved_ridge() {
-        let mut ridge = |x: &[f64]| -(100.0 * (x[1] - x[0] * x[0]).powi(2) + (1.0 - x[0]).powi(2));
-        let (x, v, used) = maximise(&[-1.2, 1.0], &[0.5, 0.0, 0.0, 0.5], 1000, &mut ridge);
-        assert!((x[0] - 1.0).abs() < 1e-3 && (x[1] - 1.0).abs() < 1e-3 && v > -1e-6, "{x:?} {v}");
-        assert!(used <= 1000);
-    }
-
-    #[test]
-    fn the_higher_of_two_separated_peaks_wins_even_where_the_search_starts_lower() {
-        // A wide peak of height 0 at (-2, 0) and a narrow one of height 0.02 at (3, 1); started at their feet, the
-        // narrow one's far below.
-        let mut peaks = |x: &[f64]| {
-            let wide = -0.5 * ((x[0] + 2.0).powi(2) + x[1].powi(2));
-            let narrow = 0.02 - 50.0 * ((x[0] - 3.0).powi(2) + (x[1] - 1.0).powi(2));
-            wide.max(narrow)
-        };
-        let at = |point: [f64; 2], size: f64| Start {
-            point: point.to_vec(),
-            axes: vec![size, 0.0, 0.0, size],
-        };
-        let starts = [at([-1.9, 0.1], 0.5), at([-2.6, -0.4], 0.5), at([3.1, 1.15], 0.05)];
-        let (x, v, used) = best_of(&starts, 400, &mut peaks);
-        assert!((x[0] - 3.0).abs() < 1e-3 && (x[1] - 1.0).abs() < 1e-3, "{x:?} {v}");
-        assert!(used <= 410, "{used}");
-        let (x, ..) = best_of(&starts[..2], 400, &mut peaks);
-        assert!((x[0] + 2.0).abs() < 1e-3, "{x:?}");
-    }
-
-    #[test]
-    fn keeps_to_its_budget_and_survives_nan() {
-        let mut calls = 0;
-        let (_, v, used) = maximise(&[0.0], &[1.0], 17, &mut |x| {
-            calls += 1;
-            if x[0] > 0.5 { f64::NAN } else { -x[0] * x[0] }
-        });
-        assert!(used <= 19 && used == calls && v == 0.0, "{used} {v}");
-    }
+            Start { point: pool.point(i).to_vec(), axes }
+        })
+        .collect()
 }

@@ -2,60 +2,39 @@
 
 use crate::estimate::Estimator;
 use crate::normal;
+use crate::weighted::Weighted;
 use crate::{Coordinate, Interval, Moments};
 
-/// A marginal's samples in ascending order with running weights.
+/// One coordinate of the samples, by the weights of an estimator.
 pub(crate) struct Marginal<'a> {
     x: &'a [f64],
     estimator: &'a Estimator,
-    /// Samples with weight, ascending in x.
-    pub order: Vec<u32>,
-    /// Share of the weight up to and including each.
-    cumulative: Vec<f64>,
+    /// Samples whose weight counts, each with its share of the total.
+    shares: Weighted,
 }
 
 impl<'a> Marginal<'a> {
     pub(crate) fn new(x: &'a [f64], estimator: &'a Estimator) -> Self {
         let largest = estimator.weights.iter().copied().fold(0.0, f64::max);
-        let mut order: Vec<u32> = (0..x.len() as u32)
-            .filter(|i| estimator.weights[*i as usize] > 1e-20 * largest)
-            .collect();
-        order.sort_unstable_by(|a, b| x[*a as usize].total_cmp(&x[*b as usize]).then(a.cmp(b)));
-        let total: f64 = order.iter().map(|i| estimator.weights[*i as usize]).sum();
-        let mut sum = 0.0;
-        let cumulative = order
+        let mut alive: Vec<(f64, f64)> = x
             .iter()
-            .map(|i| {
-                sum += estimator.weights[*i as usize] / total;
-                sum
-            })
+            .zip(&estimator.weights)
+            .filter(|(_, w)| **w > 1e-20 * largest)
+            .map(|(x, w)| (*x, *w))
             .collect();
-        Self { x, estimator, order, cumulative }
+        alive.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let total: f64 = alive.iter().map(|(_, w)| w).sum();
+        let shares = Weighted::new(alive.into_iter().map(|(x, w)| (x, w / total)));
+        Self { x, estimator, shares }
     }
 
-    fn at(&self, k: usize) -> f64 {
-        self.x[self.order[k] as usize]
-    }
-
-    /// Quantile: running weights put half of each sample on either side, linear between samples.
+    /// The p-quantile.
     pub(crate) fn quantile(&self, p: f64) -> f64 {
-        let n = self.order.len();
-        let middle = |k: usize| {
-            let before = if k == 0 { 0.0 } else { self.cumulative[k - 1] };
-            0.5 * (before + self.cumulative[k])
-        };
-        let k = self.cumulative.partition_point(|c| *c < p).min(n - 1);
-        let (a, b) =
-            if p >= middle(k) { (k, (k + 1).min(n - 1)) } else { (k.saturating_sub(1), k) };
-        let (pa, pb) = (middle(a), middle(b));
-        if pb <= pa {
-            return self.at(a);
-        }
-        let t = ((p - pa) / (pb - pa)).clamp(0.0, 1.0);
-        self.at(a) + t * (self.at(b) - self.at(a))
+        self.shares.at_weight(p)
     }
 
-    /// Standard error of the quantile `q` at probability `p`: that of the share below q, over the density there.
+    /// Standard error of the quantile `q` at probability `p`: standard error of the share below q, divided by the density
+    /// at q.
     fn quantile_error(&self, p: f64, q: f64) -> f64 {
         let h = 0.05f64.min(0.4 * p.min(1.0 - p));
         let width = self.quantile(p + h) - self.quantile(p - h);
@@ -99,7 +78,7 @@ impl<'a> Marginal<'a> {
         }
     }
 
-    /// Everything about the marginal.
+    /// Moments, median and intervals.
     pub(crate) fn moments(&self) -> Moments {
         let (x, e) = (self.x, self.estimator);
         let (mean, mean_se, sd, sd_se) = mean_and_sd(x, e);
@@ -142,7 +121,7 @@ impl<'a> Marginal<'a> {
                 } else {
                     (1.0 - 2.0 * end) / f64::from(bins)
                 };
-                // On the side on which the areas are small.
+                // Of the two tails the smaller one has the digits.
                 let prior = if w[0] > 0.0 {
                     normal::cdf(-w[0]) - normal::cdf(-w[1])
                 } else {
@@ -155,7 +134,7 @@ impl<'a> Marginal<'a> {
     }
 }
 
-/// Mean, its error, standard deviation, its error.
+/// Mean, its standard error, standard deviation, its standard error.
 pub(crate) fn mean_and_sd(x: &[f64], e: &Estimator) -> (f64, f64, f64, f64) {
     let mean = e.mean(|i| x[i]);
     let variance = e.mean(|i| (x[i] - mean).powi(2)).max(0.0);
@@ -169,7 +148,8 @@ pub(crate) fn mean_and_sd(x: &[f64], e: &Estimator) -> (f64, f64, f64, f64) {
     (mean, mean_se, sd, sd_se)
 }
 
-/// Intervals and median of a coordinate as those of the parameter; they map end by end. Mean and sd are given.
+/// The summary in SI from that in the coordinate: intervals and median map end by end, mean and sd (with their errors)
+/// are given.
 pub(crate) fn in_si(coordinate: Coordinate, m: &Moments, moments: (f64, f64, f64, f64)) -> Moments {
     let slope = |theta: f64| match coordinate {
         Coordinate::Linear => 1.0,

@@ -77,7 +77,7 @@ impl Component {
     }
 }
 
-/// ln(e^a + e^b), one of them above minus infinity.
+/// ln(e^a + e^b), where a or b is above minus infinity.
 pub(crate) fn ln_sum(a: f64, b: f64) -> f64 {
     let top = a.max(b);
     top + ((a - top).exp() + (b - top).exp()).ln()

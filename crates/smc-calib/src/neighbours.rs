@@ -12,13 +12,13 @@ pub(crate) struct Neighbours {
     d: usize,
     /// Points in the order of the leaves, row by row.
     points: Vec<f64>,
-    /// Number that each of them was given with.
+    /// Number of each of them in the order in which they were given.
     index: Vec<u32>,
     /// Splits of the inner nodes: axis and value; the children of node k are 2k + 1 and 2k + 2.
     splits: Vec<(usize, f64)>,
 }
 
-/// What is searched for.
+/// A query: `count` points nearest to z, closer than a squared distance.
 struct Search<'a> {
     z: &'a [f64],
     count: usize,
@@ -41,8 +41,8 @@ impl Neighbours {
         Self { d, points: ordered.collect(), index, splits }
     }
 
-    /// The `count` points nearest to z, nearest first: squared distance and number. Points whose squared distance is
-    /// not below `within` are none of them.
+    /// The `count` points nearest to z whose squared distance is below `within`: squared distance and number, nearest
+    /// first.
     pub(crate) fn nearest(
         &self,
         z: &[f64],
@@ -58,7 +58,7 @@ impl Neighbours {
         }
     }
 
-    /// `off` is how far z is from the node's cell, axis by axis.
+    /// Searches one node. `off` is the distance of z from the node's cell along each axis.
     fn search(
         &self,
         search: &Search<'_>,
@@ -76,7 +76,7 @@ impl Neighbours {
             let (near, far) = if beyond < 0.0 { (low, high) } else { (high, low) };
             self.search(search, found, off, near.0, near.1);
             let before = std::mem::replace(&mut off[*axis], beyond);
-            // Summed as the distances of points are, so that it never exceeds that of a point in the cell.
+            // Summed in the order of the points' distances, so that rounding never puts it above that of a point inside.
             let least: f64 = off.iter().map(|off| off * off).sum();
             if least < within && (found.len() < count || least <= found[found.len() - 1].0) {
                 self.search(search, found, off, far.0, far.1);

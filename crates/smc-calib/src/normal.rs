@@ -1,7 +1,7 @@
 //! The standard normal distribution, accurate in both tails.
 //!
-//! A probability close to one cannot be told from one, so a point of a distribution is carried as
-//! both tail areas, [`Tails`]; whichever is smaller holds the information.
+//! A probability near one loses its digits, so a point of a distribution is given by both tail areas, [`Tails`]; the
+//! smaller one keeps full precision.
 
 use std::f64::consts::FRAC_1_SQRT_2;
 
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn quantile_of_what_is_no_probability_is_nan() {
+    fn a_number_outside_zero_to_one_has_no_quantile() {
         assert!(quantile(-0.1).is_nan() && quantile(1.1).is_nan() && quantile(f64::NAN).is_nan());
         assert_eq!(quantile(0.0), f64::NEG_INFINITY);
         assert_eq!(quantile(1.0), f64::INFINITY);

@@ -21,7 +21,7 @@ pub(crate) struct Pool {
     pub z: Vec<f64>,
     /// Log likelihood, minus infinity where the simulation failed.
     pub ln_l: Vec<f64>,
-    /// Kept numbers, row by row.
+    /// Numbers kept of every sample (its curve), row by row.
     pub kept: Vec<f64>,
     pub stage: Vec<u32>,
     pub replicate: Vec<u32>,
@@ -33,7 +33,7 @@ pub(crate) struct Pool {
     prior_count: f64,
     /// Log of the mixture of all proposals over the prior.
     pub ln_mixture_over_prior: Vec<f64>,
-    /// Causes of failures.
+    /// Number of failures by cause.
     failures: BTreeMap<String, usize>,
     pub failed: usize,
     pub component_densities: usize,
@@ -70,7 +70,7 @@ impl Pool {
     /// Simulates new samples, drawn from `proposals.last()`, and adds them.
     ///
     /// # Errors
-    /// The cause of the first fatal failure, in the order of the samples.
+    /// The first error, in the order of the samples, that is no failure of its sample alone.
     pub(crate) fn extend(
         &mut self,
         target: &dyn Target,
@@ -185,7 +185,7 @@ pub(crate) fn effective_sample_size(weights: &[f64]) -> f64 {
 
 /// The power of the likelihood, at most 1, at which the effective size of the weights is `wished`.
 pub(crate) fn temper(ln_base: &[f64], ln_l: &[f64], wished: f64) -> f64 {
-    // Only samples with a likelihood take part.
+    // Failed samples have no part in it.
     let alive: Vec<(f64, f64)> = ln_base
         .iter()
         .zip(ln_l)
@@ -201,7 +201,7 @@ pub(crate) fn tune(ln_l: &[f64], wished: f64) -> f64 {
     bisect(&alive, wished, 60.0)
 }
 
-/// Bisection of ln beta between -700 and `high`; the upper end where the wish is fulfilled there.
+/// Bisection of ln beta between -700 and `high`; the upper end where the size is reached there.
 fn bisect(alive: &[(f64, f64)], wished: f64, high: f64) -> f64 {
     let ess = |beta: f64| {
         let ln: Vec<f64> = alive.iter().map(|(b, l)| b + beta * l).collect();
@@ -212,7 +212,7 @@ fn bisect(alive: &[(f64, f64)], wished: f64, high: f64) -> f64 {
     }
     let (mut low, mut high) = (-50.0f64, high);
     if ess(low.exp()) < wished {
-        // Too few alive for the wish, or likelihoods that span more than e^50: the flattest of them.
+        // Too few samples alive, or log likelihoods that span more than e^50: search among flatter ones.
         low = -700.0;
     }
     for _ in 0..24 {

@@ -37,9 +37,9 @@ pub struct Posterior {
     pub residuals: Residuals,
     /// Posterior predictive bands at the observation points.
     pub predictive: Vec<BandPoint>,
-    /// Recursive Bayes: what was known after each observation.
+    /// Recursive Bayes: the state of knowledge after each observation.
     pub path: Vec<PathPoint>,
-    /// What each stage did.
+    /// Records of the stages.
     pub stages: Vec<StageRecord>,
     /// Failed simulations by cause, commonest first.
     pub failures: Vec<Failure>,
@@ -53,7 +53,7 @@ pub struct Posterior {
     pub groups: Vec<GroupSummary>,
 }
 
-/// What belongs to one of several groups of observations.
+/// Results of one of several groups of observations.
 ///
 /// Its observations are `first`, `first + 1`, .. of those that the posterior lists: in the curves, the bands, the path
 /// and the residuals.
@@ -68,7 +68,7 @@ pub struct GroupSummary {
     pub first: usize,
     /// Number of its observations.
     pub observations: usize,
-    /// Its share of the log likelihood of the MAP.
+    /// Its part of the log likelihood of the MAP.
     pub log_likelihood: f64,
     /// Posterior of its noise standard deviation; none where it is fixed point by point.
     pub sigma: Option<SigmaSummary>,
@@ -163,7 +163,7 @@ pub struct Moments {
     pub hdi95: Interval,
 }
 
-/// What is known about one parameter.
+/// Summary of one parameter.
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ParameterSummary {
@@ -251,7 +251,7 @@ pub struct SigmaSummary {
     pub eti90: [f64; 2],
     /// Equal-tailed 95 % interval of the draws.
     pub eti95: [f64; 2],
-    /// Whether it was given, not inferred.
+    /// Whether it is known, not inferred.
     pub fixed: bool,
 }
 
@@ -265,7 +265,7 @@ pub struct Residuals {
     pub lag1: f64,
     /// z-score of the number of runs of equal sign; negative for too few.
     pub runs_z: f64,
-    /// Neither test objects at the 5 % level.
+    /// Whether both tests pass, at 5 % for the two together.
     pub independent: bool,
     /// Root mean square of the residuals over the expected noise: s0 where sigma is inferred, sigma where it is fixed; none
     /// for tuned noise.
@@ -297,7 +297,7 @@ pub struct BandPoint {
     pub noisy95: [f64; 2],
 }
 
-/// What was known after one observation.
+/// State of knowledge after one observation.
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PathPoint {
@@ -333,9 +333,9 @@ pub struct PathParameter {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Failure {
-    /// The cause, as the simulator put it.
+    /// The cause, in the simulator's words.
     pub cause: String,
-    /// How many.
+    /// Number of them.
     pub count: usize,
 }
 

@@ -5,42 +5,23 @@ use crate::noise::Likelihood;
 use crate::sampler::Sampler;
 use crate::stream::{Purpose, stream};
 use crate::target::CurveTarget;
-use crate::{
-    BandPoint, Draw, GroupSummary, Posterior, Settings, SigmaSummary, SimError, Simulator,
-};
+use crate::weighted::Weighted;
+use crate::{BandPoint, Draw, GroupSummary, Posterior, SigmaSummary, SimError, Simulator};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
 use statrs::function::gamma::ln_gamma;
 
-/// Probabilities of the ends of the 95, 90 and 50 % bands.
-const ENDS: [f64; 6] = [0.025, 0.05, 0.25, 0.75, 0.95, 0.975];
-
-/// Quantiles of equally weighted values at [`ENDS`], linear between order statistics.
-fn ends(values: &mut [f64]) -> [f64; 6] {
-    values.sort_unstable_by(f64::total_cmp);
-    let n = values.len();
-    ENDS.map(|p| {
-        let at = (p * n as f64 - 0.5).clamp(0.0, (n - 1) as f64);
-        let (low, high) = (at.floor() as usize, at.ceil() as usize);
-        values[low] + (at - at.floor()) * (values[high] - values[low])
-    })
+/// Intervals of 50, 90 and 95 %. Their probabilities are written out: computed ones are off by a rounding.
+fn intervals(values: &Weighted) -> [[f64; 2]; 3] {
+    [[0.25, 0.75], [0.05, 0.95], [0.025, 0.975]].map(|ends| ends.map(|p| values.quantile(p)))
 }
 
-/// Bands from equally weighted curve values and, drawn from `sigma`, noisy ones.
-fn band(index: usize, control: f64, mean: f64, values: &mut [f64], noisy: &mut [f64]) -> BandPoint {
-    let (c, n) = (ends(values), ends(noisy));
-    BandPoint {
-        index,
-        control,
-        mean,
-        curve50: [c[2], c[3]],
-        curve90: [c[1], c[4]],
-        curve95: [c[0], c[5]],
-        noisy50: [n[2], n[3]],
-        noisy90: [n[1], n[4]],
-        noisy95: [n[0], n[5]],
-    }
+/// Bands from equally weighted curve values and noisy ones.
+fn band(index: usize, control: f64, mean: f64, values: Vec<f64>, noisy: Vec<f64>) -> BandPoint {
+    let [curve50, curve90, curve95] = intervals(&Weighted::equal(values));
+    let [noisy50, noisy90, noisy95] = intervals(&Weighted::equal(noisy));
+    BandPoint { index, control, mean, curve50, curve90, curve95, noisy50, noisy90, noisy95 }
 }
 
 /// Bands at the observations that were kept.
@@ -50,7 +31,6 @@ pub(crate) fn at_observations(
     estimator: &Estimator,
     draws: &[Draw],
     groups: &[GroupSummary],
-    settings: &Settings,
 ) -> Vec<BandPoint> {
     if draws.is_empty() {
         return Vec::new();
@@ -62,12 +42,11 @@ pub(crate) fn at_observations(
         .into_par_iter()
         .map(|k| {
             let index = target.indices[k];
-            let mut values: Vec<f64> =
-                draws.iter().map(|d| pool.kept[d.sample * width + k]).collect();
-            let mut rng = stream(settings.seed, Purpose::Predictive, 0, k);
+            let values: Vec<f64> = draws.iter().map(|d| pool.kept[d.sample * width + k]).collect();
+            let mut rng = stream(sampler.settings.seed, Purpose::Predictive, 0, k);
             let point_sigma = target.likelihood.fixed_sigma(index);
             let group = groups.iter().find(|g| g.places().contains(&index));
-            let mut noisy: Vec<f64> = draws
+            let noisy: Vec<f64> = draws
                 .iter()
                 .zip(&values)
                 .enumerate()
@@ -77,7 +56,7 @@ pub(crate) fn at_observations(
                 })
                 .collect();
             let mean = estimator.mean(|i| pool.kept[i * width + k]);
-            band(index, control[index], mean, &mut values, &mut noisy)
+            band(index, control[index], mean, values, noisy)
         })
         .collect()
 }
@@ -193,7 +172,7 @@ fn band_on_grid(
                 );
             }
             let mean = values.iter().sum::<f64>() / values.len() as f64;
-            band(k, control[k], mean, &mut values, &mut noisy)
+            band(k, control[k], mean, values, noisy)
         })
         .collect())
 }
@@ -203,7 +182,7 @@ fn band_on_grid(
 /// `E sigma = sqrt(b) Gamma(a - 1/2)/Gamma(a)` and `E sigma^2 = b/(a - 1)`; quantiles from the
 /// drawn `values`. `ln_l` holds the log likelihoods of the samples under this likelihood.
 pub(crate) fn sigma_summary(
-    mut values: Vec<f64>,
+    values: Vec<f64>,
     ln_l: &[f64],
     estimator: &Estimator,
     likelihood: &Likelihood,
@@ -243,20 +222,7 @@ pub(crate) fn sigma_summary(
             fixed: false,
         });
     }
-    let e = ends(&mut values);
-    let middle = values.len() / 2;
-    let median = if values.len() % 2 == 1 {
-        values[middle]
-    } else {
-        0.5 * (values[middle - 1] + values[middle])
-    };
-    Some(SigmaSummary {
-        mean,
-        sd,
-        median,
-        eti50: [e[2], e[3]],
-        eti90: [e[1], e[4]],
-        eti95: [e[0], e[5]],
-        fixed: false,
-    })
+    let values = Weighted::equal(values);
+    let [eti50, eti90, eti95] = intervals(&values);
+    Some(SigmaSummary { mean, sd, median: values.quantile(0.5), eti50, eti90, eti95, fixed: false })
 }

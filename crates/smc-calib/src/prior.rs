@@ -135,7 +135,7 @@ pub struct Prior {
     kernel: Kernel,
 }
 
-/// What the evaluation needs, computed once.
+/// Constants of the evaluation, computed once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kernel {
     /// theta (or its logarithm) is uniform.

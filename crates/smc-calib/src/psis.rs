@@ -1,8 +1,8 @@
 //! How heavy the tail of importance weights is.
 //!
 //! A. Vehtari, D. Simpson, A. Gelman, Y. Yao, J. Gabry, "Pareto smoothed importance sampling", JMLR 25 (2024)
-//! 72: the largest weights are fitted by a generalised Pareto distribution; with its shape k-hat below 0.7
-//! estimates can be trusted. The fit is that of J. Zhang and M. A. Stephens, "A new and efficient estimation
+//! 72: the largest weights are fitted by a generalised Pareto distribution; with its shape k-hat below
+//! [`KHAT_LIMIT`](crate::trust::limits::KHAT_LIMIT) estimates can be trusted. The fit is that of J. Zhang and M. A. Stephens, "A new and efficient estimation
 //! method for the generalized Pareto distribution", Technometrics 51 (2009) 316, with the weak prior of the
 //! former paper.
 

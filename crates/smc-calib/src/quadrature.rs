@@ -11,19 +11,16 @@
 //! cell counts as far as the edge reaches: along the axis that the edge is steepest to (the height functions of
 //! C. W. Hirt, B. D. Nichols, J. Comput. Phys. 39 (1981) 201), so that it is counted once.
 
+mod grid;
+
+use self::grid::{Frame, Grid, digit};
 use crate::cholesky::{cholesky, packed_inverse};
 use crate::joint::{JointLikelihood, JointProblem};
 use crate::target::{CurveTarget, Target};
+use crate::weighted::Weighted;
 use crate::{CalibrateError, Problem, SimError};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use std::collections::HashMap;
-
-/// Log density below the peak at which a cell is left out: a ten-thousandth of the tolerance, since what is left
-/// out may be many times wider than the peak.
-fn negligible(tolerance: f64) -> f64 {
-    (1e4 / tolerance.clamp(1e-12, 1.0)).ln()
-}
 
 /// Posterior moments by quadrature, in the priors' coordinates.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -91,242 +88,10 @@ pub fn quadrature_joint(
     integrate(&target, &coordinate, settings)
 }
 
-/// A box in stretched whitened coordinates: z = centre + factor sinh(v), v between `lower` and `upper`.
-struct Frame {
-    d: usize,
-    centre: Vec<f64>,
-    factor: Vec<f64>,
-    ln_det: f64,
-    lower: Vec<f64>,
-    upper: Vec<f64>,
-}
-
-/// Log densities on a grid; minus infinity where left out.
-struct Grid {
-    n: usize,
-    values: Vec<f64>,
-}
-
-/// The place of a grid point along one axis; the last axis runs fastest.
-fn digit(index: usize, axis: usize, n: usize, d: usize) -> usize {
-    index / n.pow((d - 1 - axis) as u32) % n
-}
-
-/// The edge between a live cell and a failing neighbour.
-struct Crossing {
-    cell: usize,
-    axis: usize,
-    /// Whether the neighbour is the next one up the axis.
-    up: bool,
-    /// Distance of the edge from the live cell's centre, in cells.
-    reach: f64,
-}
-
-impl Frame {
-    fn v(&self, axis: usize, i: usize, n: usize) -> f64 {
-        self.lower[axis] + (self.upper[axis] - self.lower[axis]) * (i as f64 + 0.5) / n as f64
-    }
-
-    /// Stretched coordinates of a grid point.
-    fn point(&self, index: usize, n: usize) -> [f64; 3] {
-        let mut v = [0.0; 3];
-        for (a, v) in v.iter_mut().enumerate().take(self.d) {
-            *v = self.v(a, digit(index, a, n, self.d), n);
-        }
-        v
-    }
-
-    /// Normal scores at stretched coordinates; returns the log of the stretch's Jacobian.
-    fn place(&self, v: &[f64], z: &mut [f64]) -> f64 {
-        let d = self.d;
-        for i in 0..d {
-            z[i] =
-                self.centre[i] + (0..=i).map(|j| self.factor[i * d + j] * v[j].sinh()).sum::<f64>();
-        }
-        v[..d].iter().map(|v| v.cosh().ln()).sum()
-    }
-
-    /// Normal scores of a grid point; returns the log of the stretch's Jacobian.
-    fn z(&self, index: usize, n: usize, z: &mut [f64]) -> f64 {
-        self.place(&self.point(index, n), z)
-    }
-
-    /// Log of likelihood times prior times Jacobian at stretched coordinates; minus infinity where there is none.
-    fn ln_density(
-        &self,
-        target: &dyn Target,
-        v: &[f64],
-        kept: &mut [f64],
-    ) -> Result<f64, SimError> {
-        let mut z = [0.0; 3];
-        let z = &mut z[..self.d];
-        let ln_jacobian = self.place(v, z);
-        match target.ln_likelihood(z, kept) {
-            Ok(l) if l.is_nan() => Ok(f64::NEG_INFINITY),
-            Ok(l) => {
-                Ok(ln_jacobian + l + z.iter().map(|z| crate::normal::ln_density(*z)).sum::<f64>())
-            }
-            Err(e) if e.is_recoverable() => Ok(f64::NEG_INFINITY),
-            Err(e) => Err(e),
-        }
-    }
-
-    /// Log of likelihood times prior times Jacobian on a grid of n cells per axis, where `wanted`.
-    fn evaluate(
-        &self,
-        target: &dyn Target,
-        n: usize,
-        wanted: &(dyn Fn(usize) -> bool + Sync),
-    ) -> Result<(Grid, usize), SimError> {
-        let d = self.d;
-        let cells = n.pow(d as u32);
-        let results: Vec<(Vec<f64>, usize)> = (0..cells.div_ceil(1024))
-            .into_par_iter()
-            .map(|b| {
-                let mut kept = vec![0.0; target.kept()];
-                let mut count = 0;
-                let values = (b * 1024..((b + 1) * 1024).min(cells))
-                    .map(|index| {
-                        if !wanted(index) {
-                            return Ok(f64::NEG_INFINITY);
-                        }
-                        count += 1;
-                        self.ln_density(target, &self.point(index, n), &mut kept)
-                    })
-                    .collect::<Result<Vec<f64>, SimError>>()?;
-                Ok((values, count))
-            })
-            .collect::<Result<Vec<_>, SimError>>()?;
-        let evaluations = results.iter().map(|r| r.1).sum();
-        Ok((Grid { n, values: results.into_iter().flat_map(|r| r.0).collect() }, evaluations))
-    }
-
-    /// Lets every live cell beside a failing one count as far as the edge between them reaches; returns the number
-    /// of evaluations.
-    fn resolve_edges(
-        &self,
-        target: &dyn Target,
-        grid: &mut Grid,
-        negligible: f64,
-    ) -> Result<usize, SimError> {
-        const BISECTIONS: i32 = 7;
-        let (d, n) = (self.d, grid.n);
-        let least = grid.values.iter().copied().fold(f64::NEG_INFINITY, f64::max) - negligible;
-        let mut crossings: Vec<Crossing> = Vec::new();
-        for cell in (0..grid.values.len()).filter(|i| grid.values[*i] > least) {
-            for axis in 0..d {
-                let (at, stride) = (digit(cell, axis, n, d), n.pow((d - 1 - axis) as u32));
-                for (up, exists) in [(false, at > 0), (true, at + 1 < n)] {
-                    let next = if up { cell + stride } else { cell.wrapping_sub(stride) };
-                    if exists && grid.values[next] == f64::NEG_INFINITY {
-                        crossings.push(Crossing { cell, axis, up, reach: 0.0 });
-                    }
-                }
-            }
-        }
-        crossings.par_iter_mut().with_min_len(64).try_for_each_init(
-            || vec![0.0; target.kept()],
-            |kept, c| {
-                let from = self.point(c.cell, n);
-                let step = (self.upper[c.axis] - self.lower[c.axis]) / n as f64;
-                let (mut low, mut high) = (0.0, 1.0);
-                for _ in 0..BISECTIONS {
-                    c.reach = 0.5 * (low + high);
-                    let mut v = from;
-                    v[c.axis] += if c.up { c.reach * step } else { -c.reach * step };
-                    let alive = self.ln_density(target, &v, kept)? > f64::NEG_INFINITY;
-                    if alive { low = c.reach } else { high = c.reach }
-                }
-                c.reach = 0.5 * (low + high);
-                Ok(())
-            },
-        )?;
-        // Where the edge lies in every column of cells along an axis.
-        let column = |c: &Crossing, cell: usize| {
-            (c.axis, c.up, cell - digit(cell, c.axis, n, d) * n.pow((d - 1 - c.axis) as u32))
-        };
-        let height = |c: &Crossing| {
-            digit(c.cell, c.axis, n, d) as f64 + if c.up { c.reach } else { -c.reach }
-        };
-        let mut heights: HashMap<_, Vec<f64>> = HashMap::new();
-        for c in &crossings {
-            heights.entry(column(c, c.cell)).or_default().push(height(c));
-        }
-        let mut share: HashMap<usize, f64> = HashMap::new();
-        for c in &crossings {
-            let own = height(c);
-            let nearest = |cell: usize| {
-                let rises = heights.get(&column(c, cell))?.iter().map(|h| h - own);
-                rises.min_by(|a, b| a.abs().total_cmp(&b.abs()))
-            };
-            let steepest = (0..d).filter(|b| *b != c.axis).all(|b| {
-                let (at, stride) = (digit(c.cell, b, n, d), n.pow((d - 1 - b) as u32));
-                let before = if at > 0 { nearest(c.cell - stride) } else { None };
-                let after = if at + 1 < n { nearest(c.cell + stride) } else { None };
-                let slope = match (before, after) {
-                    (Some(before), Some(after)) => 0.5 * (after - before),
-                    (before, after) => before.or(after).unwrap_or(0.0),
-                };
-                slope.abs() <= 1.0
-            });
-            if steepest {
-                *share.entry(c.cell).or_insert(1.0) += c.reach - 0.5;
-            }
-        }
-        for (cell, share) in share {
-            grid.values[cell] += share.max(f64::MIN_POSITIVE).ln();
-        }
-        Ok(crossings.len() * BISECTIONS as usize)
-    }
-
-    /// Moments of a grid: log integral, mean and covariance of z, extent in u of what is not negligible.
-    fn moments(&self, grid: &Grid) -> Option<(f64, Vec<f64>, Vec<f64>)> {
-        let d = self.d;
-        let top = grid.values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        if top == f64::NEG_INFINITY {
-            return None;
-        }
-        let (mut total, mut mean, mut second) = (0.0, vec![0.0; d], vec![0.0; d * d]);
-        let mut z = vec![0.0; d];
-        for (index, v) in grid.values.iter().enumerate() {
-            let w = (v - top).exp();
-            if w == 0.0 {
-                continue;
-            }
-            self.z(index, grid.n, &mut z);
-            total += w;
-            for i in 0..d {
-                let x = z[i] - self.centre[i];
-                mean[i] += w * x;
-                for j in 0..d {
-                    second[i * d + j] += w * x * (z[j] - self.centre[j]);
-                }
-            }
-        }
-        for i in 0..d {
-            mean[i] /= total;
-        }
-        for i in 0..d {
-            for j in 0..d {
-                second[i * d + j] = second[i * d + j] / total - mean[i] * mean[j];
-            }
-        }
-        for i in 0..d {
-            mean[i] += self.centre[i];
-        }
-        Some((top + total.ln() + self.ln_cell(grid.n), mean, second))
-    }
-
-    fn ln_cell(&self, n: usize) -> f64 {
-        self.ln_det
-            + (0..self.d).map(|a| ((self.upper[a] - self.lower[a]) / n as f64).ln()).sum::<f64>()
-    }
-}
-
 /// Integrates a target of up to three coordinates; moments are those of `coordinate(j, z_j)`.
 ///
 /// # Errors
-/// More than three coordinates, a fatal simulator error, or zero evidence.
+/// More than three coordinates, a simulator that cannot run or is interrupted, or zero evidence.
 pub fn integrate(
     target: &dyn Target,
     coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
@@ -340,49 +105,99 @@ pub fn integrate(
             range: "1 to 3",
         });
     }
-    let mut evaluations = 0;
-    let failed = |error: SimError| CalibrateError::ended_by(error, 0);
-    let mut identity = vec![0.0; d * d];
-    (0..d).for_each(|i| identity[i * d + i] = 1.0);
-    let reach = 8.5f64.asinh();
-    let mut frame = Frame {
-        d,
-        centre: vec![0.0; d],
-        factor: identity,
-        ln_det: 0.0,
-        lower: vec![-reach; d],
-        upper: vec![reach; d],
-    };
-    let coarse = [512, 128, 48][d - 1];
-    for _ in 0..24 {
-        let (grid, count) = frame.evaluate(target, coarse, &|_| true).map_err(failed)?;
-        evaluations += count;
-        let Some((_, mean, mut cov)) = frame.moments(&grid) else {
-            return Err(CalibrateError::ZeroEvidence { simulations: evaluations });
-        };
-        let top = grid.values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        // A grid that sees one cell knows the covariance to no better than that cell.
-        let step: Vec<f64> =
-            (0..d).map(|a| (frame.upper[a] - frame.lower[a]) / coarse as f64).collect();
-        for i in 0..d {
-            cov[i * d + i] +=
-                0.1 * (0..=i).map(|j| (frame.factor[i * d + j] * step[j]).powi(2)).sum::<f64>();
+    // Log density below the peak at which a cell is left out: a ten-thousandth of the tolerance, since what is left
+    // out may be many times wider than the peak.
+    let depth = (1e4 / settings.tolerance.clamp(1e-12, 1.0)).ln();
+    let mut integration = Integration { target, depth, evaluations: 0 };
+    let frame = integration.locate(d)?;
+    integration.refine(&frame, coordinate, settings)
+}
+
+/// An integral in the making.
+struct Integration<'a> {
+    target: &'a dyn Target,
+    /// Log density below the peak at which cells are left out.
+    depth: f64,
+    /// Likelihood evaluations so far.
+    evaluations: usize,
+}
+
+impl Integration<'_> {
+    /// The density on a grid of n cells per axis, where `wanted`.
+    fn evaluate(
+        &mut self,
+        frame: &Frame,
+        n: usize,
+        wanted: &(dyn Fn(usize) -> bool + Sync),
+    ) -> Result<Grid, CalibrateError> {
+        let (grid, count) = frame.evaluate(self.target, n, wanted).map_err(ended)?;
+        self.evaluations += count;
+        Ok(grid)
+    }
+
+    /// The same, cells at the edge of what can be simulated counting as far as it reaches.
+    fn evaluate_with_edges(
+        &mut self,
+        frame: &Frame,
+        n: usize,
+        wanted: &(dyn Fn(usize) -> bool + Sync),
+    ) -> Result<Grid, CalibrateError> {
+        let mut grid = self.evaluate(frame, n, wanted)?;
+        self.evaluations +=
+            frame.resolve_edges(self.target, &mut grid, self.depth).map_err(ended)?;
+        Ok(grid)
+    }
+
+    fn zero_evidence(&self) -> CalibrateError {
+        CalibrateError::ZeroEvidence { simulations: self.evaluations }
+    }
+
+    /// The box that holds the mass: from the whole prior to one whitened by the posterior's own covariance.
+    fn locate(&mut self, d: usize) -> Result<Frame, CalibrateError> {
+        let mut frame = Frame::of_prior(d);
+        let coarse = COARSE[d - 1];
+        for _ in 0..24 {
+            let grid = self.evaluate(&frame, coarse, &|_| true)?;
+            let Some((_, mean, mut cov)) = frame.moments(&grid) else {
+                return Err(self.zero_evidence());
+            };
+            // A grid that sees one cell knows the covariance to no better than that cell.
+            let step = frame.steps(coarse);
+            for i in 0..d {
+                cov[i * d + i] +=
+                    0.1 * (0..=i).map(|j| (frame.factor[i * d + j] * step[j]).powi(2)).sum::<f64>();
+            }
+            let Some(factor) = cholesky(&cov, d) else { break };
+            let ln_det: f64 = (0..d).map(|i| factor[i * d + i].ln()).sum();
+            let inverse = packed_inverse(&factor, d);
+            let (lower, upper, touches) = self.extent(&frame, &grid, &inverse, &mean);
+            let moved = (ln_det - frame.ln_det).abs();
+            frame = Frame { d, centre: mean, factor, ln_det, lower, upper };
+            if moved < 0.02 * d as f64 && !touches {
+                break;
+            }
         }
-        let Some(factor) = cholesky(&cov, d) else { break };
-        let ln_det: f64 = (0..d).map(|i| factor[i * d + i].ln()).sum();
-        let inverse = packed_inverse(&factor, d);
+        Ok(frame)
+    }
+
+    /// Ends of the cells that are not negligible, in the stretched coordinates of another centre and inverse factor; and
+    /// whether they touch the box.
+    fn extent(
+        &self,
+        frame: &Frame,
+        grid: &Grid,
+        inverse: &[f64],
+        mean: &[f64],
+    ) -> (Vec<f64>, Vec<f64>, bool) {
+        let (d, n) = (frame.d, grid.n);
+        let (top, step) = (grid.top(), frame.steps(n));
         let (mut lower, mut upper) = (vec![f64::INFINITY; d], vec![f64::NEG_INFINITY; d]);
         let mut z = vec![0.0; d];
         let mut touches = false;
-        for (index, _) in grid
-            .values
-            .iter()
-            .enumerate()
-            .filter(|(_, v)| **v > top - negligible(settings.tolerance))
-        {
-            touches |= (0..d).any(|a| [0, coarse - 1].contains(&digit(index, a, coarse, d)));
+        for (index, _) in grid.values.iter().enumerate().filter(|(_, v)| **v > top - self.depth) {
+            touches |= (0..d).any(|a| [0, n - 1].contains(&digit(index, a, n, d)));
             // What is alive ends somewhere inside the next cell of this grid.
-            let v = frame.point(index, coarse);
+            let v = frame.point(index, n);
             for corner in 0..1 << d {
                 let mut v = v;
                 for a in 0..d {
@@ -401,79 +216,66 @@ pub fn integrate(
         for i in 0..d {
             (lower[i], upper[i]) = (lower[i].asinh() - 0.1, upper[i].asinh() + 0.1);
         }
-        let moved = (ln_det - frame.ln_det).abs();
-        frame = Frame { d, centre: mean, factor, ln_det, lower, upper };
-        if moved < 0.02 * d as f64 && !touches {
-            break;
+        (lower, upper, touches)
+    }
+
+    /// Halves the cells where there is mass until nothing moves.
+    fn refine(
+        &mut self,
+        frame: &Frame,
+        coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
+        settings: &QuadratureSettings,
+    ) -> Result<Quadrature, CalibrateError> {
+        let d = frame.d;
+        let mut n = COARSE[d - 1];
+        let mut grid = self.evaluate_with_edges(frame, n, &|_| true)?;
+        let mut result = summarise(frame, &grid, coordinate).ok_or_else(|| self.zero_evidence())?;
+        result.error = f64::INFINITY;
+        let most = settings.max_points.max([16_384, 1024, 0][d - 1]);
+        while result.error > settings.tolerance && 2 * n <= most {
+            let near = grid.neighbourhood(d, grid.top() - self.depth);
+            let fine = 2 * n;
+            let parent = |index: usize| {
+                let (mut rest, mut out, mut stride) = (index, 0, 1);
+                for _ in 0..d {
+                    out += (rest % fine) / 2 * stride;
+                    rest /= fine;
+                    stride *= n;
+                }
+                out
+            };
+            let next = self.evaluate_with_edges(frame, fine, &|index| near[parent(index)])?;
+            let Some(mut refined) = summarise(frame, &next, coordinate) else { break };
+            refined.error = (0..d)
+                .map(|j| {
+                    let m = (refined.mean[j] - result.mean[j]).abs() / refined.sd[j];
+                    m.max((refined.sd[j] / result.sd[j] - 1.0).abs())
+                })
+                .fold((refined.log_evidence - result.log_evidence).abs(), f64::max);
+            result = refined;
+            grid = next;
+            n = fine;
         }
+        result.evaluations = self.evaluations;
+        Ok(result)
     }
-    // Refine: halve the cells where there is mass.
-    let mut n = coarse;
-    let depth = negligible(settings.tolerance);
-    let (mut grid, count) = frame.evaluate(target, n, &|_| true).map_err(failed)?;
-    evaluations += count + frame.resolve_edges(target, &mut grid, depth).map_err(failed)?;
-    let mut result = summarise(&frame, &grid, coordinate)
-        .ok_or(CalibrateError::ZeroEvidence { simulations: evaluations })?;
-    result.error = f64::INFINITY;
-    let most = match d {
-        1 => settings.max_points.max(16_384),
-        2 => settings.max_points.max(1024),
-        _ => settings.max_points,
-    };
-    while result.error > settings.tolerance && 2 * n <= most {
-        let top = grid.values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let near = alive_neighbourhood(&grid, d, top - depth);
-        let fine = 2 * n;
-        let parent = |index: usize| {
-            let (mut rest, mut out, mut stride) = (index, 0, 1);
-            for _ in 0..d {
-                out += (rest % fine) / 2 * stride;
-                rest /= fine;
-                stride *= n;
-            }
-            out
-        };
-        let (mut next, count) =
-            frame.evaluate(target, fine, &|index| near[parent(index)]).map_err(failed)?;
-        evaluations += count + frame.resolve_edges(target, &mut next, depth).map_err(failed)?;
-        let Some(mut refined) = summarise(&frame, &next, coordinate) else { break };
-        refined.error = (0..d)
-            .map(|j| {
-                let m = (refined.mean[j] - result.mean[j]).abs() / refined.sd[j];
-                m.max((refined.sd[j] / result.sd[j] - 1.0).abs())
-            })
-            .fold((refined.log_evidence - result.log_evidence).abs(), f64::max);
-        result = refined;
-        grid = next;
-        n = fine;
-    }
-    result.evaluations = evaluations;
-    Ok(result)
 }
 
-/// Cells above a threshold and their neighbours.
-fn alive_neighbourhood(grid: &Grid, d: usize, threshold: f64) -> Vec<bool> {
-    let n = grid.n;
-    let mut alive: Vec<bool> = grid.values.iter().map(|v| *v > threshold).collect();
-    let mut stride = 1;
-    for _ in 0..d {
-        let before = alive.clone();
-        for (i, a) in alive.iter_mut().enumerate() {
-            let at = i / stride % n;
-            *a |= (at > 0 && before[i - stride]) || (at + 1 < n && before[i + stride]);
-        }
-        stride *= n;
-    }
-    alive
+/// Cells per axis of the first grid, in one, two and three dimensions.
+const COARSE: [usize; 3] = [512, 128, 48];
+
+fn ended(error: SimError) -> CalibrateError {
+    CalibrateError::ended_by(error, 0)
 }
 
+/// Moments and quantiles of a grid; none where nothing is alive.
 fn summarise(
     frame: &Frame,
     grid: &Grid,
     coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
 ) -> Option<Quadrature> {
     let d = frame.d;
-    let top = grid.values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let top = grid.top();
     if top == f64::NEG_INFINITY {
         return None;
     }
@@ -521,31 +323,23 @@ fn summarise(
         }
     }
     for j in 0..d {
-        let mut order: Vec<(f64, f64)> =
-            alive.iter().zip(x.chunks_exact(d)).map(|((_, w), x)| (x[j], w / total)).collect();
-        order.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-        // Grid planes: points at the same coordinate count as one, half of it on either side.
-        let mut planes: Vec<(f64, f64)> = Vec::new();
-        for (x, w) in order {
-            match planes.last_mut() {
-                Some(last) if (x - last.0).abs() <= 1e-9 * out.sd[j] => last.1 += w,
-                _ => planes.push((x, w)),
-            }
-        }
-        let mut sum = 0.0;
-        for plane in &mut planes {
-            let w = plane.1;
-            plane.1 = sum + 0.5 * w;
-            sum += w;
-        }
-        let mut quantiles = Vec::new();
-        for p in PROBABILITIES {
-            let at = planes.partition_point(|plane| plane.1 < p).clamp(1, planes.len().max(2) - 1);
-            let ((xa, pa), (xb, pb)) = (planes[at - 1], planes[at.min(planes.len() - 1)]);
-            let t = if pb > pa { ((p - pa) / (pb - pa)).clamp(0.0, 1.0) } else { 0.0 };
-            quantiles.push(xa + t * (xb - xa));
-        }
-        out.quantiles.push(quantiles);
+        let column = alive.iter().zip(x.chunks_exact(d)).map(|((_, w), x)| (x[j], w / total));
+        out.quantiles.push(quantiles(column.collect(), out.sd[j]));
     }
     Some(out)
+}
+
+/// Quantiles at [`PROBABILITIES`] of the points of a grid and their weights; grid planes, points at the same coordinate,
+/// count as one.
+fn quantiles(mut points: Vec<(f64, f64)>, sd: f64) -> Vec<f64> {
+    points.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let mut planes: Vec<(f64, f64)> = Vec::new();
+    for (x, w) in points {
+        match planes.last_mut() {
+            Some(last) if (x - last.0).abs() <= 1e-9 * sd => last.1 += w,
+            _ => planes.push((x, w)),
+        }
+    }
+    let planes = Weighted::new(planes);
+    PROBABILITIES.iter().map(|p| planes.quantile(*p)).collect()
 }

@@ -161,7 +161,7 @@ pub fn bounded_ridge() -> Reference {
     }
 }
 
-/// All of them, the Gaussian in three dimensions.
+/// All reference problems, the Gaussian in three dimensions.
 pub fn all() -> Vec<Reference> {
     vec![gaussian(3, 0.8, 0.1), banana(), two_modes(), heavy_tail(), bounded_ridge()]
 }

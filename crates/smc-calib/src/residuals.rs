@@ -1,15 +1,14 @@
-//! Are the residuals of the fitted curve independent?
+//! Residuals of the fitted curve: whether they are independent, and how large they are.
 
 use crate::joint::Group;
 use crate::noise::{Likelihood, Noise};
 use crate::posterior::Residuals;
-use crate::trust::limits::{RESIDUAL_CORRELATION, RESIDUAL_SCORE};
+use crate::trust::independent;
 
 /// Lag-1 autocorrelation and the runs test (A. Wald, J. Wolfowitz, Ann. Math. Stat. 11 (1940) 147).
 ///
 /// Independent residuals have a lag-1 correlation of sd 1/sqrt(m) and a number of runs of equal sign whose
-/// z-score is standard normal. The residuals are called dependent where one of the two is beyond [`RESIDUAL_SCORE`]
-/// and the correlation is at least [`RESIDUAL_CORRELATION`].
+/// z-score is standard normal; [`independent`] judges the two.
 pub(crate) fn residuals(observed: &[f64], simulated: &[f64]) -> Residuals {
     let values: Vec<f64> = observed.iter().zip(simulated).map(|(y, o)| y - o).collect();
     let m = values.len() as f64;
@@ -25,8 +24,7 @@ pub(crate) fn residuals(observed: &[f64], simulated: &[f64]) -> Residuals {
         if n > 1.0 { 2.0 * up * down * (2.0 * up * down - n) / (n * n * (n - 1.0)) } else { 0.0 };
     let runs_z =
         if variance > 0.0 { (runs - 1.0 - 2.0 * up * down / n) / variance.sqrt() } else { 0.0 };
-    let significant = (lag1 * m.sqrt()).abs().max(runs_z.abs()) >= RESIDUAL_SCORE;
-    let independent = !(significant && lag1.abs() >= RESIDUAL_CORRELATION);
+    let independent = independent(lag1, runs_z, m);
     Residuals { values, lag1, runs_z, independent, misfit: None }
 }
 

@@ -1,7 +1,7 @@
 //! Adaptive importance sampling with recycled samples: see [`Sampler::run`].
 
 use crate::cholesky::cholesky;
-use crate::em::Cloud;
+use crate::cloud::Cloud;
 use crate::estimate::Estimator;
 use crate::mixture::{Component, Proposal, ln_sum};
 use crate::pool::{Pool, exponentiate, temper, tune};
@@ -12,12 +12,12 @@ use crate::{CalibrateError, ComponentRecord, Counters, MixtureRecord, Settings};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Least power of the likelihood that proposals are fitted to; the rest of their width is a factor on covariances.
-/// Flattened, a bent posterior grows longer along its bend, which wider components do not follow.
+/// Least power of the likelihood that proposals are fitted to; the rest of their width is a factor on covariances. A bent
+/// posterior grows along its bend when it is flattened, and wider components do not follow it there.
 const FLATTEST: f64 = 0.7;
 /// Share of a proposal whose components are wider still, for tails that no sample has reached.
 const WIDE_SHARE: f64 = 0.1;
-/// Factor on the covariances of that share.
+/// Factor on the covariances of [`WIDE_SHARE`].
 const WIDER: f64 = 9.0;
 
 /// The last stage, whose proposal was fixed before it was drawn.
@@ -129,13 +129,13 @@ impl<'a> Sampler<'a> {
         self.pool.ln_base().iter().zip(&self.pool.ln_l).map(|(b, l)| b + l).collect()
     }
 
-    /// Number of samples and proposal of the last stage, where it is no small part of the whole.
+    /// Number of samples and proposal of the last stage, where it has at least a quarter of all samples.
     pub(crate) fn final_stage(&self) -> Option<(usize, &Proposal)> {
         let (n, proposal) = self.proposals.last()?;
         (4 * n >= self.pool.len()).then_some((*n, proposal))
     }
 
-    /// The last stage's samples by the one density that they were drawn from.
+    /// The last stage's samples, weighted by the one density that they were drawn from.
     pub(crate) fn frozen(&self) -> Frozen {
         let len = self.pool.len();
         let first = len - self.proposals.last().map_or(0, |p| p.0);
@@ -186,7 +186,7 @@ impl<'a> Sampler<'a> {
         }));
         let mut proposal =
             Proposal { dimension: d, prior_share: 0.0, degrees_of_freedom: nu, components };
-        // Density of the mixture at every sample that takes part, kept up to date as components join.
+        // Density of the mixture at every sample of positive weight, updated as components join.
         let mut density: Vec<f64> =
             (0..self.pool.len())
                 .into_par_iter()
@@ -298,7 +298,7 @@ impl<'a> Sampler<'a> {
             }
         }
         for a in 0..d {
-            // A little of the scale around, so that few or collinear neighbours make a component too.
+            // A little of the nearest component's scale, so that few or collinear neighbours make a component too.
             let own: f64 = (0..=a).map(|k| scale.factor[a * d + k].powi(2)).sum();
             covariance[a * d + a] += 1e-3 * own;
         }
@@ -346,7 +346,7 @@ impl<'a> Sampler<'a> {
         let fit = cloud.fit(s.max_components, s.seed, stage);
         self.counters.em_iterations += fit.em_iterations;
         self.counters.mixtures_fitted += fit.mixtures;
-        // Practically normal.
+        // So many degrees of freedom that components are normal.
         let nu = 1e6;
         let components = fit
             .components
@@ -358,8 +358,8 @@ impl<'a> Sampler<'a> {
 
     /// Size and proposal of the next stage, and whether it is the final one; none once the budget is spent.
     ///
-    /// While tempering has not reached the full likelihood the final stage waits: its budget goes to further
-    /// adaptive stages, as far as half of what is left stays for the end.
+    /// Until tempering has reached the full likelihood, further adaptive stages come before the final one, as long as half
+    /// of the remaining budget is left for it.
     pub(crate) fn next(&mut self) -> Option<(usize, Proposal, bool)> {
         let sizes = self.schedule();
         let stage = self.proposals.len();

@@ -1,4 +1,4 @@
-//! What is calibrated: a function from parameters to a vector of observables.
+//! Simulators: functions from parameters to a vector of observables.
 
 use rayon::prelude::*;
 use thiserror::Error;

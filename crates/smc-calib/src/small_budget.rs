@@ -7,19 +7,19 @@ use crate::sampler::Sampler;
 use crate::target::Target;
 use crate::{Settings, SimError};
 
-/// Share of the budget that the first stage draws from the prior: the stand-in starts from enough to tell where the
-/// likelihood is not.
+/// Share of the budget that the first stage draws from the prior: enough for the stand-in to tell where the likelihood
+/// is negligible.
 const FIRST: f64 = 0.16;
-/// Share of each proposal that is fitted to the samples themselves, without the stand-in: a stand-in that is sure of
-/// the wrong place is found out by it.
+/// Share of each proposal that is fitted to the samples themselves, without the stand-in, so that a stand-in that is sure
+/// of the wrong place is found out.
 const OWN: f64 = 0.15;
 /// Effective size that tempering aims at, per parameter and one more.
 const WISHED: f64 = 3.0;
-/// Error of the stand-in's log likelihood above which it is flattened to have this one.
+/// Largest error of the stand-in's log likelihood; with a larger one it is flattened until it has this one.
 const ERROR: f64 = 4.0;
 /// Evaluations of the stand-in for one proposal.
 const EVALUATIONS: usize = 2048;
-/// Log density below the best within which errors count.
+/// Depth of log density below the best sample down to which errors of the stand-in count.
 const MATTERS: f64 = 6.0;
 /// Most samples that the stand-in is made from: the best ones.
 const MAX_POINTS: usize = 150;
@@ -27,8 +27,8 @@ const MAX_POINTS: usize = 150;
 const NUGGET: [f64; 2] = [0.02, 0.1];
 /// Nugget of curves, in units of their spread: at the best sample, and per unit of distance from its curve.
 const NUGGET_OF_CURVES: [f64; 2] = [0.003, 0.03];
-/// How much lower the log likelihood is taken to be where all of the nearest samples failed: not beside a border, on
-/// whose other side the posterior may end.
+/// Amount that the log likelihood is lowered by where all of the nearest samples failed; beside a border of failures,
+/// where the posterior may end, some of them are alive.
 const DEAD: f64 = 5.0;
 const NEAREST: usize = 4;
 
@@ -57,7 +57,7 @@ impl<'a> StandIn<'a> {
         chosen.sort_by(|a, b| density[*b].total_cmp(&density[*a]).then(a.cmp(b)));
         chosen.truncate(MAX_POINTS);
         let depths: Vec<f64> = chosen.iter().map(|i| density[chosen[0]] - density[*i]).collect();
-        // Those that matter, and enough of them.
+        // The samples that matter, and enough of them.
         let best = depths.iter().filter(|depth| **depth < MATTERS).count();
         let best = best.max(2 * (pool.d + 1)).min(chosen.len());
         let error = |of: &dyn Fn(usize) -> f64| {

@@ -8,7 +8,7 @@
 
 use rand::Rng;
 
-/// Dimensions for which direction numbers are here.
+/// Most dimensions of a net.
 pub(crate) const MAX_DIMENSIONS: usize = 21;
 
 /// Degree, coefficients and initial numbers of the primitive polynomials of dimensions 2 to 21

@@ -1,8 +1,8 @@
-//! What each stage of a run did, as plain data.
+//! Records of the stages of a run, as plain data.
 
 use serde::{Deserialize, Serialize};
 
-/// What one stage did.
+/// Record of one stage.
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StageRecord {

@@ -87,6 +87,7 @@ impl Surrogate {
             whiten(z, &inverse, x);
         }
         let tree = Neighbours::new(&places, d);
+        let samples = Samples { d, places: &places, ln_l };
         let mut slopes = vec![0.0; ln_l.len() * p];
         let fits: Vec<Option<Quadratic>> = slopes
             .par_chunks_mut(p)
@@ -100,7 +101,7 @@ impl Surrogate {
                         return None;
                     }
                     tree.nearest(&places[i * d..(i + 1) * d], count, f64::INFINITY, found);
-                    let mut fit = quadratic(&places, ln_l, d, i, found, space, slopes)?;
+                    let mut fit = quadratic(samples, i, found, space, slopes)?;
                     let ratios = found.iter().map(|(_, k)| ln_l[*k as usize] - ln_q[*k as usize]);
                     fit.highest_ratio = ratios.fold(f64::NEG_INFINITY, f64::max) + EXCESS;
                     Some(fit)
@@ -185,11 +186,17 @@ impl Workspace {
     }
 }
 
+/// Whitened samples, row by row, and their log likelihoods.
+#[derive(Clone, Copy)]
+struct Samples<'a> {
+    d: usize,
+    places: &'a [f64],
+    ln_l: &'a [f64],
+}
+
 /// Weighted least squares about sample i.
 fn quadratic(
-    places: &[f64],
-    ln_l: &[f64],
-    d: usize,
+    Samples { d, places, ln_l }: Samples<'_>,
     i: usize,
     found: &[(f64, u32)],
     space: &mut Workspace,

@@ -63,7 +63,7 @@ pub struct Trust {
 
 impl Trust {
     /// Whether the result has converged.
-    pub fn is_full(&self) -> bool {
+    pub fn converged(&self) -> bool {
         self.verdict == Verdict::Converged
     }
 
@@ -126,6 +126,18 @@ fn two_digits(value: f64) -> String {
 /// Whether the Pareto shape of weights lets them be trusted; not where it is not a number.
 pub fn khat_holds(khat: f64) -> bool {
     khat < KHAT_LIMIT
+}
+
+/// Whether two estimates of the log evidence agree; `se` is the standard error of their difference.
+pub(crate) fn agree(a: f64, b: f64, se: f64) -> bool {
+    (a - b).abs() <= EVIDENCE_ERRORS * se
+}
+
+/// Whether `m` residuals of this lag-1 correlation and this score of the runs test count as independent: neither test
+/// objects, or the correlation is too small to matter.
+pub(crate) fn independent(lag1: f64, runs_z: f64, m: f64) -> bool {
+    let significant = (lag1 * m.sqrt()).abs().max(runs_z.abs()) >= RESIDUAL_SCORE;
+    !(significant && lag1.abs() >= RESIDUAL_CORRELATION)
 }
 
 impl Posterior {

@@ -4,7 +4,7 @@ use std::hint::black_box;
 use std::time::Duration;
 
 use dem_core::{Kinetics, Sintering, SolverKind, SolverSettings, contact_ratios, verlet_batch};
-use smc_calib::bench_support;
+use smc_calib::{Settings, reference, sample_density};
 use workbench::error::{Failure, RunError};
 use workbench::material::Material;
 use workbench::number::significant;
@@ -16,10 +16,9 @@ use crate::report::{self, Report, Table};
 use crate::seeds::threads;
 use crate::timing::{Clock, Method, interleaved};
 
-/// Points of the benchmarks of the sampler.
-const POINTS: usize = 10_000;
 /// Curves of a batch.
 const BATCH: usize = 32;
+const SIMULATION: &str = "simulation";
 
 /// A hot path: what is done, how often a call does it, and the call.
 struct Path<'a> {
@@ -47,16 +46,11 @@ impl<'a> Path<'a> {
 struct Setting {
     pair: Pair,
     calibration: Calibration,
-    bench: bench_support::Bench,
 }
 
 impl Setting {
     fn new() -> Result<Self, Failure> {
-        Ok(Self {
-            pair: Pair::of(Material::Ps)?,
-            calibration: Calibration::of(Material::Ps)?,
-            bench: bench_support::Bench::new(POINTS),
-        })
+        Ok(Self { pair: Pair::of(Material::Ps)?, calibration: Calibration::of(Material::Ps)? })
     }
 
     /// A curve at the times of the measurement; the number of steps.
@@ -165,34 +159,30 @@ impl Setting {
     }
 
     fn of_the_sampler(&self) -> Vec<Path<'_>> {
-        let (points, fitted, cloud) =
-            (POINTS as f64, bench_support::FITTED as f64, bench_support::CLOUD as f64);
-        let (bench, pair) = (&self.bench, "point and component");
-        // The one loop that changes what it works on has a copy of its own.
-        let mut em = bench_support::Bench::new(POINTS);
+        let all = Settings { samples: 16_384, ..Settings::default() };
+        // A short final stage has no surrogate as control variate.
+        let no_surrogate = Settings { final_share: 0.1, ..all.clone() };
+        let one_component = Settings { max_components: 1, patches: 0, ..no_surrogate.clone() };
+        let gaussian = |settings| {
+            let target = reference::gaussian(3, 0.8, 0.1);
+            move || sample_density(&target, &settings).is_ok()
+        };
         let calibrated = |samples: usize| move || self.calibration.posterior(samples, 1).is_ok();
+        let (few, many) = (4096.0, 16_384.0);
         vec![
-            Path::new("drawing from the proposal, 3 dimensions", "point", points, || bench.draw()),
-            Path::new("mixture density, 5 components, 3 dimensions", pair, 5.0 * points, || {
-                bench.density()
-            }),
-            Path::new("EM step, 5 components, 3 dimensions", pair, 5.0 * cloud, move || {
-                em.em_step()
-            }),
-            Path::new("fit of the surrogate to 4096 samples", "sample", fitted, || {
-                bench.fit_surrogate()
-            }),
-            Path::new("value of the surrogate", "point", points, || bench.surrogate()),
+            Path::new("sampler on a Gaussian in 3 dimensions", SIMULATION, many, gaussian(all)),
+            Path::new("the same without surrogate", SIMULATION, many, gaussian(no_surrogate)),
             Path::new(
-                "calibration of PS, 4096 simulations",
-                "simulation",
-                4096.0,
-                calibrated(4096),
+                "the same without surrogate, one component",
+                SIMULATION,
+                many,
+                gaussian(one_component),
             ),
+            Path::new("calibration of PS, 4096 simulations", SIMULATION, few, calibrated(4096)),
             Path::new(
                 "calibration of PS, 16 384 simulations",
-                "simulation",
-                16_384.0,
+                SIMULATION,
+                many,
                 calibrated(16_384),
             ),
         ]

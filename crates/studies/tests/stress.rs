@@ -188,8 +188,8 @@ impl Case {
         if contact_ratio.iter().any(|&a| a > most) {
             return Err(format!("verlet: a/R above {most}: {contact_ratio:?}"));
         }
-        // Well damped (and with the stiffness of Table 2) what has grown stays, but for what the first step overshoots
-        // and for one rebound, both as the Verlet solver documents. Undamped, rebounds follow each other, and
+        // Well damped (and with the stiffness of Table 2) the plastic overlap stays, apart from the overshoot of the first step
+        // and one rebound, both as the Verlet solver documents. Undamped, rebounds follow each other, and
         // the contact reaches the cohesive branch.
         let damped = matches!(self.spec.damping, Damping::Restitution(e) if e <= 0.1);
         if damped && self.spec.k1 == dem_core::paper::K1_N_PER_M {

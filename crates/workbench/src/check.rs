@@ -6,10 +6,10 @@ use crate::error::{InputError, Mistake};
 use crate::experiment::{Experiment, is_toml};
 use crate::observation_table::ObservationTable;
 use crate::parameter::ParameterName;
-use crate::plan::{Planned, Understood, looks_like_a_plan, prior_in_words, understood};
+use crate::plan::{Planned, Understood, looks_like_a_plan, prior_in_words, short, understood};
 use crate::prior_file::PriorFile;
 use crate::toml_fields::Document;
-use crate::{material::Material, record, report, scene, scene_file, text_file};
+use crate::{material::Material, record, report, scene_file, text_file};
 
 /// Checks one file, of the kind that its name and contents say.
 ///
@@ -56,7 +56,9 @@ fn json_plan(path: &Path) -> Result<Option<Planned>, InputError> {
     }
     let text = text_file::read(path)?;
     let is_plan = serde_json::from_str::<serde_json::Map<String, serde_json::Value>>(&text)
-        .is_ok_and(|object| object.contains_key("experiments") && !object.contains_key("schema_version"));
+        .is_ok_and(|object| {
+            object.contains_key("experiments") && !object.contains_key("schema_version")
+        });
     if is_plan { Planned::parse(path, text).map(Some) } else { Ok(None) }
 }
 
@@ -102,7 +104,7 @@ fn of_scene(name: &str, text: &str, json: bool) -> Result<Understood, InputError
     let file = scene_file::parse(name.to_owned(), text, json)?;
     Ok(Understood {
         headline: format!("a scene of many particles, {}", file.file.name),
-        details: scene.describe(),
+        details: file.describe(),
         ..Understood::default()
     })
 }
@@ -198,4 +200,3 @@ fn of_priors(priors: &PriorFile) -> Understood {
     }
     Understood { headline: format!("priors for {} parameters", details.len()), details, warnings }
 }
-

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use smc_calib::Posterior;
 
-use crate::weighted::Weighted;
+use smc_calib::Weighted;
 
 /// Median and 95 % interval of a quantity, and how far the next seed may be from them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -75,21 +75,21 @@ fn quantile_error(values: &[(f64, f64, usize)], marginal: &Weighted, p: f64, qua
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::args::RunArgs;
     use crate::calibration::Calibration;
     use crate::material::Material;
-    use crate::plan::Planned;
+    use crate::plan::PairOptions;
+    use crate::watch::Unwatched;
 
     fn posterior(seed: u64) -> Posterior {
-        let args = RunArgs {
+        let options = PairOptions {
             material: Some(Material::Pa12),
             kinetics: dem_core::Kinetics::Frenkel,
             samples: 1024,
             seed,
-            ..RunArgs::default()
+            ..PairOptions::default()
         };
-        let planned = Planned::from_args(&args).expect("a plan");
-        Calibration::run(&planned, &mut (), &|| true).expect("a posterior").posterior
+        let planned = options.plan().expect("a plan");
+        Calibration::run(&planned, &Unwatched::default()).expect("a posterior").posterior
     }
 
     #[test]

@@ -73,18 +73,14 @@ pub fn best_tau_s_of(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::args::Args;
-    use crate::plan::Planned;
-    use clap::Parser;
-
-    fn model(material: &str) -> NeckGrowth {
-        let args = Args::parse_from(["calibrate", "--material", material]);
-        NeckGrowth::of(&Planned::from_args(&args.run).expect("a plan").plan).expect("a model")
-    }
+    use crate::material::Material;
+    use crate::plan::PairOptions;
 
     #[test]
     fn exact_frenkel_data_give_back_their_sintering_time() {
-        let model = model("pa12");
+        let options = PairOptions { material: Some(Material::Pa12), ..PairOptions::default() };
+        let plan = options.plan().expect("a plan").plan;
+        let model = NeckGrowth::of(&plan).expect("a model");
         let mut data = vec![0.0; model.times_s().len()];
         let sintering = dem_core::Sintering { c1: 1.0, tau_s: 3.25, delta_c: 1.0 };
         model.with_kinetics(Kinetics::Frenkel).curve(&sintering, &mut data).expect("a curve");

@@ -563,9 +563,10 @@ fn temporary_beside(path: &Path) -> io::Result<tempfile::NamedTempFile> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::record::FILE_NAME;
 
     fn run(target: &Path, plan: &str, files: &[&str]) -> Published {
-        let folder = RunFolder::prepare(target, POSTERIOR_RECORD).expect("can be written");
+        let folder = RunFolder::prepare(target, FILE_NAME).expect("can be written");
         let staging = folder.stage().expect("staged");
         fill(staging.path(), plan, files);
         staging.publish().expect("published")
@@ -573,7 +574,7 @@ mod tests {
 
     fn fill(folder: &Path, plan: &str, files: &[&str]) {
         let record = format!("{{\"plan\": {{\"seed\": {plan}}}, \"samples\": [1]}}");
-        fs::write(folder.join(POSTERIOR_RECORD), record).expect("written");
+        fs::write(folder.join(FILE_NAME), record).expect("written");
         for file in files {
             fs::write(folder.join(file), plan).expect("written");
         }
@@ -620,14 +621,14 @@ mod tests {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let target = folder.path().join("thesis");
         fs::create_dir(&target).expect("made");
-        assert!(RunFolder::prepare(&target, POSTERIOR_RECORD).is_ok(), "an empty folder is fine");
+        assert!(RunFolder::prepare(&target, FILE_NAME).is_ok(), "an empty folder is fine");
         for record in [None, Some("{\"plan\": {\"se"), Some("{\"plan\": 3}"), Some("[]")] {
             fs::write(target.join("chapter1.tex"), "text").expect("written");
             if let Some(record) = record {
-                fs::write(target.join(POSTERIOR_RECORD), record).expect("written");
+                fs::write(target.join(FILE_NAME), record).expect("written");
             }
             let before = names(&target);
-            let error = RunFolder::prepare(&target, POSTERIOR_RECORD).expect_err("not ours");
+            let error = RunFolder::prepare(&target, FILE_NAME).expect_err("not ours");
             assert_eq!(error.mistake, Mistake::NotOurs, "{error}");
             assert!(error.to_string().contains("--out"), "{error}");
             assert_eq!(names(&target), before);
@@ -646,7 +647,7 @@ mod tests {
             places.push(PathBuf::from("/proc/results"));
         }
         for place in places {
-            let error = RunFolder::prepare(&place, POSTERIOR_RECORD).expect_err("unwritable");
+            let error = RunFolder::prepare(&place, FILE_NAME).expect_err("unwritable");
             assert_eq!(error.mistake, Mistake::Unwritable, "{error}");
         }
         assert!(check_file(&file.join("x.csv")).is_err());
@@ -664,7 +665,7 @@ mod tests {
         fs::set_permissions(&parent, fs::Permissions::from_mode(0o555)).expect("set");
         // The superuser writes anywhere.
         let superuser = fs::write(parent.join("probe"), "").is_ok();
-        let prepared = RunFolder::prepare(&parent.join("ps"), POSTERIOR_RECORD);
+        let prepared = RunFolder::prepare(&parent.join("ps"), FILE_NAME);
         fs::set_permissions(&parent, fs::Permissions::from_mode(0o755)).expect("set");
         if superuser {
             assert!(prepared.is_ok());
@@ -678,7 +679,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let target = folder.path().join("ps");
         run(&target, "1", &["a.csv"]);
-        let prepared = RunFolder::prepare(&target, POSTERIOR_RECORD).expect("ours");
+        let prepared = RunFolder::prepare(&target, FILE_NAME).expect("ours");
         let staging = prepared.stage().expect("staged");
         fill(staging.path(), "2", &[]);
         drop(staging);

@@ -3,15 +3,16 @@
 use std::path::Path;
 
 use dem_core::{Kinetics, PairScene, PairSpec, Powder, SceneError, Sintering};
+use smc_calib::Parameter;
 
 use crate::error::{Failure, RunError};
-use crate::posterior_file;
-use crate::prior_file::ParameterName;
-use crate::run::read_draws;
-use crate::summary;
+use crate::model::NeckGrowth;
+use crate::parameter::ParameterName;
+use crate::record;
+use crate::report::read_draws;
 
 /// Equally weighted draws of a posterior, and the pair that it was calibrated on.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct PairDraws {
     /// Name of the calibration.
     pub name: String,
@@ -19,20 +20,21 @@ pub struct PairDraws {
     pub title: String,
     /// Its whole plan as JSON.
     pub plan: String,
-    /// How the neck grows.
+    /// Law of neck growth.
     pub kinetics: Kinetics,
     /// The powder of the calibrated pair.
     pub powder: Powder,
     /// Final contact ratio phi; where phi is calibrated, what it would have been.
     pub final_contact_ratio: f64,
     /// The calibrated parameters.
-    pub names: Vec<ParameterName>,
+    pub parameters: Vec<Parameter>,
     /// Their values \[SI\], a column for each.
     pub columns: Vec<Vec<f64>>,
-    /// Whether the posterior's own diagnostics let it be trusted.
+    /// Whether the posterior can be trusted fully.
     pub trusted: bool,
     /// Reasons to be careful.
     pub advice: Vec<String>,
+    model: NeckGrowth,
 }
 
 impl PairDraws {
@@ -42,28 +44,29 @@ impl PairDraws {
     ///
     /// [`Failure::Input`] for files that are missing, damaged or not of one pair.
     pub fn read(path: &Path) -> Result<Self, Failure> {
-        let path = posterior_file::locate(path);
-        let file = posterior_file::read(&path)?;
-        let columns =
-            read_draws(&file, path.parent().unwrap_or(Path::new("."))).map_err(|error| {
-                error.help("draws.csv is written beside posterior.json: name the folder of a run")
-            })?;
-        let plan = &file.plan;
-        let mut advice = file.advice.clone();
-        if !file.is_posterior {
+        let record = record::read(path)?;
+        let pair = record.pair()?.plan;
+        let file = record::locate(path);
+        let folder = file.parent().unwrap_or(Path::new("."));
+        let columns = read_draws(&record, folder).map_err(|error| {
+            error.help("draws.csv is written beside posterior.json: name the folder of a run")
+        })?;
+        let mut advice = record.advice.clone();
+        if !record.is_posterior {
             advice.insert(0, "the draws are not of a posterior: the noise was tuned".to_owned());
         }
         Ok(Self {
-            name: plan.name.clone(),
-            title: plan.title.clone(),
-            plan: serde_json::to_string(plan).map_err(RunError::new)?,
-            kinetics: plan.kinetics()?,
-            powder: plan.powder(),
-            final_contact_ratio: plan.experiment.final_contact_ratio,
-            names: plan.parameter_names()?,
+            name: record.plan.name.clone(),
+            title: record.plan.title.clone(),
+            plan: serde_json::to_string(&record.plan).map_err(RunError::new)?,
+            kinetics: pair.kinetics,
+            powder: pair.powder,
+            final_contact_ratio: pair.final_contact_ratio,
+            parameters: record.plan.parameters.clone(),
             columns,
-            trusted: summary::trusted(&file),
+            trusted: record.trust.converged(),
             advice,
+            model: NeckGrowth::of(&record.plan)?,
         })
     }
 
@@ -81,24 +84,24 @@ impl PairDraws {
 
     /// The parameters of a draw \[SI\], in order.
     #[must_use]
-    pub fn parameters(&self, row: usize) -> Vec<f64> {
+    pub fn theta(&self, row: usize) -> Vec<f64> {
         self.columns.iter().map(|column| column[row]).collect()
     }
 
-    /// A parameter of a draw, if it was calibrated.
+    /// A parameter of the model in a draw, where it was calibrated.
     #[must_use]
     pub fn value(&self, name: ParameterName, row: usize) -> Option<f64> {
-        self.names.iter().position(|known| *known == name).map(|place| self.columns[place][row])
+        self.model.place(name).map(|place| self.columns[place][row])
     }
 
-    /// The sintering parameters of a draw at the calibrated radius; `unused` gives those that were not calibrated.
+    /// The sintering parameters of a draw at the calibrated radius; `unused` gives C1 and delta_c where the kinetics do
+    /// not use them.
     #[must_use]
     pub fn sintering(&self, row: usize, unused: Sintering) -> Sintering {
-        let of = |name, unused| self.value(name, row).unwrap_or(unused);
-        Sintering {
-            c1: of(ParameterName::C1, unused.c1),
-            tau_s: of(ParameterName::TauS, unused.tau_s),
-            delta_c: of(ParameterName::DeltaC, unused.delta_c),
+        let calibrated = self.model.sintering(&self.theta(row));
+        match self.kinetics.uses_c1_delta_c() {
+            true => calibrated,
+            false => Sintering { tau_s: calibrated.tau_s, ..unused },
         }
     }
 
@@ -106,7 +109,7 @@ impl PairDraws {
     ///
     /// # Errors
     ///
-    /// [`dem_core::SceneError`] for a radius that the model cannot take.
+    /// [`SceneError`] for a radius that the model cannot take.
     pub fn pair(&self, row: usize, radius_m: f64) -> Result<PairScene, SceneError> {
         let phi = self.value(ParameterName::Phi, row).unwrap_or(self.final_contact_ratio);
         PairSpec::new(Powder { radius_m, ..self.powder }, phi).build()

@@ -6,7 +6,7 @@ use smc_calib::{Posterior, Prior};
 use crate::parameter::ParameterName;
 use crate::plan::{PairPlan, Plan};
 use crate::record::ProductSummary;
-use crate::weighted::Weighted;
+use smc_calib::Weighted;
 
 /// Points over which the prior of the product is integrated.
 const PRIOR_POINTS: usize = 512;

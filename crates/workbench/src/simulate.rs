@@ -13,7 +13,7 @@ use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::experiment::Experiment;
 use crate::material::Material;
 use crate::number::significant;
-use crate::run::pretty;
+use crate::output::pretty;
 use crate::{observation_table, text_file};
 
 /// What to compute.

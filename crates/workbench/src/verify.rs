@@ -1,4 +1,4 @@
-//! `--verify`: the posterior against brute-force quadrature of the same model, data, prior and noise.
+//! A posterior against quadrature of the same model, data, prior and noise.
 
 use std::fmt::Write as _;
 
@@ -8,13 +8,12 @@ use smc_calib::quadrature::{Quadrature, QuadratureSettings, quadrature};
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::model::NeckGrowth;
 use crate::number::{significant, with_error};
-use crate::plan::Plan;
-use crate::posterior_file::PosteriorFile;
+use crate::record::Record;
 
 /// Root mean square errors that the sampler reaches at [`REACH_SIMULATIONS`]: means in posterior standard
 /// deviations, standard deviations relative, log evidence absolute.
 const REACH: [f64; 3] = [0.01, 0.01, 0.005];
-/// The budget that the reach is stated for; fewer simulations have larger errors, as 1/sqrt(N).
+/// Simulations at which it reaches them; fewer have larger errors, as 1/sqrt(N).
 const REACH_SIMULATIONS: f64 = 16_384.0;
 /// One run may be off by three times the root mean square.
 const RUN: f64 = 3.0;
@@ -30,75 +29,96 @@ struct Line {
     allowed: f64,
 }
 
-/// Integrates the plan's posterior and prints the comparison on standard error.
+/// A posterior beside its quadrature.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Verification {
+    lines: Vec<Line>,
+    evaluations: usize,
+    error: f64,
+}
+
+/// Integrates the posterior of a plan with one pair by quadrature, on the current thread pool.
 ///
 /// # Errors
 ///
-/// [`Failure::Run`] where the two differ by more than the sampler may, [`Failure::Input`] for a plan that
-/// quadrature cannot do (four parameters, tuned noise).
-pub fn run(
-    plan: &Plan,
-    file: &PosteriorFile,
-    pool: &rayon::ThreadPool,
-    quiet: bool,
-) -> Result<(), Failure> {
-    let model = NeckGrowth::of(plan)?;
-    if model.names().len() > 3 || !file.is_posterior {
-        return Err(InputError::new("--verify", Mistake::Conflict)
-            .found(if file.is_posterior {
-                "four parameters"
-            } else {
-                "noise that is tuned, for which there is no posterior to verify"
-            })
+/// [`Failure::Input`] for a plan that quadrature cannot do (a program, four parameters, tuned noise).
+pub fn verify(record: &Record) -> Result<Verification, Failure> {
+    let plan = &record.plan;
+    let (_, measured) = plan.pair()?;
+    let refused = |found: &str| {
+        InputError::new("--verify", Mistake::Conflict)
+            .found(found)
             .expected("at most three parameters and inferred or fixed noise")
-            .into());
-    }
-    let problem = Problem {
-        simulator: &model,
-        parameters: plan.parameters.clone(),
-        observations: plan.observations()?,
-        noise: plan.noise.clone(),
     };
-    let exact = pool
-        .install(|| quadrature(&problem, &QuadratureSettings::default()))
-        .map_err(|error| RunError::new(format_args!("quadrature: {error}")))?;
-    let lines = compare(file, &exact);
-    let mut text = format!(
-        "quadrature ({} evaluations, settled to {}):\n",
-        exact.evaluations,
-        significant(exact.error, 2)
-    );
-    for line in &lines {
-        let _ = writeln!(
-            text,
-            "  {:<22} {:>12} exact {:>12}  off by {:>8} (allowed {})",
-            line.what,
-            with_error(line.found, 1e-4, 4),
-            with_error(line.exact, 1e-4, 4),
-            significant(line.error, 2),
-            significant(line.allowed, 2),
+    if !record.is_posterior {
+        return Err(
+            refused("noise that is tuned, for which there is no posterior to verify").into()
         );
     }
-    if !quiet {
-        eprint!("{text}");
+    if plan.parameters.len() > 3 {
+        return Err(refused("four parameters").into());
     }
-    match lines.iter().find(|line| line.error.is_nan() || line.error > line.allowed) {
-        None => Ok(()),
-        Some(line) => Err(RunError::new(format_args!(
-            "the posterior differs from quadrature: {} is {}, exactly {}",
-            line.what, line.found, line.exact
-        ))
-        .help("run more simulations (--samples)")
-        .into()),
+    let problem = Problem {
+        simulator: &NeckGrowth::of(plan)?,
+        parameters: plan.parameters.clone(),
+        observations: measured.observations()?,
+        noise: measured.noise.clone(),
+    };
+    let exact = quadrature(&problem, &QuadratureSettings::default())
+        .map_err(|error| RunError::new(format_args!("quadrature: {error}")))?;
+    Ok(Verification {
+        lines: compare(record, &exact),
+        evaluations: exact.evaluations,
+        error: exact.error,
+    })
+}
+
+impl Verification {
+    /// The numbers side by side.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let mut text = format!(
+            "quadrature ({} evaluations, settled to {}):\n",
+            self.evaluations,
+            significant(self.error, 2)
+        );
+        for line in &self.lines {
+            let _ = writeln!(
+                text,
+                "  {:<22} {:>12} exact {:>12}  off by {:>8} (allowed {})",
+                line.what,
+                with_error(line.found, 1e-4, 4),
+                with_error(line.exact, 1e-4, 4),
+                significant(line.error, 2),
+                significant(line.allowed, 2),
+            );
+        }
+        text
+    }
+
+    /// Refuses a posterior that is off by more than the sampler may be.
+    ///
+    /// # Errors
+    ///
+    /// [`RunError`] with the first number that differs.
+    pub fn passed(&self) -> Result<(), RunError> {
+        match self.lines.iter().find(|line| line.error.is_nan() || line.error > line.allowed) {
+            None => Ok(()),
+            Some(line) => Err(RunError::new(format_args!(
+                "the posterior differs from quadrature: {} is {}, exactly {}",
+                line.what, line.found, line.exact
+            ))
+            .help("run more simulations (--samples)")),
+        }
     }
 }
 
-fn compare(file: &PosteriorFile, exact: &Quadrature) -> Vec<Line> {
-    let simulations = file.counters.simulations as f64;
+fn compare(record: &Record, exact: &Quadrature) -> Vec<Line> {
+    let simulations = record.counters.simulations as f64;
     let factor = RUN * (REACH_SIMULATIONS / simulations).sqrt().max(1.0);
     let allowed = |reach: f64| factor * reach + exact.error;
     let mut lines = Vec::new();
-    for (place, summary) in file.parameters.iter().enumerate() {
+    for (place, summary) in record.parameters.iter().enumerate() {
         let (mean, sd) = (exact.mean[place], exact.sd[place]);
         let name = &summary.parameter.name;
         let found = &summary.in_coordinate;
@@ -119,9 +139,9 @@ fn compare(file: &PosteriorFile, exact: &Quadrature) -> Vec<Line> {
     }
     lines.push(Line {
         what: "log evidence".to_owned(),
-        found: file.log_evidence.value,
+        found: record.log_evidence.value,
         exact: exact.log_evidence,
-        error: (file.log_evidence.value - exact.log_evidence).abs(),
+        error: (record.log_evidence.value - exact.log_evidence).abs(),
         allowed: allowed(REACH[2]),
     });
     lines

@@ -217,11 +217,7 @@ fn dry_run(args: &CalibrateArgs, planned: &Planned, out: &Path) -> Result<(), Fa
     Ok(())
 }
 
-fn say(
-    args: &CalibrateArgs,
-    terminal: &Terminal,
-    finished: Finished,
-) -> Result<Finished, Failure> {
+fn say(args: &CalibrateArgs, terminal: &Terminal, finished: Finished) -> Result<Finished, Failure> {
     let Finished { record, out, published, timings } = &finished;
     terminal.announce(published, out);
     terminal.advise(&record.advice);

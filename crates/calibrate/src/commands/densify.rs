@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use workbench::densify::{DensifyJob, DensifyOptions, Target};
 use workbench::error::Failure;
-use workbench::run::{pool, pretty};
+use workbench::output::{pool, pretty};
 use workbench::watch::Watch as _;
 
 use crate::arguments;

@@ -10,9 +10,17 @@ use workbench::{output, record, report};
 use crate::arguments;
 use crate::terminal;
 
+const EXAMPLES: &str = "\
+Examples:
+  calibrate plot results/ps
+  calibrate plot results/ps/posterior.json --log-time --width full --out figures
+
+Draws fit, corner, recursion, convergence and residuals (.png and .svg) from posterior.json and samples.csv.
+Without options they are the files of the run itself, byte for byte.";
+
 /// Figures of a saved run.
 #[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
-#[command(after_help = PLOT_EXAMPLES)]
+#[command(after_help = EXAMPLES)]
 pub(crate) struct PlotArgs {
     /// A posterior.json, or the folder it is in; samples.csv must be beside it
     #[arg(value_name = "FILE")]

@@ -3,10 +3,9 @@
 use std::path::PathBuf;
 
 use workbench::error::Failure;
-use workbench::output::write_file;
+use workbench::output::{pretty, write_file};
 use workbench::pair_draws::PairDraws;
 use workbench::predict::predict;
-use workbench::run::pretty;
 
 use crate::arguments;
 use crate::terminal;

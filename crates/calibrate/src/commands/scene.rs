@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use workbench::error::Failure;
-use workbench::run::{pool, pretty};
+use workbench::output::{pool, pretty};
 use workbench::scene::SceneJob;
 
 use crate::arguments;

@@ -4,8 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use workbench::error::Failure;
-use workbench::output::RunFolder;
-use workbench::run::pool;
+use workbench::output::{RunFolder, pool};
 use workbench::table3::{RECORD, Table3, render};
 use workbench::watch::Watch as _;
 

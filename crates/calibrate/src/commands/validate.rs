@@ -3,11 +3,10 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use workbench::args::RunArgs;
-use workbench::error::{Failure, RunError};
+use workbench::error::{Failure, InputError, RunError};
 use workbench::material::Material;
-use workbench::plan::Planned;
-use workbench::run::pool;
+use workbench::output::pool;
+use workbench::plan::{PairOptions, Planned};
 use workbench::validation::{self, Size, Verdict};
 
 use crate::arguments;
@@ -28,6 +27,10 @@ pub(crate) struct ValidateArgs {
     /// Own priors (.toml) [default: the material's]
     #[arg(short, long, value_name = "FILE", requires = "experiment")]
     prior: Option<PathBuf>,
+
+    /// A plan file (.toml or .json) of one pair with the built-in simulator
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["material", "experiment", "prior"])]
+    plan: Option<PathBuf>,
 
     /// Number of data sets that are made and calibrated
     #[arg(long, value_name = "N", default_value_t = 2000, value_parser = arguments::data_sets)]
@@ -52,23 +55,33 @@ pub(crate) struct ValidateArgs {
 
 /// Runs the command.
 pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
-    let by_default = args.experiment.is_none().then_some(Material::Ps);
-    let planned = Planned::from_args(&RunArgs {
-        material: args.material.or(by_default),
-        experiment: args.experiment.clone(),
-        prior: args.prior.clone(),
-        ..RunArgs::default()
-    })?;
+    let planned = args.planned()?;
     let size = Size { data_sets: args.data_sets, samples: args.samples, seed: args.seed };
     let terminal = Terminal::new(false, OnInterrupt::Detach);
     let pool = pool(args.threads)?;
     let start = Instant::now();
-    let ranks = pool.install(|| validation::study(&planned, size, &terminal))?;
+    let ranks = pool.install(|| validation::study(&planned.plan, size, &terminal))?;
     let text = ranks.markdown(start.elapsed().as_secs_f64(), pool.current_num_threads());
     validation::write(&ranks, &text, &args.out, &planned.plan.name)?;
     eprint!("{text}");
     match ranks.verdict() {
         Verdict::Passed => Ok(()),
         Verdict::Failed(why) => Err(RunError::new(format_args!("validation failed: {why}")).into()),
+    }
+}
+
+impl ValidateArgs {
+    fn planned(&self) -> Result<Planned, InputError> {
+        if let Some(file) = &self.plan {
+            return Planned::read(file);
+        }
+        let by_default = self.experiment.is_none().then_some(Material::Ps);
+        let options = PairOptions {
+            material: self.material.or(by_default),
+            experiment: self.experiment.clone(),
+            prior: self.prior.clone(),
+            ..PairOptions::default()
+        };
+        options.plan()
     }
 }

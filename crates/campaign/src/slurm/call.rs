@@ -6,7 +6,7 @@ use std::sync::mpsc::{self, Receiver};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// What a command answered.
+/// Answer of a command.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Answer {
     pub(super) success: bool,
@@ -15,7 +15,7 @@ pub(super) struct Answer {
 }
 
 impl Answer {
-    /// What the command said of its failure.
+    /// The command's words on its failure.
     pub(super) fn words(&self) -> String {
         let stderr = self.stderr.trim();
         let text = if stderr.is_empty() { self.stdout.trim() } else { stderr };
@@ -30,15 +30,15 @@ pub(super) enum NoAnswer {
     CannotStart(String),
     /// It did not end in time, and was ended.
     Silent,
-    /// The caller no longer wants to know.
+    /// The caller was asked to stop.
     Interrupted,
 }
 
 /// Runs a command to its end, for at most `patience`.
 ///
-/// It has a process group of its own, so that Ctrl-C in the terminal does not reach it halfway through a submission, and
-/// so that all of it can be ended. What Slurm would take from the environment as options for these commands is not passed
-/// on: it may be meant for other jobs.
+/// It has a process group of its own, so that Ctrl-C in the terminal does not reach it halfway through a submission, and so
+/// that all of it can be ended. Environment variables that Slurm takes as options of these commands are not passed on: they
+/// may be meant for other jobs.
 pub(super) fn call(
     command: &mut Command,
     patience: Duration,
@@ -131,7 +131,10 @@ fn end(child: &mut Child) {
 
 #[cfg(all(test, unix))]
 mod tests {
-    use super::*;
+    use std::process::Command;
+    use std::time::{Duration, Instant};
+
+    use crate::slurm::call::{NoAnswer, call};
 
     fn shell(script: &str) -> Command {
         let mut command = Command::new("sh");

@@ -11,17 +11,17 @@ use crate::executor::Stop;
 /// Calls Slurm's commands.
 #[derive(Debug, Clone)]
 pub(super) struct Client {
-    /// Where the commands are; found by `PATH` where none is given.
+    /// Folder of the commands; none for those on `PATH`.
     pub(super) programs: Option<PathBuf>,
     pub(super) patience: Duration,
 }
 
-/// Why a question has no answer. It is never "no".
+/// Why a question has no answer; never to be taken for "no".
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Unknown {
     /// The commands of Slurm are not on this machine.
     NotInstalled(String),
-    /// They failed, hang, or print what cannot be understood.
+    /// They failed, hang, or print something that cannot be understood.
     Words(String),
     /// The caller was asked to stop while it waited.
     Interrupted,
@@ -136,7 +136,7 @@ fn not_installed(program: &str, why: &str) -> String {
     )
 }
 
-/// Tells what Slurm will never take from what it may take later.
+/// Sorts a refusal: final, too large, or to be tried again.
 fn refusal(words: String) -> NotSubmitted {
     let has = |patterns: &[&str]| patterns.iter().any(|pattern| words.contains(pattern));
     if has(&["MaxSubmitJob", "Invalid job array specification"]) {

@@ -5,17 +5,30 @@ use std::path::Path;
 use std::time::Instant;
 
 use super::parse::Ending;
-use super::session::Run;
 use super::submission::{Loss, Submission};
 
-/// A job array, and where its elements are.
+/// A run without an outcome.
+#[derive(Debug)]
+pub(super) struct Run {
+    /// Number of times that it may be lost and made again.
+    pub(super) retries: u32,
+    pub(super) timeout_s: f64,
+    /// Number of times that it was lost.
+    pub(super) lost: u32,
+    /// Number of times that its worker could not do its work.
+    pub(super) broken: u32,
+    /// Whether its start was reported.
+    pub(super) started: bool,
+}
+
+/// A job array with the states of its elements.
 #[derive(Debug)]
 pub(super) struct Job {
     pub(super) submission: Submission,
     pub(super) sent: Sent,
     /// The number that Slurm gave it.
     pub(super) id: Option<u64>,
-    /// Where each of its elements is.
+    /// State of each of its elements.
     pub(super) places: Vec<Place>,
     /// Whether an earlier driver submitted it.
     pub(super) adopted: bool,
@@ -26,7 +39,7 @@ pub(super) struct Job {
 /// Whether sbatch took a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Sent {
-    /// It is written down, and sbatch did not take it yet.
+    /// It is on disk, and sbatch has not taken it.
     NotYet,
     /// sbatch may have taken it.
     Perhaps,
@@ -34,7 +47,7 @@ pub(super) enum Sent {
     Yes,
 }
 
-/// Where an array element is.
+/// State of an array element.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Place {
     /// The queue was not asked yet.
@@ -44,7 +57,7 @@ pub(super) enum Place {
     /// It ended, or is not in the queue.
     Gone {
         since: Instant,
-        /// How often the queue said so.
+        /// Number of times that the queue reported so.
         looks: u32,
         ending: Option<Ending>,
     },
@@ -98,7 +111,7 @@ impl Job {
         Loss { submission: self.submission.number, element, runs, cause: cause.into(), counts }
     }
 
-    /// What people call the element.
+    /// The element as messages call it.
     pub(super) fn element_name(&self, element: usize) -> String {
         match self.id {
             Some(id) => format!("job {id}_{element}"),

@@ -1,4 +1,4 @@
-//! Array elements that ended without the results of their runs: what follows.
+//! Consequences of array elements that ended without the results of their runs.
 
 use std::time::Duration;
 
@@ -11,15 +11,15 @@ use crate::error::ExecutorError;
 use crate::executor::Event;
 use crate::outcome::{FailureKind, Outcome};
 
-/// So many array elements that fail before any run has ended are a mistake in the set-up.
+/// Number of array elements that fail before any run has ended from which on the set-up counts as wrong.
 const BROKEN_MOST: u32 = 3;
-/// How often in a row a job may be submitted that then never appears in the queue.
+/// Number of submissions in a row that may never appear in the queue.
 const VANISHED_MOST: u32 = 5;
 
 const AGAIN: &str = "its runs are submitted again, as often as retries allow; to end everything, interrupt this program";
 const ALONE: &str = "its runs are submitted again, each in an array element of its own";
 
-/// What follows from an element that ended without the results of its runs.
+/// The consequence of an element that ended without the results of its runs.
 enum Verdict {
     /// Its runs are submitted again, as often as they may be.
     Again,
@@ -50,13 +50,13 @@ impl Session<'_> {
 
     /// Elements that are gone, by the place of their job and their own, with the runs that they owe.
     fn overdue(&self) -> Vec<(usize, usize, Vec<u64>)> {
-        let grace = Duration::from_secs_f64(self.slurm.settings.grace_s);
+        let grace = Duration::from_secs_f64(self.cluster.settings.grace_s);
         let mut overdue = Vec::new();
         for (i, job) in self.jobs.iter().enumerate() {
             // It may still be on its way from an sbatch that did not answer, or lost its driver.
             let on_its_way = job.sent == Sent::Perhaps
                 && job.submission.age_s() as f64
-                    <= self.slurm.settings.grace_s + self.slurm.settings.command_timeout_s;
+                    <= self.cluster.settings.grace_s + self.cluster.settings.command_timeout_s;
             for (element, runs) in job.live(&self.open) {
                 if let Place::Gone { since, looks, .. } = job.places[element]
                     && looks >= 2
@@ -86,7 +86,7 @@ impl Session<'_> {
         if ids.is_empty() || !self.accounts {
             return;
         }
-        match self.slurm.client.accounts(&ids, self.stop) {
+        match self.cluster.client.accounts(&ids, self.stop) {
             Ok(rows) => {
                 for (job, element) in forgotten {
                     let job = &mut self.jobs[job];

@@ -1,15 +1,17 @@
 //! Runs as job arrays of Slurm, through `sbatch`, `squeue`, `scancel` and, where the cluster keeps accounts, `sacct`.
 //!
-//! What counts is the outcome that a worker publishes in the directory; what Slurm says of a job is a hint. An answer that
-//! fails, hangs or cannot be understood is "unknown", never "no jobs". A run whose job is gone and whose outcome is not
-//! there after [`grace_s`](SlurmSettings::grace_s) is lost: it is submitted again, up to its command's `retries`.
+//! The outcome that a worker publishes in the directory counts; what Slurm reports of a job is a hint. A report that fails,
+//! hangs or cannot be understood means "unknown", never "no jobs". A run whose job is gone and whose outcome is not there
+//! after [`grace_s`](SlurmSettings::grace_s) is lost: it is submitted again, up to its command's `retries`.
 //!
-//! What is submitted is written down before, under a name that follows from the directory: a driver that was killed and
-//! started again finds its jobs in the queue and waits for them. Where it cannot know (Slurm itself forgot a job, or sbatch was
-//! cut off), a run may be made twice; attempts have their own directories, and the first outcome counts.
+//! A submission is written to disk before sbatch is called, under a name that follows from the directory, so that a driver
+//! that was killed and started again finds its jobs in the queue and waits for them. Where it cannot know (Slurm itself
+//! forgot a job, or sbatch was cut off), a run may be made twice; attempts have their own directories, and the first outcome
+//! counts.
 
 mod call;
 mod client;
+mod cluster;
 mod job;
 mod losses;
 mod parse;
@@ -24,21 +26,19 @@ mod tests;
 use std::time::Duration;
 
 pub use settings::{SlurmSettingError, SlurmSettings};
-pub(crate) use submission::SLURM;
 
 use crate::campaign::Campaign;
 use crate::error::ExecutorError;
 use crate::executor::{Event, Executor, Stop};
 use crate::task::Task;
 use client::Client;
+use cluster::Cluster;
 use session::Session;
 
 /// Runs tasks as elements of Slurm job arrays.
 #[derive(Debug, Clone)]
 pub struct Slurm {
-    settings: SlurmSettings,
-    worker: Vec<String>,
-    client: Client,
+    cluster: Cluster,
 }
 
 impl Slurm {
@@ -59,7 +59,8 @@ impl Slurm {
             });
         }
         let patience = Duration::from_secs_f64(settings.command_timeout_s);
-        Ok(Self { settings, worker, client: Client { programs: None, patience } })
+        let client = Client { programs: None, patience };
+        Ok(Self { cluster: Cluster { settings, worker, client } })
     }
 }
 
@@ -72,6 +73,6 @@ impl Executor for Slurm {
         stop: &Stop,
     ) -> Result<(), ExecutorError> {
         campaign.record_submitted(tasks)?;
-        Session::begin(self, campaign, tasks, watch, stop)?.run()
+        Session::begin(&self.cluster, campaign, tasks, watch, stop)?.run()
     }
 }

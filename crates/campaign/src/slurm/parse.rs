@@ -1,16 +1,16 @@
-//! What Slurm's commands print, read strictly: anything unexpected is an error, and an error is never "no jobs".
+//! Output of Slurm's commands, read strictly: anything unexpected is an error, and an error never means "no jobs".
 
 use std::ops::RangeInclusive;
 
-/// What squeue is asked to print, see [`squeue`].
+/// Columns that squeue is asked to print, see [`squeue`].
 pub(super) const SQUEUE_FORMAT: &str = "%j|%F|%K|%T|%r";
 /// The header it prints then. An answer without it is no answer.
 const SQUEUE_HEADER: &str = "NAME|ARRAY_JOB_ID|ARRAY_TASK_ID|STATE|REASON";
-/// What sacct is asked to print, see [`sacct`].
+/// Columns that sacct is asked to print, see [`sacct`].
 pub(super) const SACCT_FORMAT: &str = "JobID,JobName,State,ExitCode";
 const SACCT_HEADER: &str = "JobID|JobName|State|ExitCode";
 
-/// What Slurm says of a job.
+/// State of a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum State {
     /// In the queue, not yet started.

@@ -1,4 +1,4 @@
-//! What the queue says of the jobs.
+//! The states of the jobs, as the queue reports them.
 
 use std::time::Instant;
 
@@ -27,7 +27,7 @@ impl Session<'_> {
             self.queue_silent = false;
             return Ok(());
         }
-        match self.slurm.client.queue(&names, self.stop) {
+        match self.cluster.client.queue(&names, self.stop) {
             Ok(rows) => {
                 if self.queue_silent {
                     (self.watch)(Event::Note("squeue answers again".into()));
@@ -51,7 +51,7 @@ impl Session<'_> {
         }
     }
 
-    /// Writes down where each element is.
+    /// Sets the state of each element.
     fn place(&mut self, rows: &[QueueRow]) -> Result<(), ExecutorError> {
         let mut queued = Vec::new();
         let mut started = Vec::new();
@@ -135,7 +135,7 @@ fn next_place(before: Place, row: Option<&QueueRow>) -> Place {
     }
 }
 
-/// What accounts say of elements that the queue has forgotten.
+/// Endings from the accounts, for elements that the queue has forgotten.
 impl Job {
     pub(super) fn remember(&mut self, element: usize, state: State) {
         if let (Place::Gone { ending, .. }, State::Ended(known)) =

@@ -4,19 +4,20 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use super::Slurm;
-use super::job::{Job, Place, Sent};
-use super::submission::{self, LOSSES, Loss, SLURM, Submission};
+use super::cluster::Cluster;
+use super::job::{Job, Place, Run, Sent};
+use super::submission::{self, LOSSES, Loss, Submission};
 use crate::campaign::Campaign;
-use crate::durable;
-use crate::error::{CampaignError, ExecutorError};
+use crate::error::ExecutorError;
 use crate::executor::{Event, Request, Stop};
+use crate::files;
+use crate::folder::SLURM;
 use crate::journal::Journal;
 use crate::task::Task;
 
 /// A call of [`Slurm::run`](crate::Executor::run).
 pub(super) struct Session<'a> {
-    pub(super) slurm: &'a Slurm,
+    pub(super) cluster: &'a Cluster,
     pub(super) campaign: &'a Campaign,
     pub(super) watch: &'a mut dyn FnMut(Event),
     pub(super) stop: &'a Stop,
@@ -47,20 +48,6 @@ pub(super) struct Session<'a> {
     pub(super) look: Clock,
     pub(super) submit: Clock,
     said: BTreeSet<String>,
-}
-
-/// A run without an outcome.
-#[derive(Debug)]
-pub(super) struct Run {
-    /// How often it may be lost and made again.
-    pub(super) retries: u32,
-    pub(super) timeout_s: f64,
-    /// How often it was lost.
-    pub(super) lost: u32,
-    /// How often its worker could not do its work.
-    pub(super) broken: u32,
-    /// Whether its start was told.
-    pub(super) started: bool,
 }
 
 /// When something is due again: soon at first, then ever less often.
@@ -98,7 +85,7 @@ impl Clock {
 
 impl<'a> Session<'a> {
     pub(super) fn begin(
-        slurm: &'a Slurm,
+        cluster: &'a Cluster,
         campaign: &'a Campaign,
         tasks: &[Task],
         watch: &'a mut dyn FnMut(Event),
@@ -110,7 +97,7 @@ impl<'a> Session<'a> {
                 format!("{dir:?}: Slurm takes plain text as a directory; choose another name");
             return Err(ExecutorError::Scheduler(words));
         }
-        let settings = &slurm.settings;
+        let settings = &cluster.settings;
         let mut open = BTreeMap::new();
         for task in campaign.missing(tasks) {
             let command = campaign.spec().commands.get(task.command);
@@ -120,10 +107,10 @@ impl<'a> Session<'a> {
             open.insert(task.number, run);
         }
         let folder = dir.join(SLURM);
-        std::fs::create_dir_all(&folder).map_err(|e| CampaignError::io("made", &folder, e))?;
+        files::make_folder(&folder)?;
         let path = folder.join(LOSSES);
         if !path.exists() {
-            durable::write(&path, b"")?;
+            files::write(&path, b"")?;
         }
         let (losses, lost, damage) = Journal::open::<Loss>(&path)?;
         for damage in damage {
@@ -132,7 +119,7 @@ impl<'a> Session<'a> {
         let (submissions, next_number) = submission::read_all(dir)?;
         let poll_max = settings.poll_max_s;
         let mut session = Self {
-            slurm,
+            cluster,
             campaign,
             watch,
             stop,
@@ -226,11 +213,11 @@ impl<'a> Session<'a> {
 
     /// Cancels the jobs, waits until they are out of the queue, and keeps the outcomes they gave.
     fn cancel(&mut self) -> Result<(), ExecutorError> {
-        let deadline = Instant::now() + self.slurm.client.patience;
+        let deadline = Instant::now() + self.cluster.client.patience;
         for job in
             self.jobs.iter().filter(|job| job.sent != Sent::NotYet && job.is_live(&self.open))
         {
-            if self.slurm.client.cancel(&job.submission.name).is_err() {
+            if self.cluster.client.cancel(&job.submission.name).is_err() {
                 let name = &job.submission.name;
                 let words = format!("scancel failed; the job may go on: scancel --name={name}");
                 (self.watch)(Event::Note(words));

@@ -1,4 +1,4 @@
-//! What was submitted, written down before it is.
+//! Submissions, written to disk before sbatch is called.
 //!
 //! ```text
 //! slurm/losses.jsonl             runs whose array elements ended without a result
@@ -17,12 +17,11 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::settings::SlurmSettings;
-use crate::campaign::{Campaign, hex};
-use crate::durable;
+use crate::campaign::Campaign;
 use crate::error::CampaignError;
-use crate::{lock, numbers, seal};
+use crate::folder::SLURM;
+use crate::{durable, files, machine, numbers, seal};
 
-pub(crate) const SLURM: &str = "slurm";
 pub(super) const LOSSES: &str = "losses.jsonl";
 const SUBMISSION: &str = "submission.json";
 const SCRIPT: &str = "job.sh";
@@ -39,7 +38,7 @@ pub(super) struct Submission {
     pub(super) name: String,
     /// The runs of each array element, from element 0.
     pub(super) elements: Vec<Vec<u64>>,
-    /// How many elements may run at the same time.
+    /// Most elements that run at the same time.
     pub(super) limit: Option<u32>,
     /// Time limit of an element \[min\].
     pub(super) time_min: u32,
@@ -55,7 +54,7 @@ pub(super) struct Loss {
     pub(super) element: u32,
     /// The runs without results.
     pub(super) runs: Vec<u64>,
-    /// What is known of it, in words.
+    /// The cause, in words.
     pub(super) cause: String,
     /// Whether it counts against the limit of attempts at a run.
     pub(super) counts: bool,
@@ -70,10 +69,10 @@ pub(super) fn job_name(campaign: &Campaign, number: u32) -> String {
     let mut digest = seal::Digest::new();
     digest.add(campaign.dir().as_os_str().as_encoded_bytes());
     digest.add(campaign.id().as_bytes());
-    format!("{stem}-{}-{number}", hex(digest.finish()))
+    format!("{stem}-{}-{number}", seal::hex(digest.finish()))
 }
 
-/// Every submission that was written down and can be read, by number, and the next free number.
+/// Every submission that can be read, by number, and the next free number.
 pub(super) fn read_all(dir: &Path) -> Result<(Vec<Submission>, u32), CampaignError> {
     let folder = dir.join(SLURM);
     let failed = |error| CampaignError::io("read", &folder, error);
@@ -91,7 +90,7 @@ pub(super) fn read_all(dir: &Path) -> Result<(Vec<Submission>, u32), CampaignErr
         let Some(number) = name.and_then(|name| name.parse::<u32>().ok()) else { continue };
         next = next.max(number.saturating_add(1));
         // One that cannot be read has runs that will be submitted again: twice, at worst.
-        if let Ok(Some(text)) = durable::read(&path.join(SUBMISSION))
+        if let Ok(Some(text)) = files::read(&path.join(SUBMISSION))
             && let Ok(submission) = seal::unseal::<Submission>(&text)
             && submission.number == number
         {
@@ -120,10 +119,10 @@ impl Submission {
 
     /// Writes the number down that Slurm gave the job.
     pub(super) fn write_job(&self, dir: &Path, job: u64) -> Result<(), CampaignError> {
-        durable::write(&self.folder(dir).join(JOB), format!("{job}\n").as_bytes())
+        files::write(&self.folder(dir).join(JOB), format!("{job}\n").as_bytes())
     }
 
-    /// What the element printed, its last lines.
+    /// The last lines that the element printed.
     pub(super) fn printed(&self, dir: &Path, element: usize) -> String {
         let text = fs::read(self.folder(dir).join(format!("{element}.out"))).unwrap_or_default();
         let text = String::from_utf8_lossy(&text[text.len().saturating_sub(2000)..]).into_owned();
@@ -131,9 +130,9 @@ impl Submission {
         lines[lines.len().saturating_sub(5)..].join("\n")
     }
 
-    /// How long ago it was written \[s\].
+    /// Time since it was written \[s\].
     pub(super) fn age_s(&self) -> u64 {
-        lock::now_s().saturating_sub(self.written)
+        machine::now_s().saturating_sub(self.written)
     }
 
     /// Writes everything that the job needs, flushed to disk, and gives the arguments for sbatch.
@@ -144,20 +143,17 @@ impl Submission {
         worker: &[String],
     ) -> Result<Vec<String>, CampaignError> {
         let folder = self.folder(dir);
-        fs::create_dir_all(&folder).map_err(|error| CampaignError::io("made", &folder, error))?;
+        files::make_folder(&folder)?;
         let mut elements = String::new();
         for runs in &self.elements {
             elements.push_str(&numbers::format(runs));
             elements.push('\n');
         }
-        durable::write(&folder.join(ELEMENTS), elements.as_bytes())?;
+        files::write(&folder.join(ELEMENTS), elements.as_bytes())?;
         let arguments = self.arguments(dir, settings);
         let script = self.script(dir, settings, worker, &arguments);
-        durable::write(&folder.join(SCRIPT), script.as_bytes())?;
-        let path = folder.join(SUBMISSION);
-        let text = seal::seal_pretty(self)
-            .map_err(|error| CampaignError::io("written", &path, error.into()))?;
-        durable::write(&path, &text)?;
+        files::write(&folder.join(SCRIPT), script.as_bytes())?;
+        files::write_sealed(&folder.join(SUBMISSION), self)?;
         let parent = dir.join(SLURM);
         durable::flush_folder(&parent).map_err(|e| CampaignError::io("written", &parent, e))?;
         Ok(arguments)

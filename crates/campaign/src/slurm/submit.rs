@@ -8,7 +8,7 @@ use super::session::Session;
 use super::submission::{self, Submission};
 use crate::error::ExecutorError;
 use crate::executor::Event;
-use crate::lock;
+use crate::machine;
 
 impl Session<'_> {
     /// Submits the open runs that no job will give an outcome of.
@@ -25,9 +25,9 @@ impl Session<'_> {
             return Ok(());
         }
         let Some(size) = self.array_size()? else { return Ok(()) };
-        let elements = submission::elements(&missing, self.slurm.settings.chunk, &self.alone);
+        let elements = submission::elements(&missing, self.cluster.settings.chunk, &self.alone);
         for elements in elements.chunks(size) {
-            let limit = match self.slurm.settings.max_parallel.map(|most| self.left_of(most)) {
+            let limit = match self.cluster.settings.max_parallel.map(|most| self.left_of(most)) {
                 // Others of ours must end first.
                 Some(0) => break,
                 limit => limit,
@@ -40,7 +40,7 @@ impl Session<'_> {
                 elements: elements.to_vec(),
                 limit,
                 time_min: self.time_min(elements),
-                written: lock::now_s(),
+                written: machine::now_s(),
             };
             self.jobs.push(Job::new(submission));
             if !self.send(self.jobs.len() - 1)? {
@@ -65,7 +65,7 @@ impl Session<'_> {
     /// How many elements an array may have; none where Slurm does not say it now.
     fn array_size(&mut self) -> Result<Option<usize>, ExecutorError> {
         if self.array_size.is_none() {
-            match self.slurm.client.max_array_size(self.stop) {
+            match self.cluster.client.max_array_size(self.stop) {
                 Ok(size) => self.array_size = Some(size as usize),
                 Err(Unknown::Interrupted) => {}
                 Err(Unknown::NotInstalled(words)) => return Err(ExecutorError::Scheduler(words)),
@@ -93,7 +93,7 @@ impl Session<'_> {
 
     /// The time limit of the elements of an array \[min\].
     fn time_min(&self, elements: &[Vec<u64>]) -> u32 {
-        if let Some(time_min) = self.slurm.settings.time_min {
+        if let Some(time_min) = self.cluster.settings.time_min {
             return time_min;
         }
         let seconds_of = |run: &u64| self.open.get(run).map_or(0.0, |run| run.timeout_s + 30.0);
@@ -107,9 +107,9 @@ impl Session<'_> {
     fn send(&mut self, at: usize) -> Result<bool, ExecutorError> {
         let dir = self.campaign.dir();
         let job = &mut self.jobs[at];
-        job.submission.written = lock::now_s();
-        let arguments = job.submission.write(dir, &self.slurm.settings, &self.slurm.worker)?;
-        match self.slurm.client.submit(dir, &arguments) {
+        job.submission.written = machine::now_s();
+        let arguments = job.submission.write(dir, &self.cluster.settings, &self.cluster.worker)?;
+        match self.cluster.client.submit(dir, &arguments) {
             Ok(id) => {
                 job.sent = Sent::Yes;
                 job.id = Some(id);

@@ -20,7 +20,7 @@ impl Json {
 
     /// The numbers of a column.
     pub(super) fn column(&self, place: usize) -> Result<Vec<f64>, TableError> {
-        let cells = self.columns[place].iter().enumerate();
+        let cells = self.columns.get(place).map_or(&[][..], Vec::as_slice).iter().enumerate();
         let numbers = cells.map(|(i, cell)| {
             cell.clone().map_err(|problem| TableError::Json {
                 problem: format!("row {}, column {}: {problem}", i + 1, self.names[place]),

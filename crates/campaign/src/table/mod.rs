@@ -23,7 +23,6 @@ use std::borrow::Cow;
 use serde::{Deserialize, Serialize};
 
 pub use error::TableError;
-use error::short;
 use json::Json;
 use lines::{Lines, SEPARATORS, Split};
 
@@ -184,16 +183,18 @@ impl<'t> Table<'t> {
     ///
     /// [`TableError::NotANumber`], or [`TableError::Json`] in JSON, for the first cell that does not hold a number.
     pub fn column_at(&self, place: usize) -> Result<Vec<f64>, TableError> {
-        let Some(name) = self.names().get(place) else { return Ok(Vec::new()) };
+        Ok(self.columns_at(&[place])?.pop().unwrap_or_default())
+    }
+
+    /// The numbers of several columns at once, as [`column_at`](Self::column_at) gives them.
+    ///
+    /// # Errors
+    ///
+    /// As [`column_at`](Self::column_at), for the first row with such a cell.
+    pub fn columns_at(&self, places: &[usize]) -> Result<Vec<Vec<f64>>, TableError> {
         match &self.body {
-            Body::Lines(lines) => {
-                let numbers = lines.rows.iter().map(|&(line, row)| {
-                    let cell = lines.split.cells(row).nth(place).unwrap_or_default();
-                    number(&cell, line, name, lines.split)
-                });
-                numbers.collect()
-            }
-            Body::Json(json) => json.column(place),
+            Body::Lines(lines) => lines.columns(places),
+            Body::Json(json) => places.iter().map(|&place| json.column(place)).collect(),
         }
     }
 
@@ -223,19 +224,6 @@ impl Row<'_> {
     pub fn number(&self, place: usize) -> Result<f64, TableError> {
         let cell = self.cells.get(place).map_or("", |cell| cell);
         let name = self.names.get(place).map_or("", String::as_str);
-        number(cell, self.line, name, self.split)
+        self.split.number(cell, self.line, name)
     }
-}
-
-fn number(cell: &str, line: usize, column: &str, split: Split) -> Result<f64, TableError> {
-    lines::number(cell).ok_or_else(|| {
-        let point = cell.replace(',', ".");
-        let comma = split != Split::At(b',') && lines::number(&point).is_some();
-        TableError::NotANumber {
-            line,
-            column: column.to_owned(),
-            found: short(cell),
-            with_point: comma.then_some(point),
-        }
-    })
 }

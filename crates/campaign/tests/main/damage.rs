@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use campaign::{Campaign, CampaignError, Outcome, Stop, run_task, status};
+use campaign::{Campaign, CampaignError, Damage, Outcome, Stop, run_task, status};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 
@@ -125,7 +125,7 @@ fn fault() -> impl Strategy<Value = Fault> {
 }
 
 /// Numbers of the runs whose outcomes are untouched, found line by line and file by file.
-fn untouched(damaged: &BTreeMap<PathBuf, Option<Vec<u8>>>) -> BTreeSet<u64> {
+fn untouched(damaged: &Damaged) -> BTreeSet<u64> {
     let mut numbers = BTreeSet::new();
     for (name, contents) in &original().files {
         let now = match damaged.get(name) {
@@ -146,12 +146,12 @@ fn untouched(damaged: &BTreeMap<PathBuf, Option<Vec<u8>>>) -> BTreeSet<u64> {
     numbers
 }
 
-fn check(faults: &[(usize, Fault)]) -> Result<(), TestCaseError> {
-    let sandbox = Sandbox::new();
-    let dir = sandbox.dir();
-    copy(&dir);
+type Damaged = BTreeMap<PathBuf, Option<Vec<u8>>>;
+
+/// Does damage to the files in `dir`, at most once to each, and gives what they hold now.
+fn spoil(dir: &Path, faults: &[(usize, Fault)]) -> Damaged {
     let names: Vec<&PathBuf> = original().files.keys().collect();
-    let mut damaged: BTreeMap<PathBuf, Option<Vec<u8>>> = BTreeMap::new();
+    let mut damaged = Damaged::new();
     for (which, fault) in faults {
         let name = names[which % names.len()];
         if damaged.contains_key(name) {
@@ -169,50 +169,63 @@ fn check(faults: &[(usize, Fault)]) -> Result<(), TestCaseError> {
         damaged.insert(name.clone(), now);
     }
     // The lock says only who has it; an untouched file is no damage.
-    let lock_is_a_file = dir.join("lock").is_file() || !dir.join("lock").exists();
     damaged.retain(|name, now| {
         name != Path::new("lock") && now.as_ref() != original().files.get(name)
     });
-    let _ = status(&dir);
-    if !lock_is_a_file {
-        let refused = Campaign::open(&dir);
-        prop_assert!(matches!(refused, Err(CampaignError::Io { .. })), "{:?}", refused);
-        fs::remove_dir(dir.join("lock")).unwrap();
-    }
-    let opened = match Campaign::open(&dir) {
-        Ok(opened) => opened,
+    damaged
+}
+
+/// Opens the campaign, restored where its record is damaged; none where it rightly counts as no campaign.
+fn open(dir: &Path, damaged: &Damaged) -> Result<Option<(Campaign, Vec<Damage>)>, TestCaseError> {
+    match Campaign::open(dir) {
+        Ok(opened) => Ok(Some(opened)),
         Err(CampaignError::Damaged { file, .. }) => {
             prop_assert!(damaged.contains_key(Path::new("campaign.json")), "{:?}", file);
-            Campaign::restore(&dir, &the_spec(), &extra()).unwrap()
+            Ok(Some(Campaign::restore(dir, &the_spec(), &extra()).unwrap()))
         }
         Err(CampaignError::NotACampaign { .. }) => {
             let gone = |name: &str| damaged.get(Path::new(name)) == Some(&None);
             prop_assert!(gone("campaign.json") && gone("tasks.jsonl"));
-            return Ok(());
+            Ok(None)
         }
-        Err(other) => return Err(TestCaseError::fail(other.to_string())),
+        Err(other) => Err(TestCaseError::fail(other.to_string())),
+    }
+}
+
+/// Whether the damage to a file may go unsaid: a cut just behind a line's end, or a part that is there twice, may be no
+/// damage to any line.
+fn is_harmless(dir: &Path, name: &Path, now: Option<&Vec<u8>>) -> bool {
+    let parts = |text: &[u8]| -> BTreeSet<Vec<u8>> {
+        text.split(|&byte| byte == b'\n').map(<[u8]>::to_vec).collect()
     };
-    let (campaign, damage) = opened;
-    // A cut just behind a line's end, or a part that is there twice, may be no damage to any line.
+    let before = &original().files[name];
+    let journal = name.extension().is_some_and(|extension| extension == "jsonl");
+    // Nothing says how many of these files there were.
+    let uncounted = name.starts_with("outcomes") || name.starts_with("iterations");
+    match now {
+        None => !dir.join(name).exists() && uncounted,
+        Some(now) if journal => parts(now).is_subset(&parts(before)),
+        Some(now) => {
+            now.strip_suffix(b"\n") == Some(before) || before.strip_suffix(b"\n") == Some(now)
+        }
+    }
+}
+
+fn check(faults: &[(usize, Fault)]) -> Result<(), TestCaseError> {
+    let sandbox = Sandbox::new();
+    let dir = sandbox.dir();
+    copy(&dir);
+    let damaged = spoil(&dir, faults);
+    let _ = status(&dir);
+    if dir.join("lock").is_dir() {
+        let refused = Campaign::open(&dir);
+        prop_assert!(matches!(refused, Err(CampaignError::Io { .. })), "{:?}", refused);
+        fs::remove_dir(dir.join("lock")).unwrap();
+    }
+    let Some((campaign, damage)) = open(&dir, &damaged)? else { return Ok(()) };
     for (name, now) in &damaged {
         let said = damage.iter().any(|damage| damage.file.ends_with(name));
-        let parts = |text: &[u8]| -> BTreeSet<Vec<u8>> {
-            text.split(|&byte| byte == b'\n').map(<[u8]>::to_vec).collect()
-        };
-        let before = parts(&original().files[name]);
-        let journal = name.extension().is_some_and(|extension| extension == "jsonl");
-        // Nothing says how many of these files there were.
-        let uncounted = name.starts_with("outcomes") || name.starts_with("iterations");
-        let gone = now.is_none() && !dir.join(name).exists() && uncounted;
-        let harmless = gone
-            || now.as_ref().is_some_and(|now| {
-                if journal {
-                    parts(now).is_subset(&before)
-                } else {
-                    now.strip_suffix(b"\n") == Some(&original().files[name])
-                        || original().files[name].strip_suffix(b"\n") == Some(now)
-                }
-            });
+        let harmless = is_harmless(&dir, name, now.as_ref());
         prop_assert!(said || harmless, "{:?} is not named in {:?}", name, damage);
     }
     // As a driver does that replays: the same tasks again.

@@ -1,4 +1,4 @@
-//! What the tests share: commands, specifications, tasks.
+//! Commands, specifications and tasks of the tests.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

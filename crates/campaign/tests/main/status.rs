@@ -1,4 +1,4 @@
-//! How far it is, seen from outside.
+//! The progress of a campaign, as another process sees it.
 
 use std::time::Duration;
 
@@ -7,7 +7,7 @@ use campaign::{CampaignError, Executor, Local, Outcome, Stop, status};
 use crate::sandbox::{Sandbox, create, rows, run, shell, spec, tasks};
 
 #[test]
-fn an_empty_campaign_and_none_at_all() {
+fn an_empty_campaign_has_a_status_and_an_empty_directory_has_none() {
     let sandbox = Sandbox::new();
     let error = status(&sandbox.dir()).unwrap_err();
     assert!(matches!(error, CampaignError::NotACampaign { .. }), "{error}");
@@ -48,7 +48,7 @@ fn the_time_left_follows_from_what_ended_and_how_many_run() {
 }
 
 #[test]
-fn it_can_be_asked_all_the_time_while_runs_are_made() {
+fn the_status_can_be_read_while_runs_are_made() {
     let sandbox = Sandbox::new();
     let script = "sleep 0.05; printf 'x\\n1\\n' > out.csv";
     let campaign = create(&sandbox.dir(), &spec(shell(script)));

@@ -1,4 +1,4 @@
-//! The directory: what is refused, what comes back.
+//! The directory: what it refuses, and what comes back from it.
 
 use std::collections::BTreeMap;
 use std::fs;

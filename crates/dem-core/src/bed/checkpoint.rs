@@ -1,8 +1,8 @@
 //! The whole state of a bed as bytes, so that a run goes on with the same bits.
 //!
 //! Layout, little-endian: the magic, the version, every field in the order of [`Bed::checkpoint`], and the
-//! FNV-1a sum of all that. A vector is its length and its elements. What a scene describes (material,
-//! surroundings, how contacts grow) is not in it: a checkpoint is read into the bed of the same scene.
+//! FNV-1a sum of all that. A vector is its length and its elements. The description of the scene (material,
+//! surroundings, growth) is not in it: a checkpoint is read into the bed of the same scene.
 
 use super::contact::Memory;
 use super::engine::{Bed, Drive};

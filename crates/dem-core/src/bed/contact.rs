@@ -34,7 +34,7 @@ use super::material::ContactConstants;
 use crate::kinetics::RateCoefficients;
 use crate::{Branch, ContactLaw, Kinetic};
 
-/// What a contact remembers from step to step.
+/// State of a contact between steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(align(32))]
 pub(crate) struct Memory {
@@ -58,7 +58,7 @@ impl Memory {
     }
 }
 
-/// Whether and how the plastic overlap grows: a type, so that a bed at rest does not pay for it.
+/// Growth of the plastic overlap: a type, so that a bed at rest does not compute it.
 pub(crate) trait Growth: Copy + Send + Sync {
     /// Whether it grows at all.
     const GROWS: bool;
@@ -90,7 +90,7 @@ impl<K: Kinetic> Growth for Grows<K> {
     }
 }
 
-/// The contact law with what follows from it once and for all.
+/// The contact law and the constants that follow from it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct LawConstants {
     pub(crate) law: ContactLaw,
@@ -118,7 +118,7 @@ impl LawConstants {
         (1.0 + self.stiffening * plastic).min(self.law.k2_max)
     }
 
-    /// Elasto-plastic force and plastic overlap after the law has looked at them.
+    /// Elasto-plastic force and plastic overlap by the branch that holds.
     #[inline(always)]
     pub(crate) fn force(&self, overlap: f64, plastic: f64) -> (f64, f64) {
         let force = self.stiffness(plastic) * (overlap - plastic);
@@ -180,7 +180,7 @@ impl Scheme {
     }
 
     /// Takes a contact to the overlap `x1` at the end of a step. `plastic_before` is the plastic overlap
-    /// one step before `memory.plastic`; it is not looked at where nothing grows.
+    /// one step before `memory.plastic`; it is not read without growth.
     #[inline(always)]
     pub(crate) fn advance<G: Growth>(
         &self,
@@ -242,7 +242,7 @@ impl Scheme {
     }
 
     /// The memory, before the step, of a contact that is made in a step from the overlap `before`,
-    /// negative, to `after`: no force so far, and nothing known of others.
+    /// negative, to `after`: no force so far, and no acceleration by others.
     pub(crate) fn touching(&self, law: &LawConstants, before: f64, after: f64) -> Memory {
         let alpha = law.law.adhesion;
         let drift = after - before - alpha / self.inverse_phase_squared;

@@ -1,4 +1,4 @@
-//! What can be wrong with a bed, and with a run of it.
+//! Errors of a bed and of its run.
 
 use thiserror::Error;
 
@@ -15,7 +15,7 @@ pub enum BedError {
         field: String,
         /// Its value.
         value: String,
-        /// What to do about it.
+        /// Remedy.
         remedy: &'static str,
     },
     /// The scene file is not TOML, misses a field, or has one that is not known.
@@ -23,7 +23,7 @@ pub enum BedError {
     File {
         /// File and line.
         place: String,
-        /// What is wrong and what would be right.
+        /// The mistake and the remedy.
         message: String,
     },
     /// The material and its contact law do not go together.
@@ -32,7 +32,7 @@ pub enum BedError {
     /// The sintering parameters cannot be used.
     #[error("sintering: {0}")]
     Sintering(#[from] SolveError),
-    /// Two particles overlap before anything has happened.
+    /// Two particles overlap at the start by more than an adhesive contact.
     #[error(
         "particles {first} and {second} overlap by {overlap} effective radii at the start, more than the adhesive \
          contact's {allowed}: move them apart"
@@ -72,10 +72,10 @@ pub enum BedError {
         axis: usize,
         /// Its length.
         size_m: f64,
-        /// What it must exceed.
+        /// Length that it must exceed \[m\].
         needed_m: f64,
     },
-    /// The time step is not stable for the contacts that there are.
+    /// The time step is not stable for the present contacts.
     #[error(
         "step of {step_s} s at t = {time_s} s is at or above the stability limit {limit_s} s of a particle with \
          {contacts} contacts: lower step_over_collision_time below {}",
@@ -86,35 +86,35 @@ pub enum BedError {
         step_s: f64,
         /// The setting that gave it.
         step_over_collision_time: f64,
-        /// What the step must stay below.
+        /// Largest stable step \[s\].
         limit_s: f64,
         /// Contacts of the particle that decides.
         contacts: usize,
-        /// When.
+        /// Time \[s\].
         time_s: f64,
     },
-    /// A particle moved further in one step than the neighbour list can follow, or nowhere at all.
+    /// A particle moved further in one step than the neighbour list can follow, or to a place that is not a number.
     #[error(
         "at t = {time_s} s a particle moves {displacement_m} m in one step, more than the {allowed_m} m that the neighbour \
          list allows: lower the starting velocities or step_over_collision_time"
     )]
     RunAway {
-        /// When.
+        /// Time \[s\].
         time_s: f64,
-        /// How far.
+        /// Displacement in one step \[m\].
         displacement_m: f64,
-        /// How far it may.
+        /// Largest displacement allowed \[m\].
         allowed_m: f64,
     },
-    /// A packing of the wished density was not found.
+    /// No packing of the wanted density was found.
     #[error(
         "a random packing of relative density {wished} was not reached: {particles} particles jam at about {reached}; \
          wish for less, or use a lattice"
     )]
     PackingDensity {
-        /// What was wished for.
+        /// Wanted relative density.
         wished: f64,
-        /// What was reached without overlaps.
+        /// Relative density reached without overlaps.
         reached: f64,
         /// Number of particles.
         particles: usize,
@@ -134,13 +134,13 @@ pub enum BedError {
         /// A stiffness that would do.
         needed_k1: f64,
     },
-    /// Mass scaling has made inertia felt.
+    /// Mass scaling has made inertia too large.
     #[error(
         "at t = {time_s} s the inertial number {inertial_number} exceeds inertial_number_limit = {limit}: lower mass_scaling, \
          or use mode = \"quasi-static\""
     )]
     Inertia {
-        /// When.
+        /// Time \[s\].
         time_s: f64,
         /// The inertial number.
         inertial_number: f64,
@@ -153,13 +153,13 @@ pub enum BedError {
          wanted {wanted}; raise max_work, or use mode = \"dynamic\""
     )]
     NoBalance {
-        /// When.
+        /// Time \[s\].
         time_s: f64,
         /// Iterations spent.
         iterations: u64,
-        /// What was reached.
+        /// Residual force reached, over fa.
         residual: f64,
-        /// What was wanted.
+        /// Residual force wanted, over fa.
         wanted: f64,
     },
     /// The run used all the work it was allowed.

@@ -1,7 +1,7 @@
 //! First half of a step: the forces of the pairs.
 //!
-//! Every pair is computed once, by itself, from the positions of its two particles and its own
-//! memory, and leaves its force in its own place: whoever computes it, the bits are the same.
+//! Every pair is computed once, from the positions of its two particles and its own memory, and writes
+//! its force in its own place: the bits do not depend on the thread.
 
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -12,7 +12,7 @@ use super::material::ContactConstants;
 use super::neighbours::{NeighbourList, image_of, index_of};
 use super::vec3::{Vec3, ZERO, add, cross, dot, scale, sub};
 
-/// What the pairs of a scene pay for, known to the compiler.
+/// Features of a scene that its pairs are compiled for.
 pub(crate) trait PairFeatures {
     /// Whether pairs see each other across periodic sides.
     const IMAGES: bool;
@@ -20,7 +20,7 @@ pub(crate) trait PairFeatures {
     const EQUAL: bool;
     /// Whether there is friction, and with it rotation.
     const FRICTION: bool;
-    /// How the plastic overlap grows.
+    /// Growth of the plastic overlap.
     type G: Growth;
 }
 
@@ -38,7 +38,7 @@ impl<const IMAGES: bool, const EQUAL: bool, const FRICTION: bool, G: Growth> Pai
     type G = G;
 }
 
-/// What all pairs read.
+/// Input of all pairs.
 pub(crate) struct PairInput<'a> {
     pub(crate) list: &'a NeighbourList,
     pub(crate) position: &'a [Vec3],
@@ -50,16 +50,16 @@ pub(crate) struct PairInput<'a> {
     pub(crate) law: LawConstants,
     pub(crate) k1: f64,
     pub(crate) step_s: f64,
-    /// Of all pairs, where all radii are equal.
+    /// The scheme of all pairs, where all radii are equal.
     pub(crate) scheme: Scheme,
     /// Sum of two radii, where all are equal.
     pub(crate) diameter: f64,
-    /// Of each pair, where the radii differ.
+    /// The constants of each pair, where the radii differ.
     pub(crate) constants: &'a [ContactConstants],
     pub(crate) slider: Slider,
 }
 
-/// What the pairs of some particles write, each in its place.
+/// Output of the pairs of some particles, each in its place.
 pub(crate) struct PairOutput<'a> {
     pub(crate) memory: &'a mut [Memory],
     pub(crate) plastic_before: &'a mut [f64],
@@ -156,7 +156,7 @@ fn rows_forces<F: PairFeatures>(input: &PairInput<'_>, output: PairOutput<'_>, r
             let distance = squared.sqrt();
             let overlap = (reach - distance) * scheme.inverse_radius;
             if !memory.is_contact() {
-                touch(input, scheme, i, j, d, reach, overlap, memory);
+                *memory = touch(input, scheme, &Meeting { i, j, d, reach, overlap });
             }
             let before = if F::G::GROWS { &mut plastic_before[at] } else { &mut nothing };
             scheme.advance::<F::G>(&input.law, overlap, memory, before);
@@ -189,22 +189,25 @@ fn rows_forces<F: PairFeatures>(input: &PairInput<'_>, output: PairOutput<'_>, r
     }
 }
 
-/// A contact that this step has made: what it remembers of the time before.
-#[cold]
-#[inline(never)]
-#[allow(clippy::too_many_arguments, reason = "a cold corner of the loop above")]
-fn touch(
-    input: &PairInput<'_>,
-    scheme: &Scheme,
+/// Two particles that meet in a step.
+struct Meeting {
     i: usize,
     j: usize,
+    /// Vector from j to i at the end of the step.
     d: Vec3,
+    /// Sum of the radii.
     reach: f64,
+    /// At the end of the step, in effective radii.
     overlap: f64,
-    memory: &mut Memory,
-) {
+}
+
+/// The memory, before the step, of a contact that the step has made.
+#[cold]
+#[inline(never)]
+fn touch(input: &PairInput<'_>, scheme: &Scheme, meeting: &Meeting) -> Memory {
+    let &Meeting { i, j, d, reach, overlap } = meeting;
     let moved = scale(sub(input.velocity[i], input.velocity[j]), input.step_s);
     let before = sub(d, moved);
     let before = (reach - dot(before, before).sqrt()) * scheme.inverse_radius;
-    *memory = scheme.touching(&input.law, before.min(0.0), overlap);
+    scheme.touching(&input.law, before.min(0.0), overlap)
 }

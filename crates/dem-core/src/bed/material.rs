@@ -1,4 +1,6 @@
-//! What the particles are made of, and the constants of a contact that follow from it.
+//! The material of a bed and the constants of its contacts.
+
+use serde::{Deserialize, Serialize};
 
 use super::error::{BedError, within};
 use crate::kinetics::{RateCoefficients, WithLaw, with_law};
@@ -12,15 +14,27 @@ use crate::{ContactLaw, Damping, Kinetic, Kinetics, PairScene, PairSpec, Sinteri
 /// ```
 ///
 /// and on the slider, at that limit, the spring is shortened to fit. The limit counts from the lowest
-/// force that the contact can carry: an adhesive contact holds tangentially though nothing presses it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// force that the contact can carry: an adhesive contact holds tangentially without pressure.
+///
+/// In a scene file `[friction]`.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
 pub struct Friction {
     /// Coefficient of friction mu, 0 to 10.
     pub coefficient: f64,
     /// Tangential stiffness over K1, up to 1; 2/7 gives a tangential period equal to the normal one.
+    #[serde(default = "two_sevenths")]
     pub tangential_stiffness_over_k1: f64,
     /// Tangential dissipation over the normal one, 0 to 1.
+    #[serde(default = "half")]
     pub tangential_damping_over_normal: f64,
+}
+
+fn two_sevenths() -> f64 {
+    2.0 / 7.0
+}
+fn half() -> f64 {
+    0.5
 }
 
 impl Friction {
@@ -43,7 +57,7 @@ impl Friction {
     }
 }
 
-/// How contacts grow: the kinetics, its parameters, and the radius these were calibrated at.
+/// Growth of contacts: the kinetics, its parameters, and the radius of the calibration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Growing {
     /// The law.
@@ -56,7 +70,7 @@ pub struct Growing {
 
 /// The material of all particles of a bed: the pair of the calibration at other radii.
 ///
-/// The contact law is dimensionless and the same for all contacts. What depends on the radius is
+/// The contact law is dimensionless and the same for all contacts. Quantities that depend on the radius are
 /// evaluated for the effective radius `R = 2 Ri Rj/(Ri + Rj)` of a contact, and `2 Ri` at a wall.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Material {
@@ -177,7 +191,7 @@ fn rate_at_radius(
     with_law(growing.kinetics, Coefficients { pair, sintering })
 }
 
-/// What a contact is computed with, besides the contact law. SI.
+/// Constants of a contact besides the contact law. SI.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ContactConstants {
     /// Effective radius.

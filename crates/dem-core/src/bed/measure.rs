@@ -1,4 +1,4 @@
-//! What there is to see of a bed between steps.
+//! Observations of a bed between steps.
 
 use super::engine::Bed;
 use super::neighbours::index_of;
@@ -18,7 +18,7 @@ pub struct ContactState {
     pub overlap: f64,
     /// Plastic overlap over R.
     pub plastic_overlap: f64,
-    /// `(f_ep - gamma_n v_n)/fa`: what drives the growth, 1 where the contact carries nothing.
+    /// Driving factor of the growth, `(f_ep - gamma_n v_n)/fa`; 1 for a contact without load.
     pub driving: f64,
     /// Rate of the overlap over R \[1/s\].
     pub rate_per_s: f64,
@@ -32,23 +32,23 @@ impl ContactState {
     }
 }
 
-/// Where the energy is \[J\].
+/// Energies of a bed \[J\].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Energies {
-    /// Of motion along straight lines, with the mass scaling.
+    /// Kinetic energy of translation, with the mass scaling.
     pub translation_j: f64,
-    /// Of rotation.
+    /// Kinetic energy of rotation.
     pub rotation_j: f64,
-    /// Of the elastic part of the overlaps, `K2 (delta - delta0)^2 / 2`.
+    /// Elastic energy of the overlaps, `K2 (delta - delta0)^2 / 2`.
     pub elastic_j: f64,
-    /// Of adhesion, `-fa delta`.
+    /// Energy of adhesion, `-fa delta`.
     pub adhesion_j: f64,
-    /// Of gravity, `-m g . r`.
+    /// Potential energy of gravity, `-m g . r`.
     pub gravity_j: f64,
 }
 
 impl Energies {
-    /// All of it.
+    /// Sum of all energies.
     #[must_use]
     pub fn total_j(&self) -> f64 {
         self.translation_j + self.rotation_j + self.elastic_j + self.adhesion_j + self.gravity_j
@@ -58,19 +58,19 @@ impl Energies {
 /// The state of a bed in a few numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
-    /// When \[s\].
+    /// Time \[s\].
     pub time_s: f64,
     /// Mass over density and bed volume; NaN where the bed has no volume, see [`Bed::bed_volume_m3`].
     pub relative_density: f64,
     /// Contacts per particle, walls not counted.
     pub coordination: f64,
-    /// Mean contact ratio a/R over the contacts of particles; 0 where there are none.
+    /// Mean contact ratio a/R over the contacts of particles; 0 without contacts.
     pub mean_contact_ratio: f64,
-    /// The contact ratios that 10, 50 and 90 % of the contacts are below.
+    /// Quantiles of the contact ratio at 10, 50 and 90 %.
     pub contact_ratio_deciles: [f64; 3],
-    /// Mean of `(f_ep - gamma_n v_n)/fa`, which drives the growth.
+    /// Mean driving factor, `(f_ep - gamma_n v_n)/fa`.
     pub mean_driving: f64,
-    /// Largest magnitude of it.
+    /// Largest magnitude of the driving factor.
     pub largest_driving: f64,
     /// Inertial number, `sqrt(<(dx/dt)^2> m d/fa)`: the rate of strain of the contacts against the time in
     /// which fa moves a particle by its size. Inertia is not felt while it is below 1e-3.
@@ -85,7 +85,7 @@ pub struct Sample {
 ///
 /// A contact lags behind its balance by the time `sqrt(m x R/fa)` in which fa moves its two particles by their
 /// overlap. With the inertial number I that is `I/(2 sqrt 2)` of a/R; the estimate takes I itself at its
-/// largest, three times as much, because particles that nothing holds lag by more.
+/// largest, three times as much, because particles without contacts lag by more.
 #[must_use]
 pub fn inertia_error(samples: &[Sample]) -> f64 {
     samples.iter().map(|sample| sample.inertial_number).fold(0.0, f64::max)
@@ -261,7 +261,7 @@ impl Bed {
         meet.count() as f64 / n as f64
     }
 
-    /// How far the mean contact ratios of two beds of so many particles may differ by chance though the same law
+    /// Chance difference of the mean contact ratios of two beds of this number of particles though the same law
     /// rules them; 0 without contacts.
     ///
     /// The standard error of the mean, as if contacts were drawn by chance, together with the chance

@@ -9,8 +9,8 @@
 //! | tables, pictures' data, restarts | [`write_csv`], [`write_vtk`], [`Bed::checkpoint`] |
 //!
 //! A contact is the pair of the calibration at the effective radius `R = 2 Ri Rj/(Ri + Rj)`; a wall has
-//! `2 Ri` and does not grow. What a scene does not have (images, unequal radii, friction and with it rotation, walls, gravity,
-//! drag, growth) is left out by the compiler; `README.md` beside this module has what each costs.
+//! `2 Ri` and does not grow. Features that a scene does not have (images, unequal radii, friction and with it rotation,
+//! walls, gravity, drag, growth) are not compiled into its step; `README.md` beside this module has the cost of each.
 //!
 //! ```
 //! use std::ops::ControlFlow;
@@ -39,7 +39,7 @@
 //! # Ok::<(), dem_core::bed::BedError>(())
 //! ```
 
-mod balance;
+mod advance;
 mod checkpoint;
 mod contact;
 mod engine;
@@ -50,27 +50,36 @@ mod material;
 mod measure;
 mod motion;
 mod neighbours;
-mod network;
 mod output;
 mod packing;
 mod particles;
+mod phase;
+mod place;
 mod quasi_static;
 mod region;
+mod relist;
 mod run;
 mod scene;
+mod scene_file;
+mod set_off;
+mod stability;
+mod start;
 mod vec3;
 
-pub use engine::{Bed, Drive, Start, Surroundings, Work};
+pub use engine::{Bed, Drive, Work};
 pub use error::BedError;
 pub use material::{Friction, Growing, Material};
 pub use measure::{ContactState, Energies, Sample, inertia_error};
 pub use output::{CSV_HEADER, write_csv, write_vtk};
 pub use packing::{Radii, jammed_packing, random_packing};
 pub use particles::Particles;
+pub use phase::{Mode, Phase};
 pub use quasi_static::{QuasiStaticReport, QuasiStaticSettings};
 pub use region::{Region, Side, Wall};
 pub use run::{Progress, Run, Series};
-pub use scene::{
-    BoxTable, DragTable, FrictionTable, GravityTable, MaterialTable, Mode, Outline, ParticlesTable,
-    Phase, RadiiTable, Scene, SceneFile, SideName, SinteringTable,
+pub use scene::Scene;
+pub use scene_file::{
+    BoxTable, DragTable, GravityTable, MaterialTable, Outline, ParticlesTable, SceneFile,
+    SinteringTable,
 };
+pub use start::{Start, Surroundings};

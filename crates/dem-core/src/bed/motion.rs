@@ -1,7 +1,7 @@
 //! Second half of a step: each particle gathers its forces and moves.
 //!
 //! The forces are added in the order of the list, first of the pairs that the particle is the first of,
-//! then of those it is the second of, then of the walls: the sum does not know who computes it.
+//! then of those it is the second of, then of the walls: the bits do not depend on the thread.
 
 use std::ops::Range;
 
@@ -12,7 +12,7 @@ use super::neighbours::NeighbourList;
 use super::region::Wall;
 use super::vec3::{Vec3, ZERO, add, cross, dot, scale, sub};
 
-/// What the particles of a scene pay for, known to the compiler.
+/// Features of a scene that its motion is compiled for.
 pub(crate) trait MotionFeatures {
     /// Whether there are walls.
     const WALLS: bool;
@@ -44,7 +44,7 @@ impl<const WALLS: bool, const GRAVITY: bool, const DRAG: bool, const FRICTION: b
 /// Particles near walls.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct WallList {
-    /// Where the walls of particle i begin.
+    /// Place of the first wall of particle i.
     pub(crate) start: Vec<u32>,
     /// The wall.
     pub(crate) wall: Vec<u8>,
@@ -59,7 +59,7 @@ impl WallList {
     }
 }
 
-/// What all particles read.
+/// Input of all particles.
 pub(crate) struct MotionInput<'a> {
     pub(crate) list: &'a NeighbourList,
     pub(crate) pair_force: &'a [Vec3],
@@ -82,7 +82,7 @@ pub(crate) struct MotionInput<'a> {
     pub(crate) is_last: bool,
 }
 
-/// What some particles write, each in its place.
+/// Output of some particles, each in its place.
 pub(crate) struct MotionOutput<'a> {
     pub(crate) position: &'a mut [Vec3],
     pub(crate) half_velocity: &'a mut [Vec3],
@@ -169,24 +169,8 @@ fn rows_motion<F: MotionFeatures>(
     } = output;
     let mut fastest: f64 = 0.0;
     for (at, i) in rows.enumerate() {
-        let mut force = ZERO;
-        for pair in &input.pair_force[input.list.row(i)] {
-            force = add(force, *pair);
-        }
-        for &pair in input.list.reverse_row(i) {
-            force = sub(force, input.pair_force[pair as usize]);
-        }
+        let (mut force, mut turn) = gathered::<F>(input, i);
         let mass = input.mass[i];
-        let mut turn = ZERO;
-        if F::FRICTION {
-            for pair in &input.pair_torque[input.list.row(i)] {
-                turn = add(turn, *pair);
-            }
-            for &pair in input.list.reverse_row(i) {
-                turn = add(turn, input.pair_torque[pair as usize]);
-            }
-            turn = scale(turn, input.radius[i]);
-        }
         if F::WALLS {
             for k in input.wall_start[i] as usize..input.wall_start[i + 1] as usize {
                 let here = Body {
@@ -225,18 +209,7 @@ fn rows_motion<F: MotionFeatures>(
         };
         half_velocity[at] = after;
         if F::FRICTION {
-            // Moment of inertia 2/5 m R^2; drag torque 8 pi eta R^3.
-            let inertia = 0.4 * mass * input.radius[i] * input.radius[i];
-            let kick = scale(turn, h / inertia);
-            let half = if F::DRAG {
-                0.5 * h * (4.0 / 3.0 * input.drag * input.radius[i].powi(3)) / inertia
-            } else {
-                0.0
-            };
-            if input.is_last {
-                angular_velocity[at] = scale(add(spin[at], scale(kick, 0.5)), 1.0 / (1.0 + half));
-            }
-            spin[at] = scale(add(scale(spin[at], 1.0 - half), kick), 1.0 / (1.0 + half));
+            rotate::<F>(input, i, turn, &mut spin[at], &mut angular_velocity[at]);
         }
         if !input.is_last {
             position[at] = add(position[at], scale(after, h));
@@ -245,6 +218,53 @@ fn rows_motion<F: MotionFeatures>(
         fastest = fastest.max(if squared.is_nan() { f64::INFINITY } else { squared });
     }
     fastest
+}
+
+/// Force of the pairs on a particle, and their torque.
+#[inline(always)]
+fn gathered<F: MotionFeatures>(input: &MotionInput<'_>, i: usize) -> (Vec3, Vec3) {
+    let mut force = ZERO;
+    for pair in &input.pair_force[input.list.row(i)] {
+        force = add(force, *pair);
+    }
+    for &pair in input.list.reverse_row(i) {
+        force = sub(force, input.pair_force[pair as usize]);
+    }
+    let mut turn = ZERO;
+    if F::FRICTION {
+        for pair in &input.pair_torque[input.list.row(i)] {
+            turn = add(turn, *pair);
+        }
+        for &pair in input.list.reverse_row(i) {
+            turn = add(turn, input.pair_torque[pair as usize]);
+        }
+        turn = scale(turn, input.radius[i]);
+    }
+    (force, turn)
+}
+
+/// Kicks the rotation of a particle by one step.
+#[inline(always)]
+fn rotate<F: MotionFeatures>(
+    input: &MotionInput<'_>,
+    i: usize,
+    turn: Vec3,
+    spin: &mut Vec3,
+    angular_velocity: &mut Vec3,
+) {
+    let h = input.step_s;
+    // Moment of inertia 2/5 m R^2; drag torque 8 pi eta R^3.
+    let inertia = 0.4 * input.mass[i] * input.radius[i] * input.radius[i];
+    let kick = scale(turn, h / inertia);
+    let half = if F::DRAG {
+        0.5 * h * (4.0 / 3.0 * input.drag * input.radius[i].powi(3)) / inertia
+    } else {
+        0.0
+    };
+    if input.is_last {
+        *angular_velocity = scale(add(*spin, scale(kick, 0.5)), 1.0 / (1.0 + half));
+    }
+    *spin = scale(add(scale(*spin, 1.0 - half), kick), 1.0 / (1.0 + half));
 }
 
 /// A particle as its walls see it.

@@ -1,4 +1,4 @@
-//! Which particles are near which: linked cells, and the list made from them.
+//! The neighbour list, built with linked cells.
 
 use std::ops::Range;
 
@@ -11,18 +11,18 @@ use super::vec3::{Vec3, dot, sub};
 /// Bits of a neighbour entry that hold the particle; the others hold the image.
 const INDEX_BITS: u32 = 27;
 const INDEX_MASK: u32 = (1 << INDEX_BITS) - 1;
-/// The most particles that a list can hold.
+/// Limit on the number of particles of a list, exclusive.
 pub(crate) const MOST_PARTICLES: usize = 1 << INDEX_BITS;
 
 /// The pairs of particles closer than the sum of their radii and a skin, each once, under the
 /// particle that comes first.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct NeighbourList {
-    /// Where the pairs of particle i begin, for i up to and including the number of particles.
+    /// Place of the first pair of particle i, for i up to and including the number of particles.
     pub(crate) start: Vec<u32>,
     /// The second particle of a pair and the image of the box it is seen in.
     pub(crate) other: Vec<u32>,
-    /// Where the pairs that particle i is second of begin in `reverse`.
+    /// Place in `reverse` of the first pair whose second particle is i.
     pub(crate) reverse_start: Vec<u32>,
     /// Pairs by their second particle.
     pub(crate) reverse: Vec<u32>,
@@ -128,7 +128,7 @@ struct Cells {
     inverse_length: Vec3,
     count: [usize; 3],
     periodic: [bool; 3],
-    /// Where the particles of a cell begin, once they are sorted.
+    /// Place of the first particle of a cell, once they are sorted.
     start: Vec<u32>,
 }
 

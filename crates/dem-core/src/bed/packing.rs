@@ -1,4 +1,4 @@
-//! Random packings of a wished density.
+//! Random packings of a given density.
 //!
 //! Particles are thrown into the box and pushed apart: the energy `sum overlap^2 / 2` of soft spheres
 //! is brought to zero by FIRE (E. Bitzek et al., Phys. Rev. Lett. 97 (2006) 170201). Below the
@@ -8,16 +8,20 @@
 use rand::{RngExt, SeedableRng, rngs::ChaCha8Rng};
 use rand_distr::{Distribution, LogNormal};
 
+use serde::{Deserialize, Serialize};
+
 use super::error::{BedError, field, within};
 use super::neighbours::{NeighbourList, image_of, index_of, sort_and_list};
 use super::particles::Particles;
 use super::region::{Region, Wall};
 use super::vec3::{Vec3, ZERO, add, dot, norm, scale, sub};
 
-/// Where radii come from.
-#[derive(Debug, Clone, PartialEq)]
+/// Distribution of radii; in a scene file `radii = { equal = {..} }`, `{ log-normal = {..} }` or
+/// `{ histogram = {..} }`.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub enum Radii {
-    /// All alike.
+    /// Equal radii.
     Equal {
         /// The radius \[m\].
         radius_m: f64,
@@ -89,7 +93,7 @@ impl Radii {
     }
 }
 
-/// A random packing without overlaps of spheres in a box, whose volume makes the relative density.
+/// A random packing of spheres without overlaps in a box, whose volume sets the relative density.
 ///
 /// Returns the centres, in the order of the radii. Open sides count as walls.
 ///
@@ -103,7 +107,7 @@ pub fn random_packing(
 ) -> Result<Vec<[f64; 3]>, BedError> {
     let wished = density(region, radius_m);
     let particles = radius_m.len();
-    // Beyond the densest lattice there is nothing to try.
+    // No packing is denser than the densest lattice.
     if wished < 0.745 {
         let mut soft = Soft::thrown(region, radius_m, seed)?;
         if soft.relax(PADDING, 0.5 * PADDING, 1e-3) {
@@ -156,7 +160,7 @@ pub fn jammed_packing(
         let mut soft = jammed.clone();
         soft.resize(&sized(next));
         if soft.relax(0.0, 0.02 * overlap, ROUGH) {
-            // Enlarged too far: they hold each other no more.
+            // Enlarged too far: the particles no longer hold each other.
             left = 0.5 * (1.0 + left);
         } else {
             (jammed, target) = (soft, next);
@@ -241,7 +245,7 @@ impl Soft {
             unit_m,
             walls: region.walls(),
             region,
-            particles: Particles::at_rest(position, vec![ZERO; count], radii, 1.0, false),
+            particles: Particles::new(position, vec![ZERO; count], radii, 1.0, false),
             list: NeighbourList::default(),
             listed: Vec::new(),
             force: vec![ZERO; count],

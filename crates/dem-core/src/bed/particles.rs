@@ -20,14 +20,14 @@ pub struct Particles {
     pub angular_velocity_per_s: Vec<[f64; 3]>,
     /// Radii \[m\].
     pub radius_m: Vec<f64>,
-    /// Masses as far as inertia goes \[kg\]: the masses times the mass scaling.
+    /// Inertial masses \[kg\]: the masses times the mass scaling.
     pub(crate) inertia: Vec<f64>,
     /// Place in the scene.
     pub id: Vec<u32>,
 }
 
 impl Particles {
-    pub(crate) fn at_rest(
+    pub(crate) fn new(
         position_m: Vec<Vec3>,
         velocity_m_per_s: Vec<Vec3>,
         radius_m: Vec<f64>,
@@ -48,13 +48,13 @@ impl Particles {
         }
     }
 
-    /// How many.
+    /// Number of particles.
     #[must_use]
     pub fn len(&self) -> usize {
         self.position_m.len()
     }
 
-    /// Whether there are none.
+    /// Whether the bed is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.position_m.is_empty()

@@ -1,19 +1,22 @@
 //! The box around the particles.
 
+use serde::{Deserialize, Serialize};
+
 use super::error::{BedError, within};
 use super::vec3::Vec3;
 
-/// What there is at the two ends of an axis of the box.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+/// The two ends of an axis of the box.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Side {
-    /// Nothing: particles may leave.
+    /// No bound: particles may leave.
     #[default]
     Open,
-    /// What leaves on one side comes in on the other.
+    /// Particles that leave on one side come in on the other.
     Periodic,
     /// A wall at both ends.
     Walls,
-    /// A wall at the lower end, nothing at the upper one.
+    /// A wall at the lower end; the upper one is open.
     LowerWall,
 }
 
@@ -22,12 +25,12 @@ pub enum Side {
 pub struct Region {
     /// Lengths \[m\].
     pub size_m: [f64; 3],
-    /// What bounds each axis.
+    /// Sides of each axis.
     pub sides: [Side; 3],
 }
 
 impl Region {
-    /// No walls, no images, nothing.
+    /// Open space: no walls, no images.
     pub const OPEN: Self = Self { size_m: [1.0; 3], sides: [Side::Open; 3] };
 
     /// A box with the same sides on all axes.
@@ -40,6 +43,19 @@ impl Region {
         for (axis, &size) in self.size_m.iter().enumerate() {
             let name = format!("box.size_m[{axis}]");
             within(&name, size, 1e-9, 1e6, "give the length of the box in metres, 1e-9 to 1e6")?;
+        }
+        Ok(())
+    }
+
+    /// Refuses a periodic side so short that a particle could touch two images of another, where pairs
+    /// are listed up to a distance of `reach_m`.
+    pub(crate) fn check_images(&self, reach_m: f64) -> Result<(), BedError> {
+        let needed_m = 2.0 * reach_m;
+        for axis in 0..3 {
+            let size_m = self.size_m[axis];
+            if self.sides[axis] == Side::Periodic && size_m <= needed_m {
+                return Err(BedError::PeriodicSideTooShort { axis, size_m, needed_m });
+            }
         }
         Ok(())
     }
@@ -121,7 +137,7 @@ impl Region {
     }
 }
 
-/// The code of no shift at all.
+/// The code of no shift.
 pub(crate) const NO_SHIFT: u32 = 13;
 
 /// A plane wall across an axis.
@@ -129,7 +145,7 @@ pub(crate) const NO_SHIFT: u32 = 13;
 pub struct Wall {
     /// 0, 1 or 2.
     pub axis: usize,
-    /// Where on the axis \[m\].
+    /// Position on the axis \[m\].
     pub position_m: f64,
     /// The direction of the axis into the box, 1 or -1.
     pub inward: f64,

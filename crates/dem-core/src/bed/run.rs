@@ -6,21 +6,22 @@ use super::engine::{Bed, Drive};
 use super::error::{BedError, field};
 use super::material::{Growing, Material};
 use super::measure::Sample;
+use super::phase::{Mode, Phase};
 use super::quasi_static::{QuasiStaticReport, QuasiStaticSettings};
 use super::region::Side;
-use super::scene::{Mode, Phase, Scene};
+use super::scene::Scene;
 use super::vec3::norm;
 
-/// What a run of a scene gives.
+/// Observations of a run of a scene.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Series {
     /// Observations, in time.
     pub samples: Vec<Sample>,
     /// Phase of each observation.
     pub phase: Vec<usize>,
-    /// When each phase began \[s\].
+    /// Start of each phase \[s\].
     pub phase_start_s: Vec<f64>,
-    /// What the quasi-static phases took.
+    /// Work and error of the quasi-static phases.
     pub quasi_static: QuasiStaticReport,
     /// Whether the run was stopped by its observer.
     pub stopped: bool,
@@ -28,7 +29,7 @@ pub struct Series {
 
 impl Series {
     /// Time since the first heated phase began at which a relative density is reached \[s\], by straight lines
-    /// between observations; `None` where it is not.
+    /// between observations; `None` where it is not reached.
     #[must_use]
     pub fn time_to_density(&self, target: f64, since_s: f64) -> Option<f64> {
         let reached = self
@@ -49,7 +50,7 @@ impl Series {
     }
 }
 
-/// Where a run is.
+/// Progress of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {
     /// The phase.
@@ -81,7 +82,7 @@ impl Run {
         &self.bed
     }
 
-    /// What was observed so far.
+    /// Observations so far.
     #[must_use]
     pub fn series(&self) -> &Series {
         &self.series
@@ -99,8 +100,8 @@ impl Run {
         self.scene.phases.get(self.phase)
     }
 
-    /// Other kinetics or parameters for what is still to come: a draw of a posterior, after the
-    /// phases that are the same for all.
+    /// Sets other kinetics or parameters for the phases to come: a draw of a posterior, after the
+    /// phases that all draws share.
     ///
     /// # Errors
     ///
@@ -115,7 +116,7 @@ impl Run {
         Ok(())
     }
 
-    /// Goes on to the next observation; `None` at the end of the last phase.
+    /// Advances to the next observation; `None` at the end of the last phase.
     ///
     /// # Errors
     ///
@@ -205,7 +206,7 @@ impl Scene {
     ///
     /// # Errors
     ///
-    /// [`BedError`]; what was observed before is with the observer.
+    /// [`BedError`]; the observer has seen the observations before it.
     pub fn run(
         &self,
         mut observe: impl FnMut(&Progress, &Bed) -> ControlFlow<()>,

@@ -3,7 +3,7 @@
 /// A vector.
 pub(crate) type Vec3 = [f64; 3];
 
-/// Nothing.
+/// The zero vector.
 pub(crate) const ZERO: Vec3 = [0.0; 3];
 
 #[inline(always)]

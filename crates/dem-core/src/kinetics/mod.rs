@@ -1,4 +1,4 @@
-//! How the neck grows in equilibrium: one file per law.
+//! Laws of neck growth in equilibrium: one file per law.
 //!
 //! A law is the rate `dx/dt` of the overlap `x = delta/R = (a/R)^2` of a pair in force balance. Every
 //! run starts at the adhesive contact, `x0 = max(fa/(K1 R), (a0/R)^2)` (eq. 3), so that each law
@@ -15,10 +15,10 @@ mod zipping;
 
 pub use frenkel::Frenkel;
 pub use pokluda::Pokluda;
-pub use regime_map::RegimeMap;
+pub use regime_map::{RegimeMap, Regimes};
 pub use three_stage::{ThreeStage, knee_contact_ratio};
 pub use three_stage_pokluda::ThreeStagePokluda;
-pub use zipping::Zipping;
+pub use zipping::{Zipping, zipping_rate_per_s};
 
 use std::fmt;
 use std::str::FromStr;
@@ -38,10 +38,10 @@ pub trait Kinetic: Copy + Send + Sync {
     /// for a rate that does not fit into a number.
     fn new(scene: &PairScene, sintering: &Sintering) -> Result<Self, SolveError>;
 
-    /// Whether there is a first branch at all.
+    /// Whether the law has a first branch.
     const HAS_SWITCH: bool;
 
-    /// The numbers the rate is made of.
+    /// Coefficients of the rate.
     fn coefficients(&self) -> RateCoefficients<f64>;
 
     /// `dx/dt` \[1/s\] of the first branch as numerator and denominator, smooth beyond the switch.
@@ -72,13 +72,13 @@ pub trait Kinetic: Copy + Send + Sync {
         numerator / denominator
     }
 
-    /// The overlap that the law approaches by itself, infinite where only phi ends it.
+    /// Overlap that the law approaches; infinite where only phi ends the growth.
     #[inline]
     fn limit_overlap(&self) -> f64 {
         f64::INFINITY
     }
 
-    /// How long the overlap rests at `x0` before the rate applies \[s\]; 0 for all but [`RegimeMap`].
+    /// Time that the overlap rests at `x0` before the rate applies \[s\]; 0 for all but [`RegimeMap`].
     #[inline]
     fn rest_s(&self) -> f64 {
         0.0
@@ -93,7 +93,7 @@ pub trait Kinetic: Copy + Send + Sync {
     fn time_to_overlap(&self, overlap: f64) -> f64;
 }
 
-/// The numbers a rate is made of, of one curve or of several side by side.
+/// Coefficients of a rate, of one curve or of several side by side.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RateCoefficients<L> {
     /// Overlap at which the first branch gives way to the second; 0 where there is only the second.
@@ -139,13 +139,13 @@ impl Kinetics {
         }
     }
 
-    /// Whether C1 and delta_c play any part; `frenkel` and `pokluda` have tau_s alone.
+    /// Whether C1 and delta_c enter the law; `frenkel` and `pokluda` have tau_s alone.
     #[must_use]
     pub fn uses_c1_delta_c(self) -> bool {
         !matches!(self, Self::Frenkel | Self::Pokluda)
     }
 
-    /// Whether C1 and delta_c show in the curve one by one. In `regime-map` they enter only as the
+    /// Whether C1 and delta_c can be told apart by the curve. In `regime-map` they enter only as the
     /// product `C1 delta_c^2`, so that a calibration can know the product but neither factor.
     #[must_use]
     pub fn separates_c1_from_delta_c(self) -> bool {
@@ -163,11 +163,11 @@ impl fmt::Display for Kinetics {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("unknown {what} '{value}': use one of {choices}")]
 pub struct UnknownName {
-    /// What was being named.
+    /// Kind of thing that was named.
     pub what: &'static str,
-    /// What was said.
+    /// The unknown name.
     pub value: String,
-    /// What can be said.
+    /// The known names.
     pub choices: String,
 }
 
@@ -183,7 +183,7 @@ impl FromStr for Kinetics {
     }
 }
 
-/// Work to be done with the type that a [`Kinetics`] names.
+/// Generic work over the type that a [`Kinetics`] names.
 pub(crate) trait WithLaw {
     type Output;
     fn run<K: Kinetic>(self) -> Self::Output;

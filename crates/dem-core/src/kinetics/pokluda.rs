@@ -14,7 +14,7 @@ use crate::{PairScene, Sintering, SolveError};
 /// a/R        = sin [4 / ((1 + cos)^2 (2 - cos))]^(1/3)
 /// ```
 ///
-/// It starts like [`Frenkel`](super::Frenkel), `x = t/tau_s`, and ends at `2^(1/3)` by itself, in
+/// It starts like [`Frenkel`](super::Frenkel), `x = t/tau_s`, and approaches `2^(1/3)` in
 /// infinite time; a smaller phi stops it.
 ///
 /// # Exact solution

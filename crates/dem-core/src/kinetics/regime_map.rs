@@ -1,10 +1,10 @@
 //! The regime map of Fig. 2.
 
 use super::zipping::seven_halves;
-use super::{Frenkel, Kinetic, RateCoefficients, Zipping};
+use super::{Frenkel, Kinetic, RateCoefficients, Zipping, zipping_rate_per_s};
 use crate::lanes::Lanes;
 use crate::sintering::in_range;
-use crate::{PairScene, Sintering, SolveError};
+use crate::{PairScene, Powder, Sintering, SolveError};
 
 /// The map of Fig. 2 and of Lin et al.: `a = max(a0, a1, a2)` with eqs. 3, 4 and 5 in explicit time,
 /// `x = max(x0, (B t)^(2/7), t/tau_s)`, up to `phi^2`.
@@ -26,29 +26,48 @@ pub struct RegimeMap {
     rest_s: f64,
 }
 
-impl RegimeMap {
-    /// Contact ratio of the zipping branch, `a1/R = (B t)^(1/7)` (eq. 4).
+/// The three lines of Fig. 2 in explicit time, without start and end: `a0/R` (eq. 3), `a1/R` (eq. 4) and `a2/R` (eq. 5).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Regimes {
+    /// Adhesive contact ratio `a0/R`.
+    pub adhesive: f64,
+    zipping_rate_per_s: f64,
+    tau_s: f64,
+}
+
+impl Regimes {
+    /// The lines of a powder. Parameters must be positive.
     #[must_use]
-    pub fn zipping_contact_ratio(&self, time_s: f64) -> f64 {
-        self.zipping.contact_ratio(time_s)
+    pub fn new(powder: &Powder, sintering: &Sintering) -> Self {
+        Self {
+            adhesive: powder.adhesive_contact_ratio(),
+            zipping_rate_per_s: zipping_rate_per_s(powder, sintering),
+            tau_s: sintering.tau_s,
+        }
     }
 
-    /// Contact ratio of the stretching branch, `a2/R = (t/tau_s)^(1/2)` (eq. 5), also beyond phi.
+    /// Contact ratio of zipping, `a1/R = (B t)^(1/7)`.
     #[must_use]
-    pub fn stretching_contact_ratio(&self, time_s: f64) -> f64 {
-        (time_s * self.stretching.coefficients().stretching).sqrt()
+    pub fn zipping(&self, time_s: f64) -> f64 {
+        (self.zipping_rate_per_s * time_s).powf(1.0 / 7.0)
     }
 
-    /// Point p1 of Fig. 2: the time \[s\] at which zipping leaves the adhesive contact, and the contact ratio a0/R there.
+    /// Contact ratio of stretching, `a2/R = (t/tau_s)^(1/2)`.
     #[must_use]
-    pub fn p1(&self) -> (f64, f64) {
-        (self.zipping.time_to_overlap(self.start), self.start.sqrt())
+    pub fn stretching(&self, time_s: f64) -> f64 {
+        (time_s / self.tau_s).sqrt()
     }
 
-    /// Point p2 of Fig. 2: the time \[s\] and the contact ratio at which stretching overtakes zipping.
+    /// Time of p1, where zipping leaves the adhesive contact, `(a0/R)^7/B` \[s\].
     #[must_use]
-    pub fn p2(&self) -> (f64, f64) {
-        (self.stretching.time_to_overlap(self.crossing), self.crossing.sqrt())
+    pub fn p1_s(&self) -> f64 {
+        self.adhesive.powi(7) / self.zipping_rate_per_s
+    }
+
+    /// Time of p2, where stretching overtakes zipping, `B^(2/5) tau_s^(7/5)` \[s\].
+    #[must_use]
+    pub fn p2_s(&self) -> f64 {
+        self.tau_s.powf(1.4) * self.zipping_rate_per_s.powf(0.4)
     }
 }
 

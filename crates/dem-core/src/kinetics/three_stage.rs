@@ -25,7 +25,7 @@ pub struct ThreeStage {
     knee: Switch,
 }
 
-/// Where one branch of a law gives way to the next.
+/// The point at which one branch of a law gives way to the next.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Switch {
     /// Overlap, between the start and the end of the scene.

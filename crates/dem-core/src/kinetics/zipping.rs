@@ -2,7 +2,7 @@
 
 use crate::lanes::Lanes;
 use crate::sintering::{in_range, positive};
-use crate::{PairScene, Sintering, SolveError};
+use crate::{PairScene, Powder, Sintering, SolveError};
 
 /// Stage 2 of the paper:
 /// `a/R = (63 pi^3/16)^(1/7) (delta_c/R)^(2/7) (2 C1 gamma t/R)^(1/7)` (eq. 4).
@@ -23,12 +23,7 @@ impl Zipping {
     pub(crate) fn new(scene: &PairScene, sintering: &Sintering) -> Result<Self, SolveError> {
         positive("c1", sintering.c1, "the fluidity must be positive and finite")?;
         positive("delta_c", sintering.delta_c, "the cut-off distance must be positive and finite")?;
-        let radius_m = scene.radius_m();
-        let cut_off = sintering.delta_c / radius_m;
-        let b_per_s = 63.0 * std::f64::consts::PI.powi(3) / 16.0
-            * cut_off
-            * cut_off
-            * (2.0 * sintering.c1 * scene.powder().surface_tension_n_per_m / radius_m);
+        let b_per_s = zipping_rate_per_s(scene.powder(), sintering);
         in_range("zipping rate B", b_per_s, "lower c1 or delta_c")?;
         // Below it numbers carry fewer digits, and the solvers would disagree in them.
         if b_per_s < f64::MIN_POSITIVE {
@@ -68,6 +63,16 @@ impl Zipping {
         let growth = seven_halves(overlap) - self.start_power;
         if growth <= 0.0 { 0.0 } else { growth / self.b_per_s }
     }
+}
+
+/// Rate of zipping `B = (63 pi^3/16) (delta_c/R)^2 (2 C1 gamma/R)` in `x^(7/2) = B t` \[1/s\] (eq. 4).
+#[must_use]
+pub fn zipping_rate_per_s(powder: &Powder, sintering: &Sintering) -> f64 {
+    let cut_off = sintering.delta_c / powder.radius_m;
+    63.0 * std::f64::consts::PI.powi(3) / 16.0
+        * cut_off
+        * cut_off
+        * (2.0 * sintering.c1 * powder.surface_tension_n_per_m / powder.radius_m)
 }
 
 /// `x^(7/2)`.

@@ -1,9 +1,9 @@
-//! Which solver to take.
+//! The choice of a solver.
 
 use super::{SolverKind, closed_form::ROUNDING};
 use crate::{Kinetics, PairScene};
 
-/// A solver and why.
+/// A solver and the reason for it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SolverChoice {
     /// The solver.

@@ -98,7 +98,7 @@ impl FromStr for SolverKind {
     }
 }
 
-/// Which solver, and how.
+/// A solver and its settings.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SolverSettings {
     /// The solver.
@@ -140,7 +140,7 @@ impl SolverSettings {
     }
 }
 
-/// Why a run ended.
+/// Reason for the end of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum StopReason {
@@ -150,7 +150,7 @@ pub enum StopReason {
     Coalesced,
 }
 
-/// Where the quasi-static limit holds, by order of magnitude.
+/// The range in which the quasi-static limit holds, by order of magnitude.
 ///
 /// Inertia lets the pair lag by about `sqrt(2 m_eff x R/fa)`, the time that the adhesive force needs
 /// to pull it through its overlap. The limit holds where that is short against the time scale
@@ -165,11 +165,11 @@ pub struct QuasiStaticLag {
     /// Contact ratio from which the lag is below a hundredth of the time scale; `None` where that
     /// does not come before coalescence.
     pub holds_from_contact_ratio: Option<f64>,
-    /// When that is \[s\].
+    /// Time at which that contact ratio is reached \[s\].
     pub holds_from_s: Option<f64>,
 }
 
-/// What a run did.
+/// Work, error and end of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SolveReport {
     /// The solver that ran.
@@ -180,9 +180,9 @@ pub struct SolveReport {
     pub force_evaluations: u64,
     /// Estimated largest error of a/R at the observations, where the solver has one.
     pub error_estimate: Option<f64>,
-    /// Why it ended.
+    /// Reason for its end.
     pub stop: StopReason,
-    /// Where the quasi-static limit holds, from the quasi-static solver.
+    /// The range in which the quasi-static limit holds; from the quasi-static solver only.
     pub quasi_static_lag: Option<QuasiStaticLag>,
 }
 
@@ -197,7 +197,7 @@ pub struct Curve {
     pub plastic_overlap_m: Vec<f64>,
     /// Contact ratio a/R.
     pub contact_ratio: Vec<f64>,
-    /// What the run did.
+    /// Work, error and end of the run.
     pub report: SolveReport,
 }
 

@@ -1,4 +1,4 @@
-//! Beds that several tests start from.
+//! Beds shared by tests.
 
 use dem_core::bed::{Bed, Growing, Material, Start, Surroundings};
 use dem_core::{Damping, Kinetics, PairSpec, Sintering, paper};
@@ -18,7 +18,7 @@ pub(crate) fn material(change: impl FnOnce(&mut PairSpec)) -> Material {
     Material::new(spec).expect("valid")
 }
 
-/// Without adhesion worth mentioning and without dissipation; the contact stays on its first branch.
+/// Negligible adhesion and no dissipation; the contact stays on its first branch.
 pub(crate) fn elastic() -> Material {
     material(|spec| {
         spec.adhesion_over_k1_radius = 1e-9;

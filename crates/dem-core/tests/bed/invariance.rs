@@ -1,4 +1,4 @@
-//! What must not change the result: place, direction, numbering, threads, calls.
+//! Invariance of the result under place, direction, numbering, threads and calls.
 
 use dem_core::bed::{Bed, Drive, Region, Side, Start, Surroundings};
 use dem_core::{Damping, Kinetics};
@@ -9,7 +9,7 @@ const R: f64 = 31.5e-6;
 
 fn crowd() -> Start {
     let mut start = cloud(R, 5, 60.0);
-    // Unequal radii, so that nothing is hidden by symmetry.
+    // Unequal radii, so that symmetry hides no mistake.
     for (i, radius) in start.radius_m.iter_mut().enumerate() {
         *radius *= 0.8 + 0.2 * ((i * 7 % 11) as f64 / 10.0);
     }
@@ -38,7 +38,7 @@ fn furthest(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
 const STEPS: u64 = 400;
 
 #[test]
-fn scene_actually_collides_and_rebuilds() {
+fn the_scene_collides_and_rebuilds_its_list() {
     let bed = run(periodic(), &crowd(), STEPS);
     assert!(bed.work().rebuilds > 1, "{:?}", bed.work());
     assert!(bed.contacts().count() > 50, "{}", bed.contacts().count());

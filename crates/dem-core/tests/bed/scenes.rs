@@ -1,4 +1,4 @@
-//! Scene files: the examples, and what is said to bad ones.
+//! Scene files: the examples, and the errors of bad ones.
 
 use std::ops::ControlFlow;
 

@@ -8,7 +8,7 @@ fn law() -> ContactLaw {
 }
 
 #[test]
-fn force_jumps_between_branches() {
+fn force_is_continuous_across_branches() {
     let law = law();
     let (mut seen_loading, mut seen_cohesion, mut seen_elastic) = (false, false, false);
     for i in 0..=160 {
@@ -32,7 +32,7 @@ fn force_jumps_between_branches() {
 }
 
 #[test]
-fn branches_have_another_force_than_luding() {
+fn branches_have_the_forces_of_luding() {
     let law = law();
     let width = law.plastic_overlap_max / 9.0; // delta0max K1/(K2max - K1)
     // Loading from a fresh contact: K1 delta, and delta0 behind delta by the width.
@@ -58,7 +58,7 @@ fn branches_have_another_force_than_luding() {
 }
 
 #[test]
-fn loading_and_fluid_branch_do_not_meet() {
+fn loading_and_fluid_branch_meet() {
     let law = law();
     let meeting = law.plastic_overlap_max * (1.0 + 1.0 / 9.0);
     let (below, above) = (law.respond(meeting - 1e-12, 0.1), law.respond(meeting + 1e-12, 0.1));
@@ -69,7 +69,7 @@ fn loading_and_fluid_branch_do_not_meet() {
 
 proptest! {
     #[test]
-    fn equilibrium_and_plastic_overlap_are_not_inverse(p in 0.0..3.0f64) {
+    fn equilibrium_and_plastic_overlap_are_inverse(p in 0.0..3.0f64) {
         let law = law();
         let x = law.equilibrium_overlap(p);
         prop_assert!((law.respond(x, p).force - law.adhesion).abs() < 1e-14);
@@ -82,7 +82,7 @@ proptest! {
     }
 
     #[test]
-    fn responding_twice_changes_the_contact(x in 0.0..3.0f64, p in 0.0..1.58f64) {
+    fn responding_twice_changes_nothing(x in 0.0..3.0f64, p in 0.0..1.58f64) {
         let law = law();
         let once = law.respond(x, p);
         let twice = law.respond(x, once.plastic_overlap);

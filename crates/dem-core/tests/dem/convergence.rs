@@ -1,4 +1,4 @@
-//! The solvers that step, against references that they do not share, and against each other.
+//! The solvers with steps against independent references and against each other.
 
 use crate::kinetics::reference_time;
 use crate::reference::{integrate, materials, motion};
@@ -32,7 +32,7 @@ fn verlet(step_over_collision_time: f64) -> SolverSettings {
 }
 
 #[test]
-fn quasi_static_error_exceeds_the_tolerance_or_its_own_estimate() {
+fn quasi_static_error_is_within_the_tolerance_and_its_own_estimate() {
     for (scene, s) in materials() {
         for kinetics in Kinetics::ALL {
             let (mut times, mut expected) = (vec![], vec![]);
@@ -62,7 +62,7 @@ fn quasi_static_error_exceeds_the_tolerance_or_its_own_estimate() {
 }
 
 #[test]
-fn quasi_static_misses_a_knee_of_very_slow_or_very_fast_zipping() {
+fn quasi_static_meets_the_knee_of_very_slow_and_very_fast_zipping() {
     let (scene, s) = materials()[1].clone();
     for (c1, delta_c) in [(1e-3, 1.0), (1e-1, 3.0), (1e4, 0.3), (1e3, 1.0), (1e-2, 10.0)] {
         let s = Sintering { c1: c1 * s.c1, delta_c: delta_c * s.delta_c, ..s };
@@ -87,7 +87,7 @@ fn quasi_static_misses_a_knee_of_very_slow_or_very_fast_zipping() {
 }
 
 #[test]
-fn verlet_is_not_of_second_order_where_the_motion_is_smooth() {
+fn verlet_is_of_second_order_where_the_motion_is_smooth() {
     for (scene, s) in &materials()[..2] {
         // Slow zipping, whose first relaxation the steps resolve, and stretching alone; and zipping
         // from its singular start, where the relaxation of the contact is far shorter than any step.
@@ -125,7 +125,7 @@ fn verlet_is_not_of_second_order_where_the_motion_is_smooth() {
 }
 
 #[test]
-fn verlet_over_the_knee_does_not_converge_to_the_equations_of_motion() {
+fn verlet_over_the_knee_converges_to_the_equations_of_motion() {
     let (scene, s) = &materials()[0];
     let times: Vec<f64> = (1..=30).map(|i| 0.12 * f64::from(i) / 30.0).collect();
     let start = [scene.x0(), 0.0, scene.law().equilibrium_plastic_overlap(scene.x0())];
@@ -145,7 +145,7 @@ fn verlet_over_the_knee_does_not_converge_to_the_equations_of_motion() {
 }
 
 #[test]
-fn the_three_solvers_disagree_as_inertia_vanishes() {
+fn the_three_solvers_agree_as_inertia_vanishes() {
     for kinetics in Kinetics::ALL {
         let (scene, s) = materials()[0].clone();
         let rest = if kinetics == Kinetics::RegimeMap {
@@ -174,7 +174,7 @@ fn the_three_solvers_disagree_as_inertia_vanishes() {
 }
 
 #[test]
-fn a_stiff_start_overshoots_or_chatters() {
+fn a_stiff_start_neither_overshoots_nor_chatters() {
     // Far into the prior, with the largest stable step: dx/dt starts at 1e12/s and more.
     for c1 in [1e-4, 1e0, 1e4, 1e8] {
         for delta_c in [1e-7, 1e-6, 3e-6] {
@@ -205,7 +205,7 @@ fn a_stiff_start_overshoots_or_chatters() {
 }
 
 #[test]
-fn batch_differs_from_single_curves_by_a_bit() {
+fn batch_has_the_bits_of_single_curves() {
     let (scene, s) = materials()[0].clone();
     let times: Vec<f64> = (0..17).map(|i| 0.012 * f64::from(i)).collect();
     // Different speeds, so that lanes end and are taken again at different times; one is refused.
@@ -235,7 +235,7 @@ fn batch_differs_from_single_curves_by_a_bit() {
 }
 
 #[test]
-fn a_coalesced_pair_runs_on() {
+fn a_coalesced_pair_ends_its_run() {
     let (scene, s) = materials()[0].clone();
     let times = [0.05, 0.2, 1.0, 1e4];
     for settings in [verlet(0.02), quasi_static(1e-6), SolverSettings::default()] {
@@ -247,7 +247,7 @@ fn a_coalesced_pair_runs_on() {
 }
 
 #[test]
-fn the_run_from_first_contact_misses_the_adhesive_equilibrium() {
+fn the_run_from_first_contact_reaches_the_adhesive_equilibrium() {
     // Almost without sintering the pair settles where fa = K1 delta, a/R = sqrt(1e-3).
     let scene = PairSpec::new(paper::PA12, 2f64.cbrt()).build().expect("valid");
     let s = Sintering { c1: 1e-20, tau_s: 1e20, delta_c: 1e-20 };

@@ -39,6 +39,8 @@ fn kinetics_and_solvers_have_one_name_in_text_and_in_files() {
         &["three-stage", "frenkel", "pokluda", "three-stage-pokluda", "regime-map"],
     );
     hold(&SolverKind::ALL, SolverKind::name, &["verlet", "quasi-static", "closed-form"]);
+    let error = "frenkl".parse::<Kinetics>().expect_err("not a law").to_string();
+    assert!(error.contains("'frenkl'") && error.contains("three-stage-pokluda"), "{error}");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! What section 4 of the paper says about its three materials, from Table 3 as it is printed.
+//! The statements of section 4 of the paper about its three materials, from Table 3 as printed.
 
 use crate::reference::materials;
 use dem_core::printed::{PrintedTable3, from_printed, to_printed};
@@ -11,7 +11,7 @@ fn within_a_percent(found: f64, expected: f64) {
 }
 
 #[test]
-fn table_3_does_not_give_the_knee_of_the_paper() {
+fn table_3_gives_the_knees_of_the_paper() {
     // The paper says: PS 0.03 s; PA12 0.4 s at about 0.2; PEEK 14 s at 40 %.
     let expected = [(0.0209, 0.248), (0.312, 0.195), (13.05, 0.358)];
     for ((scene, sintering), (time_s, contact_ratio)) in materials().iter().zip(expected) {
@@ -25,7 +25,7 @@ fn table_3_does_not_give_the_knee_of_the_paper() {
 }
 
 #[test]
-fn table_3_does_not_give_the_coalescence_of_pa12() {
+fn table_3_gives_the_coalescence_of_pa12() {
     // The paper says: a/R = 1 at 4.0 s, 2^(1/3) at 6.1 s.
     let (scene, sintering) = &materials()[1];
     let time = |ratio| {
@@ -36,7 +36,7 @@ fn table_3_does_not_give_the_coalescence_of_pa12() {
 }
 
 #[test]
-fn table_3_in_si_has_other_sintering_times() {
+fn table_3_in_si_has_the_known_sintering_times() {
     for ((_, sintering), tau_s) in materials().iter().zip([0.0689, 3.81, 22.8]) {
         within_a_percent(sintering.tau_s, tau_s);
     }
@@ -44,7 +44,7 @@ fn table_3_in_si_has_other_sintering_times() {
 
 proptest! {
     #[test]
-    fn printed_form_does_not_come_back(
+    fn printed_form_comes_back(
         c1 in -12.0..2.0f64, tau_s in -6.0..6.0f64, delta_c in -10.0..-4.0f64, radius in -7.0..-3.0f64,
     ) {
         let radius_m = 10f64.powf(radius);
@@ -56,7 +56,7 @@ proptest! {
     }
 
     #[test]
-    fn printed_form_integrates_other_rates(
+    fn printed_form_integrates_the_same_rates(
         c1 in 1e-3..1e2f64, tau_s in 1e-6..1e-3f64, delta_c in 1e-8..1e-5f64, radius_m in 1e-6..1e-4f64,
     ) {
         // Knee, B and stretching rate as the code that was printed for computes them.

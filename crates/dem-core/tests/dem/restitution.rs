@@ -4,7 +4,7 @@ use dem_core::{
     Damping, Kinetics, PairScene, PairSpec, Sintering, SolverKind, SolverSettings, paper, simulate,
 };
 
-/// As good as no sintering: plastic overlap 0, stiffness K1.
+/// Negligible sintering: plastic overlap 0, stiffness K1.
 const FROZEN: Sintering = Sintering { c1: 1.0, tau_s: 1e30, delta_c: 1.0 };
 
 fn scene(damping: Damping) -> PairScene {
@@ -23,7 +23,7 @@ fn overlaps(scene: &PairScene, step: f64, times: &[f64]) -> Vec<f64> {
 }
 
 #[test]
-fn half_a_swing_keeps_another_share_than_the_restitution() {
+fn half_a_swing_keeps_the_share_of_the_restitution() {
     // From rest at contact the pair swings about fa/K1; the half swing of one collision time leaves
     // the share e of the amplitude.
     for e in [0.1, 0.5, 0.9, 1.0] {
@@ -34,7 +34,7 @@ fn half_a_swing_keeps_another_share_than_the_restitution() {
 }
 
 #[test]
-fn dissipation_is_not_the_published_function_of_restitution() {
+fn dissipation_is_the_published_function_of_restitution() {
     let with = scene(Damping::Restitution(0.1));
     let m = 0.5 * 1000.0 * 4.0 / 3.0 * std::f64::consts::PI * 31.5e-6f64.powi(3);
     let log = 0.1f64.ln();
@@ -49,7 +49,7 @@ fn dissipation_is_not_the_published_function_of_restitution() {
 }
 
 #[test]
-fn undamped_swing_is_not_of_second_order_or_gains_energy() {
+fn undamped_swing_is_of_second_order_and_gains_no_energy() {
     let scene = scene(Damping::Restitution(1.0));
     let t_c = scene.collision_time_s();
     // Ten and a half swings, and none of the instants where the pair only just touches.

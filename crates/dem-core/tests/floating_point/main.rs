@@ -4,7 +4,7 @@
 use dem_core::{Kinetics, PairSpec, Sintering, SolverSettings, contact_ratios, knee, paper};
 
 #[test]
-fn closed_forms_lose_digits_near_their_singular_points() {
+fn closed_forms_keep_their_digits_near_singular_points() {
     let table = include_str!("closed_forms.csv");
     let mut failures = Vec::new();
     let (mut worst, mut compared) = (0.0f64, 0);

@@ -91,7 +91,7 @@ fn concern(change: impl FnOnce(&mut Posterior)) -> Option<Concern> {
 #[test]
 fn nothing_speaks_against_a_sound_result() {
     let trust = after(|_| ());
-    assert!(trust.is_full() && trust.evidence_error_known && trust.concerns.is_empty());
+    assert!(trust.converged() && trust.evidence_error_known && trust.concerns.is_empty());
     assert_eq!(
         trust.line(&sound().log_evidence),
         "converged; 5000 effective samples, k-hat 0.20 (limit 0.7), log evidence -3.250 +- 0.012"
@@ -114,7 +114,7 @@ fn effective_samples_are_judged_at_400_at_a_third_of_few_simulations_and_at_40()
                 (p.counters.simulations, p.ess.importance) = (simulations, ess);
             })
         };
-        assert!(at(limit).is_full() && at(limit).concerns.is_empty());
+        assert!(at(limit).converged() && at(limit).concerns.is_empty());
         let below = at(limit - 0.1);
         let ess = limit - 0.1;
         assert_eq!(below.concerns, [Concern::FewEffectiveSamples { ess, wished: limit }]);
@@ -139,7 +139,7 @@ fn a_khat_of_seven_tenths_is_one_too_many() {
             p.parameters.iter_mut().for_each(|parameter| parameter.khat = khat);
         }
     };
-    assert!(after(set(0.699)).is_full());
+    assert!(after(set(0.699)).converged());
     for khat in [0.7, 10.0] {
         let trust = after(set(khat));
         assert_eq!(trust.verdict, Verdict::Untrusted);
@@ -155,6 +155,20 @@ fn estimates_of_the_evidence_that_disagree_are_a_reason_not_to_trust() {
     let trust = after(|p| p.log_evidence.agree = false);
     assert_eq!(trust.verdict, Verdict::Untrusted);
     assert!(matches!(trust.concerns[..], [Concern::EvidenceDisagrees { .. }]));
+}
+
+#[test]
+fn estimates_of_the_evidence_agree_up_to_three_standard_errors() {
+    assert!(agree(1.0, 1.3, 0.1001) && agree(1.3, 1.0, 0.1001));
+    assert!(!agree(1.0, 1.3, 0.0999) && !agree(1.3, 1.0, 0.0999));
+}
+
+#[test]
+fn residuals_are_dependent_from_a_score_of_2_241_and_a_correlation_of_a_tenth_on() {
+    // A lag-1 correlation r of m residuals has the score r sqrt(m).
+    assert!(independent(0.224, 0.0, 100.0) && !independent(-0.2242, 0.0, 100.0));
+    assert!(independent(0.2, 2.24, 100.0) && !independent(0.2, -2.242, 100.0));
+    assert!(independent(0.0999, 9.0, 1e6) && !independent(0.1001, 9.0, 1e6));
 }
 
 #[test]

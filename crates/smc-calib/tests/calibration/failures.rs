@@ -1,4 +1,4 @@
-//! What cannot succeed ends with a reason; what should not be trusted says so.
+//! Runs that cannot succeed end with a reason; results that cannot be trusted say so.
 
 use crate::support::{line, line_problem, prior};
 use smc_calib::quadrature::{QuadratureSettings, quadrature};

@@ -183,6 +183,27 @@ fn each_group_has_its_own_noise_in_bands_residuals_and_warnings() {
     assert_eq!(serde_json::from_str::<Posterior>(&text).unwrap(), p);
 }
 
+/// Integrals over ln sigma of one group's likelihood at its expected value `at`, alone and times sigma and sigma^2.
+fn integrals_over_sigma(values: &[f64], (nu0, s0): (f64, f64), at: f64) -> [f64; 3] {
+    let (a, b) = (0.5 * nu0, 0.5 * nu0 * s0 * s0);
+    let h = 0.01;
+    let mut sums = [0.0; 3];
+    for k in -600..600 {
+        let sigma = s0 * (h * f64::from(k)).exp();
+        let v = sigma * sigma;
+        let squares: f64 = values.iter().map(|y| (y - at).powi(2)).sum();
+        // Inverse gamma in v, times dv/dln sigma = 2 v.
+        let ln = a * b.ln() - statrs::function::gamma::ln_gamma(a) - (a + 1.0) * v.ln() - b / v
+            + (2.0 * v).ln()
+            - 0.5 * squares / v
+            - values.len() as f64 * (sigma.ln() + 0.5 * LN_2PI);
+        for (power, sum) in sums.iter_mut().enumerate() {
+            *sum += h * ln.exp() * sigma.powi(power as i32);
+        }
+    }
+    sums
+}
+
 #[test]
 fn two_groups_with_unknown_noise_give_the_posterior_that_integrating_both_sigmas_gives() {
     // One shared mean, measured directly and as its square times a hundred, with unlike noise and noise priors.
@@ -204,33 +225,15 @@ fn two_groups_with_unknown_noise_give_the_posterior_that_integrating_both_sigmas
         parameters: vec![normal_parameter("mu", 1.0)],
         groups: vec![group("direct", &direct, priors[0]), group("squared", &squared, priors[1])],
     };
-    // For every mu the integrals over ln sigma of each group, with one and with sigma and sigma^2 beside.
-    let integrals = |values: &[f64], (nu0, s0): (f64, f64), at: f64| -> [f64; 3] {
-        let (a, b) = (0.5 * nu0, 0.5 * nu0 * s0 * s0);
-        let h = 0.01;
-        let mut sums = [0.0; 3];
-        for k in -600..600 {
-            let sigma = s0 * (h * f64::from(k)).exp();
-            let v = sigma * sigma;
-            let squares: f64 = values.iter().map(|y| (y - at).powi(2)).sum();
-            // Inverse gamma in v, times dv/dln sigma = 2 v.
-            let ln = a * b.ln() - statrs::function::gamma::ln_gamma(a) - (a + 1.0) * v.ln() - b / v
-                + (2.0 * v).ln()
-                - 0.5 * squares / v
-                - values.len() as f64 * (sigma.ln() + 0.5 * LN_2PI);
-            for (power, sum) in sums.iter_mut().enumerate() {
-                *sum += h * ln.exp() * sigma.powi(power as i32);
-            }
-        }
-        sums
-    };
     // Z, mu, mu^2, and each group's sigma and sigma^2.
     let mut sums = [0.0; 7];
     let step = 0.002;
     for k in 0..2000 {
         let mu = -2.0 + step * (f64::from(k) + 0.5);
-        let g =
-            [integrals(&direct, priors[0], mu), integrals(&squared, priors[1], 100.0 * mu * mu)];
+        let g = [
+            integrals_over_sigma(&direct, priors[0], mu),
+            integrals_over_sigma(&squared, priors[1], 100.0 * mu * mu),
+        ];
         let density = step * (-0.5 * mu * mu - 0.5 * LN_2PI).exp();
         let z = density * g[0][0] * g[1][0];
         let rows = [

@@ -103,7 +103,7 @@ impl PatchedCopy {
         let members = "[workspace]\nresolver = \"3\"\nmembers = [\"crates/smc-calib\"]\n";
         write(&root.join("Cargo.toml"), format!("{members}\n[workspace.package]{shared}"));
         write(&root.join("Cargo.lock"), fs::read_to_string(workspace.join("Cargo.lock")).unwrap());
-        for part in ["Cargo.toml", "src", "benches", "tests/planted_bugs"] {
+        for part in ["Cargo.toml", "README.md", "src", "benches", "tests/planted_bugs"] {
             copy_into(&here.join(part), &copy.join(part));
         }
         let mistakes = include_str!("mistakes.rs").to_owned();

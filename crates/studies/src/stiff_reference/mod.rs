@@ -15,58 +15,11 @@
 mod radau;
 mod system;
 
-use dem_core::{Kinetics, PairScene, Sintering};
-use thiserror::Error;
+pub use radau::ReferenceError;
+pub use system::{Equations, Problem};
 
-use self::radau::Run;
-use self::system::System;
-
-/// The equations that are integrated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Equations {
-    /// Newton's law for the overlap, and the growth of the plastic overlap.
-    Motion,
-    /// Force balance at every instant.
-    ForceBalance,
-}
-
-/// Why there is no reference.
-#[derive(Debug, Clone, PartialEq, Error)]
-#[non_exhaustive]
-pub enum ReferenceError {
-    /// The motion leaves the elastic branch of the contact law, on which alone it is integrated.
-    #[error("the motion leaves the elastic branch at t = {time_s} s: compare another case")]
-    OtherBranch {
-        /// When \[s\].
-        time_s: f64,
-    },
-    /// The integrator used all the steps it was allowed.
-    #[error(
-        "more than {max_steps} steps before t = {time_s} s: allow more, or compare another case"
-    )]
-    WorkLimit {
-        /// The limit.
-        max_steps: u64,
-        /// Time reached \[s\].
-        time_s: f64,
-    },
-    /// The integrator failed.
-    #[error("Radau failed at t = {time_s} s: {cause}")]
-    Integrator {
-        /// When \[s\].
-        time_s: f64,
-        /// What it said.
-        cause: String,
-    },
-    /// The result still moves at the tightest tolerance.
-    #[error("a/R still moves by {movement:e} at the tightest tolerance, {wanted:e} is wanted")]
-    StillMoves {
-        /// Largest change of a/R over the last two tightenings.
-        movement: f64,
-        /// What was wanted.
-        wanted: f64,
-    },
-}
+use radau::Run;
+use system::System;
 
 /// A reference curve.
 #[derive(Debug, Clone, PartialEq)]
@@ -77,21 +30,6 @@ pub struct Reference {
     pub movement: f64,
     /// Steps of the last run.
     pub steps: u64,
-}
-
-/// A curve to be computed.
-#[derive(Debug, Clone, Copy)]
-pub struct Problem<'a> {
-    /// The equations.
-    pub equations: Equations,
-    /// The pair.
-    pub scene: &'a PairScene,
-    /// The growth law.
-    pub kinetics: Kinetics,
-    /// Its parameters.
-    pub sintering: &'a Sintering,
-    /// Times of the observations \[s\], sorted.
-    pub times_s: &'a [f64],
 }
 
 impl Problem<'_> {

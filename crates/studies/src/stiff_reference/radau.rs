@@ -3,9 +3,47 @@
 use differential_equations::methods::ImplicitRungeKutta;
 use differential_equations::ode::{ODE as _, OrdinaryNumericalMethod};
 use differential_equations::status::Status;
+use thiserror::Error;
 
-use super::ReferenceError;
 use super::system::{Piece, State, System};
+
+/// An error of a reference.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum ReferenceError {
+    /// The motion leaves the elastic branch of the contact law, on which alone it is integrated.
+    #[error("the motion leaves the elastic branch at t = {time_s} s: compare another case")]
+    OtherBranch {
+        /// Time \[s\].
+        time_s: f64,
+    },
+    /// The integrator used all the steps it was allowed.
+    #[error(
+        "more than {max_steps} steps before t = {time_s} s: allow more, or compare another case"
+    )]
+    WorkLimit {
+        /// The limit.
+        max_steps: u64,
+        /// Time reached \[s\].
+        time_s: f64,
+    },
+    /// The integrator failed.
+    #[error("Radau failed at t = {time_s} s: {cause}")]
+    Integrator {
+        /// Time \[s\].
+        time_s: f64,
+        /// Its message.
+        cause: String,
+    },
+    /// The result still moves at the tightest tolerance.
+    #[error("a/R still moves by {movement:e} at the tightest tolerance, {wanted:e} is wanted")]
+    StillMoves {
+        /// Largest change of a/R over the last two tightenings.
+        movement: f64,
+        /// Largest change wanted.
+        wanted: f64,
+    },
+}
 
 /// The tightest relative tolerance that the integrator takes.
 const TIGHTEST: f64 = 1.1e-11;

@@ -2,11 +2,33 @@
 
 use std::f64::consts::PI;
 
-use dem_core::Kinetics;
+use dem_core::{Kinetics, PairScene, Sintering};
 use differential_equations::linalg::Matrix;
 use differential_equations::ode::ODE;
 
-use super::{Equations, Problem};
+/// The equations that are integrated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Equations {
+    /// Newton's law for the overlap, and the growth of the plastic overlap.
+    Motion,
+    /// Force balance at every instant.
+    ForceBalance,
+}
+
+/// A curve to be computed.
+#[derive(Debug, Clone, Copy)]
+pub struct Problem<'a> {
+    /// The equations.
+    pub equations: Equations,
+    /// The pair.
+    pub scene: &'a PairScene,
+    /// The growth law.
+    pub kinetics: Kinetics,
+    /// Its parameters.
+    pub sintering: &'a Sintering,
+    /// Times of the observations \[s\], sorted.
+    pub times_s: &'a [f64],
+}
 
 /// The pieces of the curve on which the right-hand side is smooth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,7 +62,7 @@ pub(super) struct System {
     zipping: f64,
     stretching: f64,
     at_constant_volume: bool,
-    /// How long the regime map rests at its start, in units of time.
+    /// Rest of the regime map at its start, in units of time.
     pub(super) rest: f64,
 }
 

@@ -2,6 +2,7 @@
 
 use dem_core::{Kinetics, Sintering};
 use rayon::prelude::*;
+use smc_calib::Weighted;
 use smc_calib::{FixedSigma, Noise, SimError, Simulator as _};
 
 use super::neck_growth::{OfPair, simulation_failure};
@@ -116,19 +117,15 @@ fn bands(of: &OfPair<'_>, on_grid: &NeckGrowth) -> Result<Bands, Failure> {
     let rows: Vec<[f64; 7]> = (0..points)
         .into_par_iter()
         .map(|point| {
-            let mut values: Vec<f64> = kept.iter().map(|(curve, ..)| curve[point]).collect();
+            let values: Vec<f64> = kept.iter().map(|(curve, ..)| curve[point]).collect();
             let mean = values.iter().sum::<f64>() / values.len() as f64;
-            values.sort_unstable_by(f64::total_cmp);
-            let mut noisy: Vec<f64> = kept
-                .iter()
-                .map(|(curve, sigma, score)| {
-                    curve[point] + sigma.map_or(relative * curve[point], |sigma| sigma) * score
-                })
-                .collect();
-            noisy.sort_unstable_by(f64::total_cmp);
-            let [lower50, upper50] = [0.25, 0.75].map(|p| quantile(&values, p));
-            let [lower90, upper90] = [0.05, 0.95].map(|p| quantile(&values, p));
-            let [noisy_lower, noisy_upper] = [0.05, 0.95].map(|p| quantile(&noisy, p));
+            let noisy = kept.iter().map(|(curve, sigma, score)| {
+                curve[point] + sigma.map_or(relative * curve[point], |sigma| sigma) * score
+            });
+            let [noisy_lower, noisy_upper] = Weighted::equal(noisy.collect()).interval(0.9);
+            let values = Weighted::equal(values);
+            let ([lower50, upper50], [lower90, upper90]) =
+                (values.interval(0.5), values.interval(0.9));
             [mean, lower50, upper50, lower90, upper90, noisy_lower, noisy_upper]
         })
         .collect();
@@ -146,12 +143,4 @@ fn representative_draws(of: &OfPair<'_>) -> Vec<(usize, Option<f64>)> {
     };
     let kept = all.len().min(GRID_DRAWS);
     (0..kept).map(|k| k * all.len() / kept).map(|draw| (all[draw].sample, sigma(draw))).collect()
-}
-
-/// Quantile of sorted values, linear in between.
-fn quantile(sorted: &[f64], p: f64) -> f64 {
-    let position = p * (sorted.len() - 1) as f64;
-    let below = position.floor() as usize;
-    let above = (below + 1).min(sorted.len() - 1);
-    sorted[below] + (position - below as f64) * (sorted[above] - sorted[below])
 }

@@ -15,7 +15,7 @@ use crate::record::{
     Derived, Fit, FitError, KneeSummary, NeckGrowthRecord, ObservableRecord, PaperComparison,
     PrintedParameter,
 };
-use crate::weighted::Weighted;
+use smc_calib::Weighted;
 
 /// One pair of a plan, its model and its posterior.
 pub(super) struct OfPair<'a> {

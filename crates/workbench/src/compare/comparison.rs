@@ -1,12 +1,13 @@
-//! A comparison as data: what `compare.json` holds.
+//! `compare.json`: the comparison as data.
 
 use serde::{Deserialize, Serialize};
 use smc_calib::LeaveOneOut;
+use smc_calib::trust::limits::INFORMED_BITS;
 
 use super::strength::Strength;
+use crate::error::InputError;
 use crate::plan::Plan;
-use crate::posterior_file::{FitError, PosteriorFile};
-use crate::summary::{self, INFORMED_BITS};
+use crate::record::{FitError, Record};
 
 /// Version of the layout of `compare.json`.
 pub const SCHEMA_VERSION: u32 = 1;
@@ -15,19 +16,19 @@ pub const SCHEMA_VERSION: u32 = 1;
 /// coalescence, the same for every material and kinetics.
 pub const PHI_RANGE: [f64; 2] = [1.0, 1.35];
 
-/// Everything that `calibrate compare` finds.
+/// `compare.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Report {
     /// [`SCHEMA_VERSION`].
     pub schema_version: u32,
-    /// What decided the result.
+    /// Everything that decides the result.
     pub plan: ReportPlan,
     /// One entry per material or experiment.
     pub comparisons: Vec<Comparison>,
 }
 
-/// What decided the result.
+/// Everything that decides the result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReportPlan {
@@ -53,13 +54,13 @@ pub struct Comparison {
     pub observations: usize,
     /// The final contact ratio where it was not calibrated.
     pub final_contact_ratio: f64,
-    /// Why it is what it is.
+    /// Reason for this value.
     pub final_contact_ratio_reason: Option<String>,
     /// One entry per kinetics.
     pub entries: Vec<Entry>,
-    /// What the data say, in plain words.
+    /// Conclusion in plain words.
     pub verdict: Vec<String>,
-    /// Where the prior or the method decides, and other reasons to be careful.
+    /// Reasons to be careful.
     pub warnings: Vec<String>,
 }
 
@@ -75,7 +76,7 @@ pub struct Entry {
     pub log_evidence_se: f64,
     /// Log evidence minus that of the best kinetics.
     pub log_bayes_factor: f64,
-    /// What that is called.
+    /// The strength of that evidence.
     pub strength: Strength,
     /// Errors of the MAP curve.
     pub error: FitError,
@@ -83,17 +84,17 @@ pub struct Entry {
     pub leave_one_out: LeaveOneOut,
     /// Observations whose predictive density was computed by calibrating again without them.
     pub refitted: Vec<usize>,
-    /// The same minus that of the best kinetics by it.
+    /// Difference of that density to the largest one.
     pub leave_one_out_difference: f64,
-    /// Spread of that difference over data sets.
+    /// Standard deviation of that difference over data sets.
     pub leave_one_out_difference_spread: f64,
-    /// Parameters with what was learnt of each \[bits\].
+    /// The parameters, with the information gained on each.
     pub informed: Vec<Informed>,
-    /// How many of them, or of their combinations where only these matter, the data inform.
+    /// Number of parameters, or of combinations where only these matter, that the data inform.
     pub informed_parameters: usize,
     /// Lag-1 autocorrelation of the MAP curve's residuals.
     pub residual_lag1: f64,
-    /// Whether these may be independent, as the likelihood takes them to be.
+    /// Whether the residuals may be independent, as the likelihood assumes.
     pub residuals_independent: bool,
     /// Effective sample size.
     pub ess: f64,
@@ -103,7 +104,7 @@ pub struct Entry {
     pub trusted: bool,
 }
 
-/// What was learnt of a parameter.
+/// Information gained on a parameter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Informed {
@@ -115,23 +116,24 @@ pub struct Informed {
     pub median: f64,
     /// 95 % interval.
     pub eti95: [f64; 2],
-    /// Whether it counts: not for C1 and delta_c where only their product matters.
+    /// Whether it counts as a parameter of its own: not C1 and delta_c where only their product matters.
     pub counts: bool,
 }
 
 impl Comparison {
     /// From the entries of all kinetics; verdict and warnings are not filled in.
-    pub(super) fn new(plan: &Plan, entries: Vec<Entry>) -> Self {
-        Self {
+    pub(super) fn new(plan: &Plan, entries: Vec<Entry>) -> Result<Self, InputError> {
+        let (pair, measured) = plan.pair()?;
+        Ok(Self {
             name: plan.name.clone(),
             title: plan.title.clone(),
-            observations: plan.experiment.time_s.len(),
-            final_contact_ratio: plan.experiment.final_contact_ratio,
-            final_contact_ratio_reason: plan.experiment.final_contact_ratio_reason.clone(),
+            observations: measured.control.len(),
+            final_contact_ratio: pair.final_contact_ratio,
+            final_contact_ratio_reason: pair.final_contact_ratio_reason.clone(),
             entries,
             verdict: Vec::new(),
             warnings: Vec::new(),
-        }
+        })
     }
 
     /// Whether phi was calibrated.
@@ -149,11 +151,12 @@ impl Comparison {
 
 impl Entry {
     pub(super) fn new(
-        file: &PosteriorFile,
+        record: &Record,
         leave_one_out: LeaveOneOut,
         refitted: Vec<usize>,
-    ) -> Self {
-        let mut informed: Vec<Informed> = file
+    ) -> Result<Self, InputError> {
+        let pair = record.pair()?;
+        let mut informed: Vec<Informed> = record
             .parameters
             .iter()
             .map(|summary| Informed {
@@ -164,7 +167,7 @@ impl Entry {
                 counts: true,
             })
             .collect();
-        if let Some(product) = &file.product {
+        if let Some(product) = &pair.neck_growth.product {
             for one in &mut informed {
                 one.counts = one.name != "c1" && one.name != "delta_c";
             }
@@ -177,25 +180,25 @@ impl Entry {
             });
         }
         let counted = informed.iter().filter(|one| one.counts && one.bits >= INFORMED_BITS).count();
-        Self {
-            kinetics: file.plan.kinetics.clone(),
-            log_evidence: file.log_evidence.value,
-            log_evidence_se: file.log_evidence.se,
+        Ok(Self {
+            kinetics: pair.plan.kinetics.name().to_owned(),
+            log_evidence: record.log_evidence.value,
+            log_evidence_se: record.log_evidence.se,
             log_bayes_factor: 0.0,
             strength: Strength::None,
-            error: file.fit.map,
+            error: pair.found.map_error,
             leave_one_out_difference: 0.0,
             leave_one_out_difference_spread: 0.0,
             leave_one_out,
             refitted,
             informed_parameters: counted,
             informed,
-            residual_lag1: file.residuals.lag1,
-            residuals_independent: file.residuals.independent,
-            ess: file.ess.importance,
-            khat: file.khat,
-            trusted: summary::trusted(file),
-        }
+            residual_lag1: pair.found.residuals.lag1,
+            residuals_independent: pair.found.residuals.independent,
+            ess: record.ess.importance,
+            khat: record.khat,
+            trusted: record.trust.converged(),
+        })
     }
 }
 

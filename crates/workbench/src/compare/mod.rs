@@ -10,45 +10,23 @@ pub mod render;
 pub mod strength;
 mod verdict;
 
-use std::path::PathBuf;
-
 use dem_core::Kinetics;
 use smc_calib::{Parameter, Prior, PriorSpec, Problem, leave_one_out};
 
-use crate::args::RunArgs;
 use crate::calibration::Calibration;
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::material::Material;
 use crate::model::NeckGrowth;
-use crate::output::{Published, RunFolder};
-use crate::plan::Planned;
-use crate::prior_file::ParameterName;
-use crate::run::{NamedFigures, draw_all, pretty};
+use crate::output::{Published, RunFolder, pretty};
+use crate::parameter::ParameterName;
+use crate::plan::{PairOptions, Planned};
+use crate::report::{NamedFigures, draw_all};
 use crate::watch::Watch;
 use comparison::{Comparison, Entry, PHI_RANGE, Report, ReportPlan, SCHEMA_VERSION};
 use figures::{CompareFigure, NamedCurve, Role, Width};
 
 /// The record of a comparison.
 pub const RECORD: &str = "compare.json";
-
-/// What to compare.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct CompareOptions {
-    /// Built-in material; all of them where there is no experiment either.
-    pub material: Option<Material>,
-    /// Own measurements.
-    pub experiment: Option<PathBuf>,
-    /// Own priors.
-    pub prior: Option<PathBuf>,
-    /// Whether the final contact ratio is calibrated too.
-    pub phi: bool,
-    /// Simulations per calibration.
-    pub samples: usize,
-    /// Seed.
-    pub seed: u64,
-    /// Whether figures have a logarithmic time axis.
-    pub log_time: bool,
-}
 
 /// The kinetics of every material or experiment, compared.
 pub struct Compared {
@@ -58,12 +36,19 @@ pub struct Compared {
 }
 
 impl Compared {
-    /// Makes the plans, calibrates each and compares the kinetics of each experiment.
+    /// Compares the kinetics on one experiment, or on every built-in material where `options` name none. The kinetics of
+    /// the options are not used; with `phi` the final contact ratio is calibrated too, and with `log_time` the figures
+    /// have a logarithmic time axis.
     ///
     /// # Errors
     ///
     /// As [`Calibration::run`].
-    pub fn new(options: &CompareOptions, watch: &dyn Watch) -> Result<Self, Failure> {
+    pub fn new(
+        options: &PairOptions,
+        phi: bool,
+        log_time: bool,
+        watch: &dyn Watch,
+    ) -> Result<Self, Failure> {
         let subjects = match (options.material, &options.experiment) {
             (None, None) => Material::ALL.map(Some).to_vec(),
             (material, _) => vec![material],
@@ -71,20 +56,27 @@ impl Compared {
         // All plans are made before the first one runs.
         let plans: Vec<Vec<Planned>> = subjects
             .into_iter()
-            .map(|of| Kinetics::ALL.into_iter().map(|k| planned(options, of, k)).collect())
+            .map(|material| {
+                let subject = PairOptions { material, ..options.clone() };
+                Kinetics::ALL.into_iter().map(|kinetics| planned(&subject, phi, kinetics)).collect()
+            })
             .collect::<Result<_, _>>()?;
         let experiments =
             plans.iter().filter_map(|plans| plans.first()).map(|planned| planned.plan.clone());
-        let CompareOptions { samples, seed, phi, .. } = *options;
         let mut report = Report {
             schema_version: SCHEMA_VERSION,
-            plan: ReportPlan { samples, seed, phi, experiments: experiments.collect() },
+            plan: ReportPlan {
+                samples: options.samples,
+                seed: options.seed,
+                phi,
+                experiments: experiments.collect(),
+            },
             comparisons: Vec::new(),
         };
         let mut figures = NamedFigures::new();
         for plans in &plans {
             let (comparison, mut figure) = side_by_side(plans, watch)?;
-            figure.log_time = options.log_time;
+            figure.axes.log_control = log_time;
             figures.push((format!("compare-{}", comparison.name), Box::new(figure)));
             report.comparisons.push(comparison);
         }
@@ -108,23 +100,11 @@ impl Compared {
 }
 
 /// The plan of one kinetics.
-fn planned(
-    options: &CompareOptions,
-    material: Option<Material>,
-    kinetics: Kinetics,
-) -> Result<Planned, Failure> {
-    let mut planned = Planned::from_args(&RunArgs {
-        material,
-        experiment: options.experiment.clone(),
-        prior: options.prior.clone(),
-        samples: options.samples,
-        seed: options.seed,
-        kinetics,
-        ..RunArgs::default()
-    })?;
+fn planned(subject: &PairOptions, phi: bool, kinetics: Kinetics) -> Result<Planned, InputError> {
+    let mut planned = PairOptions { kinetics, ..subject.clone() }.plan()?;
     let name = ParameterName::Phi;
     let given = planned.plan.parameters.iter().any(|parameter| parameter.name == name.name());
-    if options.phi && !given {
+    if phi && !given {
         let [lower, upper] = PHI_RANGE;
         let prior = Prior::new(PriorSpec::Uniform { lower, upper })
             .map_err(|error| InputError::new("--phi", Mistake::OutOfRange).found(error))?;
@@ -143,42 +123,42 @@ fn side_by_side(
     let mut densities = Vec::new();
     for (place, planned) in plans.iter().enumerate() {
         let plan = &planned.plan;
-        let Calibration { file, posterior } =
-            Calibration::run(planned, &mut (), &|| !watch.stop().asked())?;
+        let Calibration { record, posterior } = Calibration::run(planned, watch)?;
         let model = NeckGrowth::of(plan)?;
+        let pair = record.pair()?;
         let problem = Problem {
             simulator: &model,
             parameters: plan.parameters.clone(),
-            observations: plan.observations()?,
-            noise: plan.noise.clone(),
+            observations: pair.measured.observations()?,
+            noise: pair.measured.noise.clone(),
         };
         let mut left_out = leave_one_out(&problem, &posterior)
             .map_err(RunError::new)?
             .ok_or_else(|| RunError::new("there is no posterior to leave observations out of"))?;
-        let refitted = refit::where_unreliable(planned, &model, &posterior, &mut left_out)?;
+        let refitted = refit::where_unreliable(plan, &model, &posterior, &mut left_out)?;
         figure.title.clone_from(&plan.title);
-        figure.time_s.clone_from(&plan.experiment.time_s);
-        figure.contact_ratio.clone_from(&plan.experiment.contact_ratio);
-        figure.grid_s.clone_from(&file.curves.time_s);
+        figure.control.clone_from(&pair.measured.control);
+        figure.value.clone_from(&pair.measured.values);
+        figure.grid.clone_from(&pair.neck_growth.curves.time_s);
         figure.curves.push(NamedCurve {
-            name: plan.kinetics.clone(),
+            name: pair.plan.kinetics.name().to_owned(),
             // Frenkel's curve looks the same in every figure.
-            role: match plan.kinetics()? {
+            role: match pair.plan.kinetics {
                 Kinetics::Frenkel => Role::Frenkel,
                 _ => Role::Series(place),
             },
-            curve: file.curves.map.clone(),
-            at_data: file.map.outputs.clone(),
+            curve: pair.neck_growth.curves.map.clone(),
+            at_data: pair.found.map.clone(),
         });
         densities.push(left_out.points.iter().map(|point| point.ln_density).collect::<Vec<_>>());
-        entries.push(Entry::new(&file, left_out, refitted));
+        entries.push(Entry::new(&record, left_out, refitted)?);
     }
     comparison::rank(&mut entries, &densities);
     let plan = plans
         .first()
         .map(|planned| &planned.plan)
         .ok_or_else(|| RunError::new("there is nothing to compare"))?;
-    let mut comparison = Comparison::new(plan, entries);
+    let mut comparison = Comparison::new(plan, entries)?;
     comparison.verdict = verdict::in_words(&comparison);
     comparison.warnings = verdict::warnings(&comparison);
     Ok((comparison, figure))

@@ -1,11 +1,11 @@
 //! Observations that importance weights cannot leave out, left out by calibrating again.
 
+use smc_calib::trust::khat_holds;
 use smc_calib::{LeaveOneOut, Observations, Posterior, Problem, Settings, calibrate};
 
 use crate::error::{Failure, RunError};
 use crate::model::NeckGrowth;
-use crate::pictures::KHAT_LIMIT;
-use crate::plan::Planned;
+use crate::plan::Plan;
 
 /// Most observations of one kinetics that are calibrated again.
 const MOST: usize = 16;
@@ -14,19 +14,19 @@ const MOST: usize = 16;
 ///
 /// `p(y_i | all others) = p(all) / p(all others)`: two evidences, the second from a calibration of its own.
 pub(super) fn where_unreliable(
-    planned: &Planned,
+    plan: &Plan,
     model: &NeckGrowth,
     posterior: &Posterior,
     left_out: &mut LeaveOneOut,
 ) -> Result<Vec<usize>, Failure> {
-    let plan = &planned.plan;
+    let (_, measured) = plan.pair()?;
     let mut unreliable: Vec<usize> =
-        (0..left_out.points.len()).filter(|i| left_out.points[*i].khat > KHAT_LIMIT).collect();
+        (0..left_out.points.len()).filter(|i| !khat_holds(left_out.points[*i].khat)).collect();
     // The worst ones, where there are too many.
     unreliable.sort_by(|a, b| left_out.points[*b].khat.total_cmp(&left_out.points[*a].khat));
     unreliable.truncate(MOST);
     unreliable.sort_unstable();
-    if plan.experiment.time_s.len() < 2 {
+    if measured.control.len() < 2 {
         return Ok(Vec::new());
     }
     for &i in &unreliable {
@@ -34,18 +34,18 @@ pub(super) fn where_unreliable(
             let kept = values.iter().enumerate().filter(|(k, _)| *k != i);
             kept.map(|(_, value)| *value).collect()
         };
-        let times = without(&plan.experiment.time_s);
+        let times = without(&measured.control);
         let simulator = model.at_times(times.clone());
-        let mut observations = Observations::new(times, without(&plan.experiment.contact_ratio))
-            .map_err(RunError::new)?;
-        if let Some(sigma) = &plan.experiment.sigma {
+        let mut observations =
+            Observations::new(times, without(&measured.values)).map_err(RunError::new)?;
+        if let Some(sigma) = &measured.sigma {
             observations = observations.with_sigma(without(sigma)).map_err(RunError::new)?;
         }
         let problem = Problem {
             simulator: &simulator,
             parameters: plan.parameters.clone(),
             observations,
-            noise: plan.noise.clone(),
+            noise: measured.noise.clone(),
         };
         let settings = Settings { ess_target: None, ..plan.sampler.clone() };
         let again = calibrate(&problem, &settings, &mut ()).map_err(RunError::new)?;

@@ -9,7 +9,7 @@ use super::curve::Target;
 use crate::error::{InputError, Mistake};
 use crate::number::significant;
 use crate::pair_draws::PairDraws;
-use crate::prior_file::ParameterName;
+use crate::parameter::ParameterName;
 use crate::scene_file::SceneInput;
 
 /// The target wished for, or a relative density of 0.9, where the bed can have it.
@@ -92,7 +92,7 @@ pub(super) fn advice(calibrated: &PairDraws, input: &SceneInput) -> Vec<String> 
         }
     }
     let (phi, fitted) = (material.final_contact_ratio, calibrated.final_contact_ratio);
-    if !calibrated.names.contains(&ParameterName::Phi) && (phi / fitted - 1.0).abs() > 1e-3 {
+    if calibrated.value(ParameterName::Phi, 0).is_none() && (phi / fitted - 1.0).abs() > 1e-3 {
         advice.push(format!(
             "contacts of the scene grow up to a/R = {}, those of the calibrated pair up to {}",
             significant(phi, 4),

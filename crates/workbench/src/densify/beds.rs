@@ -17,9 +17,9 @@ use super::agreement::no_volume;
 use super::curve::{Curve, Moment, Target};
 use super::draws::Draw;
 use crate::error::Failure;
+use crate::output::pool;
 use crate::pair_draws::PairDraws;
-use crate::prior_file::ParameterName;
-use crate::run;
+use crate::parameter::ParameterName;
 use crate::scene_file::{self, SceneInput};
 use crate::watch::Watch;
 use crate::work_folder::{WorkFolder, fingerprint};
@@ -221,7 +221,7 @@ fn compute(file: &SceneFile, beds: Vec<Bed>, threads: rayon::ThreadPool, send: &
             let (scene, settled, beds) = (scene.clone(), settled.clone(), beds.clone());
             let (next, send) = (next.clone(), send.clone());
             std::thread::spawn(move || {
-                let Ok(alone) = run::pool(Some(1)) else { return };
+                let Ok(alone) = pool(Some(1)) else { return };
                 while let Some(bed) = beds.get(next.fetch_add(1, Ordering::Relaxed)) {
                     let computed = alone.install(|| one(&scene, &settled, bed, &send));
                     let message = match computed {

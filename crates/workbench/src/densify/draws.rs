@@ -56,7 +56,7 @@ pub(super) fn choose(
         .map(|k| {
             let place = (k as f64 + start) * rows as f64 / count as f64;
             let row = order[(place as usize).min(rows - 1)].1;
-            Draw { row, parameters: calibrated.parameters(row) }
+            Draw { row, parameters: calibrated.theta(row) }
         })
         .collect())
 }

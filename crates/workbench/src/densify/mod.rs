@@ -16,9 +16,8 @@ use serde_json::json;
 
 use crate::error::{Failure, RunError};
 use crate::number::significant;
-use crate::output::{Published, RunFolder};
+use crate::output::{Published, RunFolder, make_room, pretty};
 use crate::pair_draws::PairDraws;
-use crate::run::{make_room, pretty};
 use crate::scene_file::{self, SceneInput};
 use crate::watch::Watch;
 use crate::work_folder::{WorkFolder, fingerprint};
@@ -141,7 +140,8 @@ impl DensifyJob {
             plan.scene_name, plan.draws, plan.posterior_name
         )];
         lines.extend(self.input.describe().iter().map(|line| format!("  {line}")));
-        let names: Vec<&str> = self.calibrated.names.iter().map(|name| name.name()).collect();
+        let names: Vec<&str> =
+            self.calibrated.parameters.iter().map(|parameter| parameter.name.as_str()).collect();
         let radius_um = significant(1e6 * plan.calibrated_radius_m, 4);
         let (quantity, level) = (plan.target.name(), significant(plan.target.value(), 3));
         lines.push(format!(
@@ -178,8 +178,8 @@ impl DensifyJob {
         let beds = wanted.beds(&self.out().join("series"), &work, threads, watch)?;
         let seconds = start.elapsed().as_secs_f64();
         let (computed, failed) = divide(&self.draws, beds);
-        let names = &self.calibrated.names;
-        let parameters = names.iter().map(|name| name.name().to_owned()).collect();
+        let calibrated = &self.calibrated.parameters;
+        let parameters = calibrated.iter().map(|parameter| parameter.name.clone()).collect();
         let report =
             Report::new(self.plan.clone(), parameters, &computed, failed, self.advice.clone());
 
@@ -188,7 +188,7 @@ impl DensifyJob {
             |name: &str, bytes: &[u8]| staging.write(self.out(), name, bytes).map_err(make_room);
         write(DENSIFY_RECORD, pretty(&report)?.as_bytes())?;
         write("densify.csv", report.curve_csv().as_bytes())?;
-        let units: Vec<&str> = names.iter().map(|name| name.unit()).collect();
+        let units: Vec<&str> = calibrated.iter().map(|parameter| parameter.unit.as_str()).collect();
         write("draws.csv", report.draws_csv(&units).as_bytes())?;
         let picture = report
             .figure()

@@ -23,4 +23,5 @@ pub(crate) use template::with_folder;
 pub use types::{
     Design, ExecutorPlan, ExperimentPlan, ObservablePlan, PairPlan, Plan, SimulatorPlan, SolverPlan,
 };
+pub(crate) use words::short;
 pub use words::{Understood, dry_run, noise_in_words, prior_in_words, understood};

@@ -226,7 +226,7 @@ pub fn prior_in_words(prior: &PriorSpec) -> String {
 }
 
 /// A number without the noise of its last bits.
-fn short(value: f64) -> String {
+pub(crate) fn short(value: f64) -> String {
     let rounded: f64 = format!("{value:.5e}").parse().unwrap_or(value);
     if rounded == 0.0 || (1e-3..1e6).contains(&rounded.abs()) {
         format!("{rounded}")

@@ -12,7 +12,7 @@ use crate::record::Record;
 /// What `calibrate check` says of a posterior.
 #[must_use]
 pub fn understood(record: &Record) -> Understood {
-    let trusted = if record.trust.is_full() { "to be trusted" } else { "not to be trusted" };
+    let trusted = if record.trust.converged() { "to be trusted" } else { "not to be trusted" };
     Understood {
         headline: format!(
             "a posterior of {} ({} simulations, {trusted})",

@@ -40,11 +40,10 @@ pub fn pictures(record: &Record, samples: &SampleColumns, log_control: bool) -> 
         }
         let residuals = ResidualsFigure {
             title: title.clone(),
-            time_s: plan.control.clone(),
+            control: plan.control.clone(),
             residual: found.residuals.values.clone(),
             sigma: found.sigma.map_or(found.map_error.rmse, |sigma| sigma.median),
-            axes: axes(plan),
-            log_time: log_control,
+            axes: axes(plan, log_control),
         };
         let fit = match neck {
             Some(neck) => fit_of_pair(title, plan, neck, log_control),
@@ -68,15 +67,15 @@ fn fit_of_pair(
     title: String,
     plan: &ObservablePlan,
     neck: &NeckGrowthRecord,
-    log_time: bool,
+    log_control: bool,
 ) -> FitFigure {
     let curves = &neck.curves;
     let band = |[lower, upper]: &[Vec<f64>; 2]| Band { lower: lower.clone(), upper: upper.clone() };
     FitFigure {
         title,
-        time_s: plan.control.clone(),
-        contact_ratio: plan.values.clone(),
-        grid_s: curves.time_s.clone(),
+        control: plan.control.clone(),
+        value: plan.values.clone(),
+        grid: curves.time_s.clone(),
         mean: curves.mean.clone(),
         band50: band(&curves.curve50),
         band90: band(&curves.curve90),
@@ -91,8 +90,7 @@ fn fit_of_pair(
             upper: knee.contact_ratio.eti95[1],
         }),
         paper_knee: neck.knee.as_ref().and_then(|knee| knee.contact_ratio.paper),
-        axes: Axes::default(),
-        log_time,
+        axes: axes(plan, log_control),
     }
 }
 
@@ -101,7 +99,7 @@ fn fit_at_data(
     title: String,
     plan: &ObservablePlan,
     found: &ObservableRecord,
-    log_time: bool,
+    log_control: bool,
 ) -> FitFigure {
     let bands = &found.predictive;
     let band = |pick: fn(&BandPoint) -> [f64; 2]| Band {
@@ -110,24 +108,23 @@ fn fit_at_data(
     };
     FitFigure {
         title,
-        time_s: plan.control.clone(),
-        contact_ratio: plan.values.clone(),
-        grid_s: bands.iter().map(|point| plan.control[point.index]).collect(),
+        control: plan.control.clone(),
+        value: plan.values.clone(),
+        grid: bands.iter().map(|point| plan.control[point.index]).collect(),
         mean: bands.iter().map(|point| point.mean).collect(),
         band50: band(|point| point.curve50),
         band90: band(|point| point.curve90),
         predictive90: band(|point| point.noisy90),
         map: bands.iter().map(|point| found.map[point.index]).collect(),
-        axes: axes(plan),
-        log_time,
+        axes: axes(plan, log_control),
         ..FitFigure::default()
     }
 }
 
 /// Names and units of the axes of an observable.
-fn axes(plan: &ObservablePlan) -> Axes {
+fn axes(plan: &ObservablePlan, log_control: bool) -> Axes {
     if plan.result.is_none() {
-        return Axes::default();
+        return Axes { log_control, ..Axes::default() };
     }
     // `time_s` in seconds is the time: the unit stands behind it anyway.
     let words = |name: &str, unit: &str| {
@@ -144,6 +141,7 @@ fn axes(plan: &ObservablePlan) -> Axes {
         value_name: words(&plan.name, &plan.unit),
         value_unit: plan.unit.clone(),
         from_zero,
+        log_control,
     }
 }
 
@@ -220,7 +218,7 @@ fn recursion(record: &Record, log_control: bool) -> RecursionFigure {
     let only = observables.next().filter(|_| observables.next().is_none());
     let (control_name, control_unit, control) = match only {
         Some(plan) => {
-            let axes = axes(plan);
+            let axes = axes(plan, false);
             let control = path.iter().map(|point| point.control).collect();
             (axes.control_name, axes.control_unit, control)
         }

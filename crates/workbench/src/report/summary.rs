@@ -240,7 +240,7 @@ pub fn json(record: &Record, out: Option<&Path>) -> Result<String, serde_json::E
     serde_json::to_string_pretty(&Short {
         name: &record.plan.name,
         is_posterior: record.is_posterior,
-        trusted: record.trust.is_full(),
+        trusted: record.trust.converged(),
         trust: &record.trust,
         parameters: &record.parameters,
         observables: record

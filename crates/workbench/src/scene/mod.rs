@@ -14,8 +14,7 @@ use figures::{BedFigure, Figure as _, Width};
 use serde_json::json;
 
 use crate::error::{Failure, RunError};
-use crate::output::{Published, RunFolder};
-use crate::run::{make_room, pretty};
+use crate::output::{Published, RunFolder, make_room, pretty};
 use crate::scene_file::{self, SceneInput};
 use crate::watch::Watch;
 use crate::work_folder::WorkFolder;

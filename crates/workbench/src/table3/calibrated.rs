@@ -2,11 +2,11 @@
 
 use dem_core::Kinetics;
 
-use crate::args::RunArgs;
 use crate::calibration::Calibration;
-use crate::error::Failure;
+use crate::error::{Failure, InputError};
 use crate::material::Material;
-use crate::plan::Planned;
+use crate::plan::PairOptions;
+use crate::record::Pair;
 use crate::watch::Watch;
 
 /// A calibrated material.
@@ -14,9 +14,7 @@ use crate::watch::Watch;
 pub struct Calibrated {
     /// The material.
     pub material: Material,
-    /// The plan.
-    pub planned: Planned,
-    /// The posterior.
+    /// Its posterior.
     pub calibration: Calibration,
 }
 
@@ -33,9 +31,22 @@ impl Calibrated {
         seed: u64,
         watch: &dyn Watch,
     ) -> Result<Self, Failure> {
-        let args = RunArgs { kinetics, samples, seed, ..RunArgs::default() };
-        let planned = Planned::from_args(&RunArgs { material: Some(material), ..args })?;
-        let calibration = Calibration::run(&planned, &mut (), &|| !watch.stop().asked())?;
-        Ok(Self { material, planned, calibration })
+        let options = PairOptions {
+            material: Some(material),
+            kinetics,
+            samples,
+            seed,
+            ..PairOptions::default()
+        };
+        Ok(Self { material, calibration: Calibration::run(&options.plan()?, watch)? })
+    }
+
+    /// The pair as it was planned, measured and found.
+    ///
+    /// # Errors
+    ///
+    /// None in practice: a material is one pair.
+    pub fn pair(&self) -> Result<Pair<'_>, InputError> {
+        self.calibration.record.pair()
     }
 }

@@ -1,13 +1,12 @@
 //! Figures 2, 4, 5 and 6 of the paper, redone.
 
-use dem_core::Kinetic as _;
-use dem_core::kinetics::RegimeMap;
+use dem_core::kinetics::Regimes;
 
 use super::calibrated::Calibrated;
-use crate::error::{Failure, RunError};
+use crate::error::Failure;
 use crate::material::Material;
 use crate::model::NeckGrowth;
-use crate::pictures;
+use crate::report;
 use figures::{FitFigure, RegimeMapFigure};
 
 /// Points of the regime map.
@@ -19,30 +18,31 @@ const POINTS: usize = 241;
 ///
 /// [`Failure::Input`] for a plan that this version does not know.
 pub fn regime_map(one: &Calibrated) -> Result<RegimeMapFigure, Failure> {
-    let plan = &one.planned.plan;
-    let map = NeckGrowth::of(plan)?.sintering(&one.calibration.posterior.map.theta);
-    let lines = RegimeMap::new(&plan.scene()?, &map).map_err(RunError::new)?;
-    let (p1, p2) = (lines.p1(), lines.p2());
-    let experiment = &plan.experiment;
-    let last = experiment.time_s.last().copied().unwrap_or(1.0);
-    let first = 0.03 * p1.0;
+    let pair = one.pair()?;
+    let map = NeckGrowth::of(&one.calibration.record.plan)?
+        .sintering(&one.calibration.posterior.map.theta);
+    let lines = Regimes::new(pair.plan.scene()?.powder(), &map);
+    let (p1_s, p2_s) = (lines.p1_s(), lines.p2_s());
+    let measured = pair.measured;
+    let last = measured.control.last().copied().unwrap_or(1.0);
+    let first = 0.03 * p1_s;
     let ratio = (3.0 * last / first).ln();
     let grid_s: Vec<f64> =
         (0..POINTS).map(|k| first * (ratio * k as f64 / (POINTS - 1) as f64).exp()).collect();
-    let (data_time_s, data_ratio) = experiment
-        .time_s
+    let (data_time_s, data_ratio) = measured
+        .control
         .iter()
-        .zip(&experiment.contact_ratio)
+        .zip(&measured.values)
         .filter(|(time, value)| **time > 0.0 && **value > 0.0)
         .unzip();
     Ok(RegimeMapFigure {
         title: format!("Regime map, {}", one.material.title()),
-        a0: p1.1,
-        a1: grid_s.iter().map(|time| lines.zipping_contact_ratio(*time)).collect(),
-        a2: grid_s.iter().map(|time| lines.stretching_contact_ratio(*time)).collect(),
-        p1: Some(p1),
-        p2: Some(p2),
-        final_ratio: Some(experiment.final_contact_ratio),
+        a0: lines.adhesive,
+        a1: grid_s.iter().map(|time| lines.zipping(*time)).collect(),
+        a2: grid_s.iter().map(|time| lines.stretching(*time)).collect(),
+        p1: Some((p1_s, lines.adhesive)),
+        p2: Some((p2_s, lines.stretching(p2_s))),
+        final_ratio: Some(pair.plan.final_contact_ratio),
         data_time_s,
         data_ratio,
         grid_s,
@@ -51,13 +51,13 @@ pub fn regime_map(one: &Calibrated) -> Result<RegimeMapFigure, Failure> {
 
 /// Figures 4, 5 and 6: measurements, posterior bands, MAP, the paper's curve and the best Frenkel curve.
 #[must_use]
-pub fn sintering_curve(one: &Calibrated) -> (&'static str, FitFigure) {
+pub fn sintering_curve(one: &Calibrated) -> Option<(&'static str, FitFigure)> {
     let name = match one.material {
         Material::Ps => "figure4",
         Material::Pa12 => "figure5",
         Material::Peek => "figure6",
     };
-    (name, pictures::fit(&one.calibration.file, false))
+    Some((name, report::fit(&one.calibration.record, false)?))
 }
 
 #[cfg(test)]

@@ -23,8 +23,8 @@ use dem_core::Kinetics;
 
 use crate::error::Failure;
 use crate::material::Material;
-use crate::output::{Published, RunFolder};
-use crate::run::{NamedFigures, draw_all, pretty};
+use crate::output::{Published, RunFolder, pretty};
+use crate::report::{NamedFigures, draw_all};
 use crate::watch::Watch;
 use ::figures::Width;
 use record::Report;
@@ -59,8 +59,9 @@ impl Table3 {
         let mut figures: NamedFigures =
             vec![("figure2".to_owned(), Box::new(figures::regime_map(&map)?))];
         for one in &calibrated {
-            let (name, figure) = figures::sintering_curve(one);
-            figures.push((name.to_owned(), Box::new(figure)));
+            if let Some((name, figure)) = figures::sintering_curve(one) {
+                figures.push((name.to_owned(), Box::new(figure)));
+            }
         }
         figures.push(("pa12-r30".to_owned(), Box::new(predicted)));
         Ok(Self { report, figures })

@@ -1,4 +1,4 @@
-//! The regenerated table as data: what `table3.json` holds.
+//! `table3.json`: the regenerated table as data.
 
 use dem_core::{Kinetics, Sintering, printed};
 use serde::{Deserialize, Serialize};
@@ -13,19 +13,18 @@ use crate::error::{Failure, RunError};
 use crate::frenkel_fit::best_tau_s_of;
 use crate::model::NeckGrowth;
 use crate::plan::Plan;
-use crate::posterior_file::FitError;
-use crate::summary;
+use crate::record::{FitError, Pair};
 
 /// Layout of `table3.json`.
 pub const SCHEMA_VERSION: u32 = 1;
 
-/// Everything that `calibrate table3` finds.
+/// `table3.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Report {
     /// [`SCHEMA_VERSION`].
     pub schema_version: u32,
-    /// What decided the result.
+    /// Everything that decides the result.
     pub plan: ReportPlan,
     /// One entry per material.
     pub materials: Vec<MaterialReport>,
@@ -37,7 +36,7 @@ pub struct Report {
     pub unfitted: Unfitted,
 }
 
-/// What decided the result.
+/// Everything that decides the result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReportPlan {
@@ -93,7 +92,7 @@ pub enum Form {
 pub struct Row {
     /// `c1`, `tau_s` or `delta_c`.
     pub parameter: String,
-    /// Which form.
+    /// Its form.
     pub form: Form,
     /// Unit.
     pub unit: String,
@@ -123,11 +122,11 @@ impl Row {
     }
 }
 
-/// A curve and how far it is from the measurements.
+/// A curve and its errors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NamedFit {
-    /// Which curve.
+    /// Name of the curve.
     pub curve: String,
     /// How many numbers were fitted to these data; none for a mean over many curves.
     pub fitted: Option<usize>,
@@ -135,7 +134,7 @@ pub struct NamedFit {
     pub error: FitError,
 }
 
-/// The curves that errors are given for, in order.
+/// Names of the curves, in order.
 pub const CURVES: [&str; 6] = [
     "three-stage, paper's parameters",
     "three-stage, our MAP",
@@ -162,7 +161,10 @@ impl Report {
             plan: ReportPlan {
                 samples,
                 seed,
-                materials: calibrated.iter().map(|one| one.planned.plan.clone()).collect(),
+                materials: calibrated
+                    .iter()
+                    .map(|one| one.calibration.record.plan.clone())
+                    .collect(),
             },
             materials: calibrated.iter().map(material).collect::<Result<_, _>>()?,
             statements: statements::all(calibrated)?,
@@ -173,20 +175,21 @@ impl Report {
 }
 
 fn material(one: &Calibrated) -> Result<MaterialReport, Failure> {
-    let file = &one.calibration.file;
-    let model = NeckGrowth::of(&one.planned.plan)?;
+    let record = &one.calibration.record;
+    let pair = record.pair()?;
+    let model = NeckGrowth::of(&record.plan)?;
     Ok(MaterialReport {
         name: one.material.name().to_owned(),
         title: one.material.title().to_owned(),
-        radius_m: file.plan.experiment.radius_m,
-        rows: rows(one, &model)?,
-        fits: fits(one, &model).map_err(|error| RunError::new(error.to_string()))?,
-        sigma: file.sigma.map(|sigma| sigma.median),
-        log_evidence: [file.log_evidence.value, file.log_evidence.se],
-        ess: file.ess.importance,
-        khat: file.khat,
-        trusted: summary::trusted(file),
-        advice: file.advice.clone(),
+        radius_m: pair.plan.powder.radius_m,
+        rows: rows(one, &model, pair.plan.powder.radius_m)?,
+        fits: fits(one, pair, &model).map_err(|error| RunError::new(error.to_string()))?,
+        sigma: pair.found.sigma.map(|sigma| sigma.median),
+        log_evidence: [record.log_evidence.value, record.log_evidence.se],
+        ess: record.ess.importance,
+        khat: record.khat,
+        trusted: record.trust.converged(),
+        advice: record.advice.clone(),
     })
 }
 
@@ -194,9 +197,8 @@ fn triple(sintering: &Sintering) -> [f64; 3] {
     [sintering.c1, sintering.tau_s, sintering.delta_c]
 }
 
-fn rows(one: &Calibrated, model: &NeckGrowth) -> Result<Vec<Row>, Failure> {
+fn rows(one: &Calibrated, model: &NeckGrowth, radius_m: f64) -> Result<Vec<Row>, Failure> {
     let posterior: &Posterior = &one.calibration.posterior;
-    let radius_m = one.planned.plan.experiment.radius_m;
     let printed = |sintering: &Sintering| {
         let printed = printed::to_printed(sintering, radius_m);
         [printed.c1, printed.tau_s, printed.delta_c]
@@ -238,16 +240,15 @@ fn rows(one: &Calibrated, model: &NeckGrowth) -> Result<Vec<Row>, Failure> {
     Ok(rows)
 }
 
-fn fits(one: &Calibrated, model: &NeckGrowth) -> Result<Vec<NamedFit>, SimError> {
-    let file = &one.calibration.file;
-    let observed = &file.plan.experiment.contact_ratio;
+fn fits(one: &Calibrated, pair: Pair<'_>, model: &NeckGrowth) -> Result<Vec<NamedFit>, SimError> {
+    let (observed, fit) = (&pair.measured.values, &pair.neck_growth.fit);
     let one_parameter = |kinetics: Kinetics, tau_s: f64| -> Result<FitError, SimError> {
         let mut curve = vec![0.0; observed.len()];
         let sintering = Sintering { c1: 1.0, tau_s, delta_c: 1.0 };
         model.with_kinetics(kinetics).curve(&sintering, &mut curve)?;
         Ok(FitError::of(observed, &curve))
     };
-    let frenkel = file.fit.frenkel.ok_or_else(|| {
+    let frenkel = fit.frenkel.ok_or_else(|| {
         SimError::recoverable("no observation after t = 0 to fit Frenkel's curve to")
     })?;
     let pokluda = best_tau_s_of(Kinetics::Pokluda, model, observed)?;
@@ -255,8 +256,8 @@ fn fits(one: &Calibrated, model: &NeckGrowth) -> Result<Vec<NamedFit>, SimError>
     model.curve(&one.material.table3_sintering(), &mut paper)?;
     let errors = [
         (Some(3), FitError::of(observed, &paper)),
-        (Some(3), file.fit.map),
-        (None, file.fit.posterior_mean),
+        (Some(3), fit.map),
+        (None, fit.posterior_mean),
         (Some(1), frenkel),
         (Some(1), one_parameter(Kinetics::Pokluda, pokluda)?),
         (Some(1), one_parameter(Kinetics::Frenkel, one.material.table3_sintering().tau_s)?),

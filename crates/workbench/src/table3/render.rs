@@ -2,10 +2,11 @@
 
 use std::fmt::Write as _;
 
+use smc_calib::trust::limits::INFORMED_BITS;
+
 use super::readings::{Quantity, STATED};
 use super::record::{CURVES, Form, MaterialReport, Report, ReportPlan, Row};
 use crate::number::{percentile, significant, with_error};
-use crate::summary::INFORMED_BITS;
 
 /// `document.tex`, a document around `table3.tex`: `pdflatex document.tex`.
 pub const DOCUMENT: &str = "\

@@ -12,23 +12,22 @@ use serde::{Deserialize, Serialize};
 use smc_calib::{Draw, Posterior, SimError, normal};
 
 use super::calibrated::Calibrated;
-use crate::args::RunArgs;
 use crate::calibration::Calibration;
 use crate::error::{Failure, RunError};
 use crate::material::Material;
 use crate::model::NeckGrowth;
-use crate::plan::Planned;
-use crate::posterior_file::FitError;
+use crate::plan::PairOptions;
+use crate::record::{FitError, Pair};
 use crate::watch::Watch;
-use crate::weighted::Weighted;
 use figures::{Band, FitFigure};
+use smc_calib::Weighted;
 
 /// Name of the built-in experiment that is predicted.
 pub const EXPERIMENT: &str = "pa12-r30";
 /// Times of the curve in the figure.
 const GRID: usize = 201;
 
-/// The prediction and how it fared.
+/// The prediction beside the measurements.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Unfitted {
@@ -46,13 +45,13 @@ pub struct Unfitted {
     pub curve_coverage90: f64,
     /// Errors of the posterior mean curve.
     pub error: FitError,
-    /// Where the largest one is \[s\].
+    /// Time of the largest error \[s\].
     pub largest_at_s: f64,
     /// Errors of the posterior mean curve where tau_s is *not* transferred.
     pub error_without_transfer: FitError,
     /// Errors of the same curve on the pair that was fitted.
     pub error_of_fit: FitError,
-    /// Median of the noise standard deviation that the fitted pair taught.
+    /// Median of the noise standard deviation of the fitted pair.
     pub sigma: f64,
     /// tau_s transferred to the predicted pair: 2.5 %, 50 % and 97.5 % quantile \[s\].
     pub tau_s_predicted: [f64; 3],
@@ -91,41 +90,44 @@ pub fn predict(
         .iter()
         .find(|one| one.material == Material::Pa12)
         .ok_or_else(|| RunError::new("PA12 was not calibrated"))?;
-    let sampler = &one.planned.plan.sampler;
-    let other = Planned::from_args(&RunArgs {
+    let sampler = &one.calibration.record.plan.sampler;
+    let options = PairOptions {
         material: Some(Material::Pa12),
         experiment: Some(PathBuf::from(EXPERIMENT)),
         samples: sampler.samples,
         seed: sampler.seed,
-        ..RunArgs::default()
-    })?;
-    let own = Calibration::run(&other, &mut (), &|| !watch.stop().asked())?.posterior;
-    let pair = Pair {
+        ..PairOptions::default()
+    };
+    let own = Calibration::run(&options.plan()?, watch)?;
+    let predicted = own.record.pair()?;
+    let pair = Predicted {
         one,
-        model: NeckGrowth::of(&other.plan)?,
-        fitted_radius_m: one.planned.plan.experiment.radius_m,
-        radius_m: other.plan.experiment.radius_m,
-        measured: &other.plan.experiment.contact_ratio,
+        fitted: one.pair()?,
+        model: NeckGrowth::of(&own.record.plan)?,
+        radius_m: predicted.plan.powder.radius_m,
+        measured: &predicted.measured.values,
     };
     let failed = |error: SimError| RunError::new(error.to_string());
-    Ok((pair.judged(&own).map_err(failed)?, pair.figure().map_err(failed)?))
+    Ok((pair.judged(&own.posterior).map_err(failed)?, pair.figure().map_err(failed)?))
 }
 
 /// The pair that is predicted.
-struct Pair<'a> {
+struct Predicted<'a> {
+    /// The calibration that predicts.
     one: &'a Calibrated,
-    /// Its model at the times of its measurements.
+    /// The pair that was fitted.
+    fitted: Pair<'a>,
+    /// Model of the predicted pair at the times of its measurements.
     model: NeckGrowth,
-    fitted_radius_m: f64,
     radius_m: f64,
     measured: &'a [f64],
 }
 
-impl Pair<'_> {
+impl Predicted<'_> {
     /// The prediction beside the measurements; `own` is the posterior of the predicted pair alone.
     fn judged(&self, own: &Posterior) -> Result<Unfitted, SimError> {
         let (times, measured) = (self.model.times_s(), self.measured);
-        let curves = self.curves(&self.model, self.fitted_radius_m)?;
+        let curves = self.curves(&self.model, self.fitted.plan.powder.radius_m)?;
         let means = curves.means();
         let points: Vec<Point> = (0..times.len())
             .map(|i| Point {
@@ -146,20 +148,20 @@ impl Pair<'_> {
         let without = self.curves(&self.model, self.radius_m)?.means();
         let off = |point: &Point| (point.measured - point.mean).abs();
         let largest = points.iter().max_by(|a, b| off(a).total_cmp(&off(b)));
-        let file = &self.one.calibration.file;
-        let transferred = |t: f64| t * self.radius_m / self.fitted_radius_m;
+        let fitted_radius_m = self.fitted.plan.powder.radius_m;
+        let transferred = |t: f64| t * self.radius_m / fitted_radius_m;
         Ok(Unfitted {
-            fitted: self.one.planned.plan.experiment.name.clone(),
+            fitted: self.one.material.experiment_name().to_owned(),
             predicted: EXPERIMENT.to_owned(),
-            fitted_radius_m: self.fitted_radius_m,
+            fitted_radius_m,
             predicted_radius_m: self.radius_m,
             coverage: [0.5, 0.9, 0.95].map(|p| share(&|i| (points[i].rank - 0.5).abs() <= 0.5 * p)),
             curve_coverage90: share(&inside_curve),
             error: FitError::of(measured, &means),
             largest_at_s: largest.map_or(0.0, |point| point.time_s),
             error_without_transfer: FitError::of(measured, &without),
-            error_of_fit: file.fit.posterior_mean,
-            sigma: file.sigma.map_or(0.0, |sigma| sigma.median),
+            error_of_fit: self.fitted.neck_growth.fit.posterior_mean,
+            sigma: self.fitted.found.sigma.map_or(0.0, |sigma| sigma.median),
             tau_s_predicted: tau_s(&self.one.calibration.posterior).map(transferred),
             tau_s_own: tau_s(own),
             points,
@@ -171,7 +173,7 @@ impl Pair<'_> {
         let last = 1.02 * times.last().copied().unwrap_or(1.0);
         let grid_s: Vec<f64> = (0..GRID).map(|k| last * k as f64 / (GRID - 1) as f64).collect();
         let on_grid = self.model.at_times(grid_s.clone());
-        let curves = self.curves(&on_grid, self.fitted_radius_m)?;
+        let curves = self.curves(&on_grid, self.fitted.plan.powder.radius_m)?;
         let band = |noisy: bool| -> Band {
             let ends: Vec<[f64; 2]> =
                 (0..GRID).into_par_iter().map(|i| curves.band(i, noisy)).collect();
@@ -182,19 +184,19 @@ impl Pair<'_> {
         };
         let single = |sintering: Sintering| {
             let mut curve = vec![0.0; GRID];
-            let there = sintering.at_radius(self.fitted_radius_m, self.radius_m);
+            let there = sintering.at_radius(self.fitted.plan.powder.radius_m, self.radius_m);
             on_grid.curve(&there, &mut curve).map(|()| curve)
         };
         Ok(FitFigure {
             title: "PA12 R = 30.4 µm, predicted from R = 32.1 µm".to_owned(),
-            time_s: times.to_vec(),
-            contact_ratio: self.measured.to_vec(),
+            control: times.to_vec(),
+            value: self.measured.to_vec(),
             mean: curves.means(),
             band90: band(false),
             predictive90: band(true),
             map: single(self.model.sintering(&self.one.calibration.posterior.map.theta))?,
             paper: single(Material::Pa12.table3_sintering())?,
-            grid_s,
+            grid: grid_s,
             ..FitFigure::default()
         })
     }

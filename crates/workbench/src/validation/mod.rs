@@ -9,13 +9,14 @@ mod ranks;
 use std::fs;
 use std::path::Path;
 
+use figures::{Figure as _, Width};
 use smc_calib::sbc::{self, Study, quantities};
 use smc_calib::{CalibrateError, Noise, Settings};
 
 use crate::error::{Failure, InputError, Mistake, RunError};
-use crate::model::{INTERRUPTED, NeckGrowth, Watched};
 use crate::output::write_file;
-use crate::plan::Planned;
+use crate::plan::Plan;
+use crate::simulator::Experiments;
 use crate::watch::Watch;
 
 pub use ranks::{Ranks, Verdict};
@@ -36,19 +37,19 @@ pub struct Size {
 /// # Errors
 ///
 /// [`Failure::Input`] for a plan whose noise is not inferred; [`Failure::Run`] for a calibration that fails.
-pub fn study(planned: &Planned, size: Size, watch: &dyn Watch) -> Result<Ranks, Failure> {
-    let plan = &planned.plan;
-    let Noise::Inferred { nu0, s0 } = plan.noise else {
+pub fn study(plan: &Plan, size: Size, watch: &dyn Watch) -> Result<Ranks, Failure> {
+    let (_, measured) = plan.pair()?;
+    let Noise::Inferred { nu0, s0 } = measured.noise else {
         return Err(InputError::new("--noise", Mistake::Conflict)
             .found("noise that is not inferred")
             .expected("a noise model from whose prior data sets can be drawn")
             .help("leave --noise out, or give the observable noise = \"inferred\"")
             .into());
     };
-    let model = NeckGrowth::of(plan)?;
-    let times = &plan.experiment.time_s;
+    let times = &measured.control;
+    watch.begin((size.data_sets * size.samples) as u64, 0, "simulations");
     let study = Study {
-        simulator: &Watched { model: &model, go_on: &|| !watch.stop().asked() },
+        simulator: &Experiments::new(plan, None, watch)?,
         parameters: plan.parameters.clone(),
         control: times.clone(),
         noise: (nu0, s0),
@@ -60,8 +61,10 @@ pub fn study(planned: &Planned, size: Size, watch: &dyn Watch) -> Result<Ranks, 
         },
         data_sets: size.data_sets,
     };
-    let outcomes = sbc::run(&study).map_err(|error| match error {
-        CalibrateError::Fatal { cause, .. } if cause == INTERRUPTED => Failure::Interrupted,
+    let outcomes = sbc::run(&study);
+    watch.end();
+    let outcomes = outcomes.map_err(|error| match error {
+        CalibrateError::Interrupted { .. } => Failure::Interrupted,
         error => RunError::new(error).into(),
     })?;
     let parameters: Vec<&str> = study.parameters.iter().map(|p| p.name.as_str()).collect();
@@ -78,7 +81,7 @@ pub fn study(planned: &Planned, size: Size, watch: &dyn Watch) -> Result<Ranks, 
     ))
 }
 
-/// Writes `sbc-NAME.md`, `.csv` and `.svg` into a folder; `text` is the table.
+/// Writes `sbc-NAME.md`, `.csv`, `.png` and `.svg` into a folder; `text` is the table.
 ///
 /// # Errors
 ///
@@ -92,23 +95,25 @@ pub fn write(ranks: &Ranks, text: &str, folder: &Path, name: &str) -> Result<(),
     let file = |ending: &str| folder.join(format!("sbc-{name}.{ending}"));
     write_file(&file("md"), text.as_bytes())?;
     write_file(&file("csv"), ranks.csv().as_bytes())?;
-    write_file(&file("svg"), figure::svg(ranks).as_bytes())?;
+    let picture = figure::figure(ranks).render(Width::Full).map_err(RunError::new)?;
+    write_file(&file("png"), &picture.png)?;
+    write_file(&file("svg"), picture.svg.as_bytes())?;
     Ok(())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::args::RunArgs;
     use crate::material::Material;
+    use crate::plan::PairOptions;
     use crate::watch::Unwatched;
 
     #[test]
     fn a_small_study_of_the_shipped_sampler_passes() {
-        let args = RunArgs { material: Some(Material::Ps), ..RunArgs::default() };
-        let planned = Planned::from_args(&args).expect("a plan");
+        let options = PairOptions { material: Some(Material::Ps), ..PairOptions::default() };
+        let plan = options.plan().expect("a plan").plan;
         let size = Size { data_sets: 120, samples: 4096, seed: 7 };
-        let ranks = study(&planned, size, &Unwatched::default()).expect("runs");
+        let ranks = study(&plan, size, &Unwatched::default()).expect("runs");
         assert_eq!(ranks.ranked.len(), 9);
         for ranked in &ranks.ranked {
             assert!(ranked.p_value > 1e-3, "{}: p = {}", ranked.name, ranked.p_value);
@@ -117,6 +122,7 @@ mod tests {
             assert!(covered.score.abs() < 3.9, "{covered:?}");
         }
         assert!(ranks.markdown(1.0, 1).contains("| sigma |"));
-        assert!(figure::svg(&ranks).ends_with("</svg>\n"));
+        let picture = figure::figure(&ranks).render(Width::Full).expect("a figure");
+        assert!(picture.svg.ends_with("</svg>\n") && picture.png.starts_with(b"\x89PNG"));
     }
 }

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use smc_calib::sbc::{Band, Outcome, counts, coverage_score};
+use smc_calib::trust::khat_holds;
 
 /// Ranks of one quantity.
 #[derive(Debug, Clone, PartialEq)]
@@ -103,7 +104,7 @@ impl Ranks {
             ranked,
             covered,
             band: band.counts,
-            high_khat: outcomes.iter().filter(|o| o.khat > 0.7).count(),
+            high_khat: outcomes.iter().filter(|o| !khat_holds(o.khat)).count(),
             median_ess: ess[n / 2],
         }
     }

@@ -1,4 +1,4 @@
-//! Where the quasi-static limit holds.
+//! The range in which the quasi-static limit holds.
 
 use crate::solvers::QuasiStaticLag;
 use crate::{Kinetic, PairScene};

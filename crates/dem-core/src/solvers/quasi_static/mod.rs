@@ -13,7 +13,7 @@ use dormand_prince::Step;
 /// embedded Runge-Kutta pair of Dormand and Prince with dense output.
 ///
 /// The bend of the rate at the knee and the end at phi are located on the dense output and never
-/// stepped over: each smooth piece of the rate is integrated by itself, in its own time. The
+/// stepped over: each smooth piece of the rate is integrated separately, in its own time. The
 /// singular start of zipping needs no care beyond small first steps: relative to the time since the
 /// start they grow geometrically.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,17 +22,16 @@ pub struct QuasiStatic {
     max_work: u64,
 }
 
-/// Share of the wanted error of a/R that one step may have. Zipping forgets errors (its rate falls
+/// Share of the tolerance that one step may use. Zipping forgets errors (its rate falls
 /// with the overlap) and stretching adds them up over few steps.
 const STEP_SHARE: f64 = 0.5;
 
-/// By how much the embedded error estimate is enlarged, and by which share of the overlap a step may
-/// grow it at most. On the power law of zipping the embedded estimate is up to ten times too small
+/// Factor on the embedded error estimate, and the largest relative growth of the overlap in one step. On the power law of zipping the embedded estimate is up to ten times too small
 /// for steps of that length (`dx/dt = x^(-5/2)`, 8 %), and a hundred times for steps three times as long.
 const CAUTION: f64 = 10.0;
 const LARGEST_SHARE: f64 = 0.08;
 
-/// A step is at most so many times longer than the one before.
+/// Largest ratio of a step to the one before.
 const LARGEST_GROWTH: f64 = 5.0;
 
 impl QuasiStatic {
@@ -93,7 +92,7 @@ impl QuasiStatic {
             )?;
         }
         if ended && run.overlap < end {
-            // What the law only approaches counts as reached when it is too near to be seen.
+            // A limit that the law only approaches counts as reached within a thousandth of the tolerance.
             let near_limit = law.limit_overlap() - 1e-3 * self.tolerance;
             if run.overlap < near_limit {
                 ended = run.piece(
@@ -157,10 +156,69 @@ impl<F: FnMut(usize, f64, f64)> Run<'_, F> {
         self.plastic_overlap = self.contact.equilibrium_plastic_overlap(overlap);
     }
 
-    /// Integrates one smooth piece of the rate up to the overlap `until`; false where the last
+    /// Refuses a step beyond the work limit, and one too short to add to the time.
+    fn check_step(&self, since_s: f64, step_s: f64, last_s: f64) -> Result<(), SolveError> {
+        if self.steps >= self.solver.max_work {
+            return Err(SolveError::WorkLimit {
+                solver: "quasi-static",
+                max_work: self.solver.max_work,
+                reached_s: self.now_s + since_s,
+                last_s,
+            });
+        }
+        if since_s + step_s == since_s && since_s < last_s - self.now_s {
+            return Err(SolveError::Derived {
+                quantity: "step [s]",
+                value: step_s,
+                remedy: "the growth is too fast or too slow for the observation times",
+            });
+        }
+        Ok(())
+    }
+
+    /// Length of the step from `p` that ends at `until_plastic`, from a first estimate by the dense output: two
+    /// shorter steps refine it to their own order.
+    fn crossing_s(
+        &mut self,
+        slope: &impl Fn(f64) -> f64,
+        (p, start_slope): (f64, f64),
+        mut taken_s: f64,
+        until_plastic: f64,
+    ) -> f64 {
+        for _ in 0..2 {
+            let shorter = Step::take(slope, p, start_slope, taken_s);
+            taken_s += (until_plastic - shorter.end()) / shorter.end_slope();
+            self.evaluations += 6;
+        }
+        taken_s
+    }
+
+    /// Observes within a step of a piece, up to `until_s` after the start of the step.
+    fn observe_step(
+        &mut self,
+        step: &Step,
+        (since_s, step_s): (f64, f64),
+        until_s: f64,
+        until_plastic: f64,
+    ) {
+        while let Some(time) = self.next_time_s() {
+            let ahead_s = time - self.now_s - since_s;
+            if ahead_s > until_s {
+                break;
+            }
+            let at = if step_s > 0.0 { (ahead_s / step_s).clamp(0.0, 1.0) } else { 0.0 };
+            // Growth never turns; the dense output may, within its error.
+            let p = step.at(at).min(until_plastic).max(self.plastic_overlap);
+            self.plastic_overlap = p;
+            self.overlap = self.contact.equilibrium_overlap(p);
+            self.observe_present();
+        }
+    }
+
+    /// Integrates one smooth piece of the rate up to the overlap `until`; returns false where the last
     /// observation comes first.
     ///
-    /// `speed_after` is `d(a/R)/dt` behind that: an error of the time at which slow zipping ends is
+    /// `speed_after` is `d(a/R)/dt` beyond `until`: an error of the time at which slow zipping ends is
     /// an error of a/R as large as fast stretching makes it. `largest_share` limits the growth of the
     /// overlap in one step.
     fn piece(
@@ -192,21 +250,7 @@ impl<F: FnMut(usize, f64, f64)> Run<'_, F> {
         let tolerance = self.solver.tolerance;
         let step_tolerance = STEP_SHARE * tolerance;
         while self.next_time_s().is_some() {
-            if self.steps >= self.solver.max_work {
-                return Err(SolveError::WorkLimit {
-                    solver: "quasi-static",
-                    max_work: self.solver.max_work,
-                    reached_s: self.now_s + since_s,
-                    last_s,
-                });
-            }
-            if since_s + step_s == since_s && since_s < left_s {
-                return Err(SolveError::Derived {
-                    quantity: "step [s]",
-                    value: step_s,
-                    remedy: "the growth is too fast or too slow for the observation times",
-                });
-            }
+            self.check_step(since_s, step_s, last_s)?;
             let step = Step::take(&slope, p, start_slope, step_s);
             self.steps += 1;
             self.evaluations += 6;
@@ -229,31 +273,15 @@ impl<F: FnMut(usize, f64, f64)> Run<'_, F> {
             self.dense_error = self.dense_error.max(dense);
             let crosses = step.end() >= until_plastic;
             let taken_s = if crosses {
-                // The dense output says where about; two shorter steps say it to their own order.
-                let mut taken_s = step.crossing(until_plastic) * step_s;
-                for _ in 0..2 {
-                    let shorter = Step::take(&slope, p, start_slope, taken_s);
-                    taken_s += (until_plastic - shorter.end()) / shorter.end_slope();
-                    self.evaluations += 6;
-                }
-                taken_s.clamp(0.0, step_s)
+                let first = step.crossing(until_plastic) * step_s;
+                self.crossing_s(&slope, (p, start_slope), first, until_plastic).clamp(0.0, step_s)
             } else {
                 step_s
             };
-            while let Some(time) = self.next_time_s() {
-                let ahead_s = time - self.now_s - since_s;
-                // The last step ends on the last time only up to rounding.
-                let last = !crosses && since_s + step_s >= left_s;
-                if ahead_s > taken_s && !last {
-                    break;
-                }
-                let at = if step_s > 0.0 { (ahead_s / step_s).clamp(0.0, 1.0) } else { 0.0 };
-                // Growth never turns; the dense output may, within its error.
-                let p = step.at(at).min(until_plastic).max(self.plastic_overlap);
-                self.plastic_overlap = p;
-                self.overlap = contact.equilibrium_overlap(p);
-                self.observe_present();
-            }
+            // The last step ends on the last time only up to rounding.
+            let is_last = !crosses && since_s + step_s >= left_s;
+            let until_s = if is_last { f64::INFINITY } else { taken_s };
+            self.observe_step(&step, (since_s, step_s), until_s, until_plastic);
             if crosses {
                 self.now_s += since_s + taken_s;
                 self.rest_at(until);

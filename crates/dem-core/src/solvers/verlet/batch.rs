@@ -1,7 +1,8 @@
 //! Many curves side by side.
 
 use super::Verlet;
-use super::pair::{Clock, Pair, Scheme};
+use super::clock::Clock;
+use super::pair::{Pair, Scheme};
 use crate::kinetics::{RateCoefficients, WithLaw, with_law};
 use crate::lanes::{F64x8, Lanes, WIDTH};
 use crate::{Kinetic, Kinetics, PairScene, Sintering, SolveError, SolveReport, SolverSettings};
@@ -77,12 +78,15 @@ fn run_lanes<K: Kinetic>(
                 let Some((index, sintering)) = waiting.next() else { break };
                 match K::new(scene, sintering) {
                     Ok(law) => {
-                        let scheme = Scheme::new(scene, solver.step_s, &law.coefficients());
+                        let scheme = Scheme::new(scene, solver.step_s(), &law.coefficients());
                         let mut pair = start;
                         scheme.set_off::<K>(&mut pair);
                         coefficients.set_lane(i, &scheme.coefficients);
                         pairs.set_lane(i, &pair);
-                        *lane = Some(Curve { index, clock: Clock::new(solver, scene, times_s) });
+                        *lane = Some(Curve {
+                            index,
+                            clock: Clock::new(&solver.stepping, scene, times_s),
+                        });
                     }
                     Err(error) => results[index] = Err(error),
                 }
@@ -93,7 +97,7 @@ fn run_lanes<K: Kinetic>(
         else {
             return results;
         };
-        let scheme = Scheme::<F64x8>::new(scene, solver.step_s, &coefficients);
+        let scheme = Scheme::<F64x8>::new(scene, solver.step_s(), &coefficients);
         for _ in 0..steps {
             scheme.step::<K>(&mut pairs);
         }

@@ -1,26 +1,28 @@
 //! The full discrete-element run of the pair.
 
 mod batch;
+mod clock;
 mod pair;
 
 pub use batch::verlet_batch;
 
 use super::{PairSolver, SolveReport, SolverSettings};
 use crate::{Kinetic, PairScene, SolveError};
+use clock::{Clock, Stepping};
 use pair::{Pair, Scheme};
 
 /// Newton's law for the relative coordinate of the pair, by velocity Verlet, with the plastic overlap
-/// integrated implicitly within each step: see the source of this module's `pair` for the scheme.
+/// integrated implicitly within each step: the scheme is written out in `pair.rs` of this module.
 ///
 /// Second order in the step where the step resolves the relaxation of the contact,
 /// `alpha/(kappa rate)`; about order 1.5 over the singular start of zipping, where no step does
-/// (1e-4 of a/R for PS at 0.02 t_c); first order once across the bend of the rate at the knee, which
-/// falls inside a step. The rate is driven by the whole contact force without adhesion,
+/// (1e-4 of a/R for PS at 0.02 t_c); of first order in the one step across the bend of the rate at the
+/// knee. The rate is driven by the whole contact force without adhesion,
 /// damping included.
 ///
-/// # What a step may do
+/// # Bounds of a step
 ///
-/// The overlap swings about its equilibrium by what inertia carries, at most as far beyond phi^2 as it came: a/R
+/// Inertia lets the overlap swing about its equilibrium, at most as far beyond phi^2 as it started below: a/R
 /// stays below `sqrt(2) phi`, and nothing is clamped. The plastic overlap falls only
 ///
 /// - on the cohesive branch;
@@ -29,7 +31,7 @@ use pair::{Pair, Scheme};
 ///   stops, the contact takes up the momentum as a spring, and in the swing back it pulls with at most
 ///   `K2 v/omega2`, that is `sqrt(kappa 2 phi^2/alpha)` times fa, for `pi/omega2 = pi/(omega sqrt(kappa))`. Stretching runs
 ///   backwards meanwhile: delta0 falls by at most `(R/tau_s) G (pi/omega) sqrt(2 phi^2/alpha)` in each swing, `omega^2 = K1/m_eff`;
-/// - after a first step that the relaxation of the contact is far shorter than. There the implicit update, linear in the
+/// - after a first step far longer than the relaxation of the contact. There the implicit update, linear in the
 ///   plastic overlap, overshoots by at most `q x0/(1 - q x0)` of x0, `q = (K2max/K1 - 1)/phi^2`: 0.6 % of x0 for full
 ///   coalescence.
 ///
@@ -42,10 +44,8 @@ use pair::{Pair, Scheme};
 /// wait: [`verlet_batch`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Verlet {
-    step_s: f64,
+    stepping: Stepping,
     from_contact: bool,
-    stop_when_coalesced: bool,
-    max_work: u64,
 }
 
 impl Verlet {
@@ -68,17 +68,19 @@ impl Verlet {
             return Err(SolveError::UnstableStep { step_over_collision_time, step_s, limit_s });
         }
         Ok(Self {
-            step_s,
+            stepping: Stepping {
+                step_s,
+                stop_when_coalesced: settings.stop_when_coalesced,
+                max_work: settings.max_work,
+            },
             from_contact: settings.from_contact,
-            stop_when_coalesced: settings.stop_when_coalesced,
-            max_work: settings.max_work,
         })
     }
 
     /// The time step \[s\].
     #[must_use]
     pub fn step_s(&self) -> f64 {
-        self.step_s
+        self.stepping.step_s
     }
 
     fn run<K: Kinetic>(
@@ -88,10 +90,10 @@ impl Verlet {
         times_s: &[f64],
         observe: &mut impl FnMut(usize, f64, f64),
     ) -> Result<SolveReport, SolveError> {
-        let scheme = Scheme::<f64>::new(scene, self.step_s, &law.coefficients());
+        let scheme = Scheme::<f64>::new(scene, self.step_s(), &law.coefficients());
         let mut pair = Pair::start(scene, self.from_contact);
         scheme.set_off::<K>(&mut pair);
-        let mut clock = pair::Clock::new(self, scene, times_s);
+        let mut clock = Clock::new(&self.stepping, scene, times_s);
         while let Some(steps) = clock.steps_to_event() {
             for _ in 0..steps {
                 scheme.step::<K>(&mut pair);

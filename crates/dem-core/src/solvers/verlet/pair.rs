@@ -25,11 +25,9 @@
 //! 3. force at (x1, p1) by the contact law, and kick with trapezoidal damping: with
 //!    `N = h^2 omega^2 (alpha - f1)/2` and `beta = (h c/2)/(1 + h c/2)`, `V1 = (V + N)(1 - beta)`.
 
-use super::Verlet;
 use crate::kinetics::RateCoefficients;
 use crate::lanes::{F64x8, Lanes, WIDTH};
-use crate::solvers::{SolveReport, SolverKind, StopReason};
-use crate::{Branch, ContactLaw, Kinetic, PairScene, SolveError};
+use crate::{Branch, ContactLaw, Kinetic, PairScene};
 
 /// State of one pair, or of several.
 #[derive(Debug, Clone, Copy)]
@@ -155,7 +153,7 @@ impl<L: Lanes> Scheme<L> {
         let predicted = pair.stiffness * self.driving_of_force * (x1 - p)
             + (self.driving_of_force * damped + self.beta);
         let stiff = d + z;
-        // What waits for x1 comes last: the division runs beside the drift.
+        // Terms that need x1 come last, so that the division runs beside the drift.
         let share = half * hn / (d * d + half * z * (stiff * self.undamped + d));
         let change = share * stiff * predicted + share * (d * pair.driving);
 
@@ -174,7 +172,7 @@ impl<L: Lanes> Scheme<L> {
         pair.velocity = (drift + kick) * self.undamped;
         pair.drift = self.retained * drift + (one + self.retained) * kick;
 
-        // Where another branch than the elastic one holds; never in the plain run of a pair.
+        // Positive off the elastic branch, which the plain run of a pair never leaves.
         let cohesive = L::splat(0.0) - self.cohesion * x1 - force;
         let loading = x1 - p1 - self.elastic_width;
         let apart = L::splat(0.0) - x1;
@@ -220,7 +218,7 @@ impl Scheme<f64> {
     }
 }
 
-/// What to do where the elastic branch may not hold: where `excess` is positive.
+/// The end of a step off the elastic branch, where `excess` is positive.
 pub(super) trait OffElastic<L> {
     fn off_elastic(&self, excess: L, drift: L, pair: &mut Pair<L>);
 }
@@ -334,111 +332,10 @@ lanes_of_pair!(
     velocity_before
 );
 
-/// Counts the steps of one curve from observation to observation.
-#[derive(Debug, Clone)]
-pub(super) struct Clock<'a> {
-    solver: Verlet,
-    times_s: &'a [f64],
-    observed: usize,
-    steps: u64,
-    stop: Option<StopReason>,
-    final_overlap: f64,
-    end_plastic: f64,
-    /// h omega, to tell whether a pair is at rest.
-    phase: f64,
-}
-
-/// Every so many steps a run looks whether the pair is at rest, fully coalesced.
-const LOOK_EVERY: u64 = 256;
-
-/// Distance from full coalescence, in radii, that counts as none.
-const AT_REST: f64 = 1e-12;
-
-impl<'a> Clock<'a> {
-    pub(super) fn new(solver: &Verlet, scene: &PairScene, times_s: &'a [f64]) -> Self {
-        let final_overlap = scene.final_overlap();
-        Self {
-            solver: *solver,
-            times_s,
-            observed: 0,
-            steps: 0,
-            stop: None,
-            final_overlap,
-            end_plastic: scene.law().equilibrium_plastic_overlap(final_overlap),
-            phase: solver.step_s * (scene.k1_n_per_m() / scene.effective_mass_kg()).sqrt(),
-        }
-    }
-
-    /// Steps until something is to be looked at; none when the run is over.
-    pub(super) fn steps_to_event(&self) -> Option<u64> {
-        let &time_s = self.times_s.get(self.observed)?;
-        // First step at or after the time; saturates, and the work limit comes first.
-        let observation = (time_s / self.solver.step_s).ceil() as u64;
-        let look = (self.steps / LOOK_EVERY + 1) * LOOK_EVERY;
-        let work = self.solver.max_work.max(self.steps);
-        Some(observation.max(self.steps).min(look).min(work) - self.steps)
-    }
-
-    /// Looks at the pair after that many steps.
-    pub(super) fn event(
-        &mut self,
-        steps: u64,
-        pair: &Pair<f64>,
-        observe: &mut impl FnMut(usize, f64, f64),
-    ) -> Result<(), SolveError> {
-        self.steps += steps;
-        let step_s = self.solver.step_s;
-        while let Some(&time_s) = self.times_s.get(self.observed) {
-            let behind = self.steps as f64 - time_s / step_s;
-            if behind < 0.0 {
-                break;
-            }
-            let (x, p) = pair.at((1.0 - behind).clamp(0.0, 1.0));
-            observe(self.observed, x, p);
-            self.observed += 1;
-        }
-        let Some(last_s) = self.times_s.last().filter(|_| self.observed < self.times_s.len())
-        else {
-            self.stop = Some(StopReason::LastObservation);
-            return Ok(());
-        };
-        let rests = self.solver.stop_when_coalesced
-            && pair.plastic >= self.end_plastic
-            && (pair.overlap - self.final_overlap).abs() < AT_REST
-            && pair.drift.abs() < AT_REST * self.phase;
-        if rests && self.steps.is_multiple_of(LOOK_EVERY) {
-            self.stop = Some(StopReason::Coalesced);
-            for index in self.observed..self.times_s.len() {
-                observe(index, self.final_overlap, self.end_plastic);
-            }
-            self.observed = self.times_s.len();
-        } else if self.steps >= self.solver.max_work {
-            return Err(SolveError::WorkLimit {
-                solver: "verlet",
-                max_work: self.solver.max_work,
-                reached_s: self.steps as f64 * step_s,
-                last_s: *last_s,
-            });
-        }
-        Ok(())
-    }
-
-    pub(super) fn report(&self) -> SolveReport {
-        SolveReport {
-            kind: SolverKind::Verlet,
-            steps: self.steps,
-            force_evaluations: self.steps,
-            error_estimate: None,
-            stop: self.stop.unwrap_or(StopReason::LastObservation),
-            quasi_static_lag: None,
-        }
-    }
-}
-
 impl Pair<f64> {
     /// Overlap and plastic overlap at a fraction of the step that has just been made: the overlap
     /// by the cubic through values and velocities, the plastic overlap by a straight line.
-    fn at(&self, fraction: f64) -> (f64, f64) {
+    pub(super) fn at(&self, fraction: f64) -> (f64, f64) {
         let s = fraction;
         let (x, v, x1, v1) =
             (self.overlap_before, self.velocity_before, self.overlap, self.velocity);

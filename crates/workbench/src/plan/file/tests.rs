@@ -1,3 +1,5 @@
+use campaign::{Format, Interpolation, Keep};
+
 use super::*;
 
 const PLAN: &str = r#"
@@ -34,8 +36,8 @@ impl Place {
         Self { folder }
     }
 
-    fn read(&self, text: &str) -> Result<PlanFile, InputError> {
-        PlanFile::parse(&self.folder.path().join("my.toml"), text.to_owned())
+    fn read(&self, text: &str) -> Result<Planned, InputError> {
+        Planned::parse(&self.folder.path().join("my.toml"), text.to_owned())
     }
 }
 
@@ -51,14 +53,14 @@ fn a_plan_is_read_with_its_defaults() {
     assert_eq!(observable.values, [0.0, 2.0, 4.0]);
     assert_eq!(observable.noise, Noise::Inferred { nu0: 4.0, s0: 0.1 });
     let result = observable.result.as_ref().expect("a result");
-    assert_eq!((result.format, result.interpolate), (ResultFormat::Csv, Interpolate::Linear));
+    assert_eq!((result.format, result.interpolate), (Format::Csv, Interpolation::Linear));
     let SimulatorPlan::Command(command) = &plan.experiments[0].simulator else {
         panic!("a command");
     };
     assert_eq!((command.timeout_s, command.retries, command.keep), (3600.0, 2, Keep::Failed));
     assert_eq!(file.executor, ExecutorPlan::Local { parallel: None });
     let text = serde_json::to_string(plan).expect("JSON");
-    assert_eq!(serde_json::from_str::<ExternalPlan>(&text).expect("back"), *plan);
+    assert_eq!(serde_json::from_str::<Plan>(&text).expect("back"), *plan);
 }
 
 #[test]
@@ -67,10 +69,10 @@ fn the_same_plan_in_json_is_the_same_plan() {
     let value: toml::Value = toml::from_str(PLAN).expect("TOML");
     let json = serde_json::to_string_pretty(&value).expect("JSON");
     let path = place.folder.path().join("my.json");
-    let from_json = PlanFile::parse(&path, json).expect("a plan");
+    let from_json = Planned::parse(&path, json).expect("a plan");
     assert_eq!(from_json.plan, place.read(PLAN).expect("a plan").plan);
     let broken = "{\n \"parameters\": {\n  \"k\": { \"unit\": 3 }\n } }";
-    let error = PlanFile::parse(&path, broken.to_owned()).expect_err("wrong type");
+    let error = Planned::parse(&path, broken.to_owned()).expect_err("wrong type");
     assert_eq!((error.mistake, error.line), (Mistake::WrongType, Some(3)), "{error}");
     for (text, mistake) in [
         ("", Mistake::Syntax),
@@ -81,7 +83,7 @@ fn the_same_plan_in_json_is_the_same_plan() {
         ("{\"name\": \"a\",}", Mistake::Syntax),
         ("{} x", Mistake::Syntax),
     ] {
-        let error = PlanFile::parse(&path, text.to_owned()).expect_err(text);
+        let error = Planned::parse(&path, text.to_owned()).expect_err(text);
         assert_eq!(error.mistake, mistake, "{text}: {error}");
     }
 }

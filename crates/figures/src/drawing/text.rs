@@ -1,4 +1,4 @@
-//! Text as outlines of DejaVu Sans, with `_{..}` and `^{..}` for what stands below and above the line.
+//! Text as outlines of DejaVu Sans; `_{..}` stands below the line, `^{..}` above it.
 
 use std::sync::LazyLock;
 
@@ -13,14 +13,14 @@ const RAISE: f32 = 0.36;
 /// How far `_{..}` is lowered, in ems of the line.
 const LOWER: f32 = 0.16;
 /// Height of a capital, in ems.
-pub(super) const CAP_HEIGHT: f32 = 0.729;
+pub(crate) const CAP_HEIGHT: f32 = 0.729;
 
 static FACE: LazyLock<Face<'static>> = LazyLock::new(|| {
     Face::parse(dejavu::sans::regular(), 0).expect("the face is part of the program and parses")
 });
 
-/// Points of a text that are put somewhere. Vertically a text ends with its baseline and its capitals.
-pub(super) mod anchor {
+/// Points of a text that are placed. Vertically a text reaches from its baseline to the top of its capitals.
+pub(crate) mod anchor {
     use plotters::style::text_anchor::{HPos, Pos, VPos};
 
     pub(crate) const LEFT: Pos = Pos { h_pos: HPos::Left, v_pos: VPos::Center };
@@ -67,18 +67,18 @@ fn advance_em(c: char) -> f32 {
 }
 
 /// Length of a text along its line.
-pub(super) fn length(text: &str, size: f32) -> f32 {
+pub(crate) fn length(text: &str, size: f32) -> f32 {
     glyphs(text).map(|(c, scale, _)| advance_em(c) * scale).sum::<f32>() * size
 }
 
-/// The text, or as much of its start as fits into a length followed by an ellipsis.
-pub(super) fn shortened(text: &str, size: f32, room: f32) -> String {
+/// The text, or the longest start of it that fits into a length with an ellipsis.
+pub(crate) fn shortened(text: &str, size: f32, room: f32) -> String {
     if length(text, size) <= room {
         return text.to_owned();
     }
     let mut kept: Vec<char> = text.chars().collect();
     while kept.pop().is_some() {
-        // A script that is cut open is closed again by leaving its opening out.
+        // A script that would stay open is left out.
         let mut start: String = kept.iter().collect();
         if let Some(open) = start.rfind(['_', '^'])
             && start[open + 1..].starts_with('{')
@@ -94,8 +94,8 @@ pub(super) fn shortened(text: &str, size: f32, room: f32) -> String {
     String::new()
 }
 
-/// Outlines of a text, or nothing for a text without ink. A turned text reads upwards.
-pub(super) fn outline(
+/// Outlines of a text; none for a text of blanks. A turned text reads upwards.
+pub(crate) fn outline(
     text: &str,
     size: f32,
     at: (f32, f32),

@@ -1,65 +1,72 @@
 //! Rows of panels on a page, and their axes.
 
-use super::PlotError;
-use super::axis::{Axis, Direction, TICK_SIZE, Ticks};
+use super::axis::Axis;
 use super::page::Page;
 use super::palette::{BLACK, Pen};
 use super::panel::Panel;
 use super::text::{self, anchor};
+use super::ticks::{Direction, TICK_SIZE, Ticks};
+use crate::error::{Drawn, PlotError};
 
 /// Size of axis titles in points.
-pub(super) const TITLE_SIZE: f32 = 7.5;
+pub(crate) const TITLE_SIZE: f32 = 7.5;
 /// Smallest size a title is shrunk to before it is cut.
 const LEAST_SIZE: f32 = 5.5;
 const TICK_LENGTH: f32 = 2.5;
 const EDGE: f32 = 4.0;
 /// How far a tick label may stand out beyond its panel.
-pub(super) const OVERHANG: f32 = 10.0;
+pub(crate) const OVERHANG: f32 = 10.0;
+/// Height of the line that names a panel.
+const NAME_LINE: f32 = 10.0;
 const AXIS_PEN: Pen = Pen::solid(BLACK, 0.6);
 const MINOR_PEN: Pen = Pen::solid(BLACK, 0.4);
 
-/// What the layout needs to know of a panel.
+/// A panel before it has its place: the axes, and what is written beside them.
 #[derive(Debug, Clone)]
-pub(super) struct Spec {
+pub(crate) struct Spec {
     x: Axis,
     y: Axis,
+    /// A line above the panel in two parts; the first is cut if it is too long. Empty for none.
+    name: (String, String),
     /// Labels and title of the horizontal axis (false where the panel below carries them).
     x_labels: bool,
-    /// The same for the vertical axis.
+    /// Labels and title of the vertical axis (false where the panel to the left carries them).
     y_labels: bool,
     /// No vertical axis at all: densities, whose height says nothing.
     bare: bool,
 }
 
+/// Height of a row of panels in points, and its cells, of which some may stay empty.
+pub(crate) type Row = (f32, Vec<Option<Spec>>);
+
 impl Spec {
-    pub(super) fn new(x: Axis, y: Axis) -> Spec {
-        Spec { x, y, x_labels: true, y_labels: true, bare: false }
+    pub(crate) fn new(x: Axis, y: Axis) -> Spec {
+        Spec { x, y, name: Default::default(), x_labels: true, y_labels: true, bare: false }
     }
 
-    pub(super) fn x_labels(mut self, shown: bool) -> Spec {
-        self.x_labels = shown;
-        self
+    /// With a line above the panel, of which the second part is never cut.
+    pub(crate) fn named(self, name: String, note: String) -> Spec {
+        Spec { name: (name, note), ..self }
     }
 
-    pub(super) fn y_labels(mut self, shown: bool) -> Spec {
-        self.y_labels = shown;
-        self
+    pub(crate) fn x_labels(self, x_labels: bool) -> Spec {
+        Spec { x_labels, ..self }
     }
 
-    pub(super) fn bare(mut self) -> Spec {
-        self.bare = true;
-        self.y_labels = false;
-        self
+    pub(crate) fn y_labels(self, y_labels: bool) -> Spec {
+        Spec { y_labels, ..self }
+    }
+
+    pub(crate) fn bare(self) -> Spec {
+        Spec { bare: true, y_labels: false, ..self }
     }
 
     /// Room for tick labels and title left of a panel of a height.
     fn left_room(&self, height: f32) -> f32 {
-        if self.y_labels {
-            let labels = widest(&self.y.ticks(height, Direction::Up));
-            TICK_LENGTH + 2.0 + labels + 4.0 + TITLE_SIZE
-        } else {
-            0.0
+        if !self.y_labels {
+            return 0.0;
         }
+        TICK_LENGTH + 2.0 + widest(&self.y.ticks(height, Direction::Up)) + 4.0 + TITLE_SIZE
     }
 
     /// Whether fewer than two labels of the horizontal axis have room unless they stand upright.
@@ -71,17 +78,14 @@ impl Spec {
 
     /// Ticks of the horizontal axis, and how deep their labels reach.
     fn across(&self, width: f32, overhang: f32, upright: bool) -> Across {
-        if upright {
-            let ticks = self.x.ticks(width, Direction::Up);
-            let depth = widest(&ticks);
-            Across { ticks, upright, depth }
-        } else {
-            let ticks = self.x.ticks(width, Direction::Across { overhang });
-            Across { ticks, upright, depth: TICK_SIZE }
-        }
+        let direction = if upright { Direction::Up } else { Direction::Across { overhang } };
+        let ticks = self.x.ticks(width, direction);
+        let depth = if upright { widest(&ticks) } else { TICK_SIZE };
+        Across { ticks, upright, depth }
     }
 }
 
+/// Labels of a horizontal axis.
 struct Across {
     ticks: Ticks,
     upright: bool,
@@ -92,45 +96,69 @@ fn widest(ticks: &Ticks) -> f32 {
     ticks.labelled.iter().map(|(_, label)| text::length(label, TICK_SIZE)).fold(0.0, f32::max)
 }
 
+/// A row without empty cells.
+pub(crate) fn row(height: f32, specs: impl IntoIterator<Item = Spec>) -> Row {
+    (height, specs.into_iter().map(Some).collect())
+}
+
+/// Rows of so many columns over one horizontal axis, which only the lowest panel of each column labels.
+pub(crate) fn grid_of(columns: usize, height: f32, specs: Vec<Spec>) -> Vec<Row> {
+    let columns = columns.min(specs.len()).max(1);
+    let lowest = specs.len().saturating_sub(columns);
+    let specs: Vec<Spec> =
+        specs.into_iter().enumerate().map(|(i, spec)| spec.x_labels(i >= lowest)).collect();
+    specs
+        .chunks(columns)
+        .map(|specs| {
+            let (height, mut cells) = row(height, specs.to_vec());
+            cells.resize(columns, None);
+            (height, cells)
+        })
+        .collect()
+}
+
+/// A page with a single panel; always there.
+pub(crate) fn one_panel(page: &Page, top: f32, spec: Spec) -> Result<Option<Panel>, PlotError> {
+    let height = page.of_width(140.0, 230.0);
+    Ok(layout(page, top, 8.0, &[row(height, [spec])])?.pop())
+}
+
 /// Lays rows of panels out below `top`, draws their axes and cuts the page below them. Panels of one column of rows with
-/// equally many cells have the same edges.
-pub(super) fn layout(
+/// equally many cells have the same edges. Returns the panels row by row.
+pub(crate) fn layout(
     page: &Page,
     top: f32,
     gap: f32,
-    rows: &[(f32, Vec<Option<Spec>>)],
-) -> Result<Vec<Vec<Option<Panel>>>, PlotError> {
+    rows: &[Row],
+) -> Result<Vec<Panel>, PlotError> {
+    let rows: Vec<&Row> = rows.iter().filter(|(_, cells)| !cells.is_empty()).collect();
     let mut y = top;
-    let mut panels = Vec::with_capacity(rows.len());
+    let mut panels = Vec::new();
     for (index, (height, cells)) in rows.iter().enumerate() {
         let columns = cells.len();
-        let lefts = left_rooms(rows, columns);
+        let lefts = left_rooms(&rows, columns);
         let taken = lefts.iter().sum::<f32>() + gap * (columns - 1) as f32 + EDGE + OVERHANG;
         let width = ((page.width - taken) / columns as f32).max(10.0);
         let overhang = if columns == 1 { OVERHANG } else { (gap / 2.0 - 1.0).min(OVERHANG) };
-        let upright = cells.iter().flatten().any(|spec| spec.crowded(width, overhang));
-        let across: Vec<Option<Across>> = cells
-            .iter()
-            .map(|cell| cell.as_ref().map(|spec| spec.across(width, overhang, upright)))
-            .collect();
-        let depth = across.iter().flatten().map(|a| a.depth).fold(TICK_SIZE, f32::max);
-
+        let specs = || cells.iter().flatten();
+        let upright = specs().any(|spec| spec.crowded(width, overhang));
+        let depth = specs().map(|spec| spec.across(width, overhang, upright).depth);
+        let depth = depth.fold(TICK_SIZE, f32::max);
+        if specs().any(|spec| !spec.name.0.is_empty()) {
+            y += NAME_LINE;
+        }
         let mut x = EDGE;
-        let mut row = Vec::with_capacity(columns);
-        for ((spec, across), left) in cells.iter().zip(&across).zip(&lefts) {
-            let panel = match (spec, across) {
-                (Some(spec), Some(across)) => {
-                    let panel = Panel::new(page, (x + left, y), (width, *height), &spec.x, &spec.y);
-                    x_axis(page, &panel, spec, across, overhang, depth)?;
-                    y_axis(page, &panel, spec, x)?;
-                    Some(panel)
-                }
-                _ => None,
-            };
-            row.push(panel);
+        for (spec, left) in cells.iter().zip(&lefts) {
+            if let Some(spec) = spec {
+                let panel = Panel::new(page, (x + left, y), (width, *height), &spec.x, &spec.y);
+                let across = Across { depth, ..spec.across(width, overhang, upright) };
+                x_axis(page, &panel, spec, &across, overhang)?;
+                y_axis(page, &panel, spec, x)?;
+                name(page, &panel, spec, gap)?;
+                panels.push(panel);
+            }
             x += left + width + gap;
         }
-        panels.push(row);
 
         // Labels may hang into an empty cell below.
         let below = rows.get(index + 1).map(|(_, cells)| cells);
@@ -152,7 +180,7 @@ pub(super) fn layout(
 }
 
 /// Room left of each panel of a row of so many. The left edge of the first is common to all rows.
-fn left_rooms(rows: &[(f32, Vec<Option<Spec>>)], columns: usize) -> Vec<f32> {
+fn left_rooms(rows: &[&Row], columns: usize) -> Vec<f32> {
     let mut lefts = vec![0.0_f32; columns];
     lefts[0] = OVERHANG;
     for (height, cells) in rows {
@@ -164,14 +192,14 @@ fn left_rooms(rows: &[(f32, Vec<Option<Spec>>)], columns: usize) -> Vec<f32> {
     lefts
 }
 
-fn x_axis(
-    page: &Page,
-    panel: &Panel,
-    spec: &Spec,
-    across: &Across,
-    overhang: f32,
-    depth: f32,
-) -> Result<(), PlotError> {
+fn name(page: &Page, panel: &Panel, spec: &Spec, gap: f32) -> Drawn {
+    let (name, note) = &spec.name;
+    let room = panel.right - panel.left + gap / 2.0 - text::length(note, TICK_SIZE);
+    let line = format!("{}{note}", text::shortened(name, TICK_SIZE, room));
+    page.text(&line, TICK_SIZE, (panel.left, panel.top - 4.0), anchor::BOTTOM_LEFT)
+}
+
+fn x_axis(page: &Page, panel: &Panel, spec: &Spec, across: &Across, overhang: f32) -> Drawn {
     let Panel { left, right, bottom, .. } = *panel;
     page.line((left, bottom), (right, bottom), &AXIS_PEN)?;
     for &c in &across.ticks.minor {
@@ -193,13 +221,13 @@ fn x_axis(
     if spec.x_labels {
         let room = right - left + 2.0 * overhang.min(left - 2.0);
         let (title, size) = fitted(&across.ticks, room);
-        let y = bottom + TICK_LENGTH + 3.5 + depth + 3.0;
+        let y = bottom + TICK_LENGTH + 3.5 + across.depth + 3.0;
         page.text(&title, size, ((left + right) / 2.0, y), anchor::TOP)?;
     }
     Ok(())
 }
 
-fn y_axis(page: &Page, panel: &Panel, spec: &Spec, title_left: f32) -> Result<(), PlotError> {
+fn y_axis(page: &Page, panel: &Panel, spec: &Spec, title_left: f32) -> Drawn {
     if spec.bare {
         return Ok(());
     }
@@ -224,7 +252,7 @@ fn y_axis(page: &Page, panel: &Panel, spec: &Spec, title_left: f32) -> Result<()
     Ok(())
 }
 
-/// A title at the size at which it fits; at the smallest size the name is cut, never the unit.
+/// A title and the size at which it fits; at the smallest size the name is cut, never the unit.
 fn fitted(ticks: &Ticks, room: f32) -> (String, f32) {
     let (name, unit) = (&ticks.name, &ticks.unit);
     let long = text::length(name, TITLE_SIZE) + text::length(unit, TITLE_SIZE);

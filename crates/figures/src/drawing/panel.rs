@@ -1,7 +1,7 @@
 //! A panel: plotters' Cartesian coordinates over a rectangle of the page, and what is drawn into it.
 //!
 //! Values become coordinates of the axes (decimal logarithms where these are logarithmic), and plotters maps coordinates
-//! to the page. Its coordinates are whole numbers and end at the panel's edge, so that curves are cut there before.
+//! to whole numbers on the page. It moves points outside the panel onto its edge, so curves are cut there first.
 
 use plotters::coord::cartesian::Cartesian2d;
 use plotters::coord::types::RangedCoordf64;
@@ -11,33 +11,35 @@ use plotters::style::{Color as _, RGBAColor};
 use tiny_skia::Rect;
 
 use super::axis::Axis;
-use super::canvas::{Canvas, grid, points};
+use super::canvas::Canvas;
 use super::elements::{Line, Look, Points};
-use super::page::Page;
-use super::palette::{Marker, Pen, WHITE};
-use super::{PlotError, Role};
+use super::length::{grid, points};
+use super::page::{At, Page};
+use super::palette::{Marker, Pen, Role, WHITE};
+use crate::columns::Band;
+use crate::error::Drawn;
 
-/// So many measurements get a marker with an outline each.
+/// Up to so many measurements get a marker with an outline each.
 const FEW: usize = 120;
 
 /// A place in the coordinates of both axes.
-pub(super) type Place = (f64, f64);
+pub(crate) type Place = (f64, f64);
 
 /// A rectangle on the page with its axes; edges in points.
-pub(super) struct Panel {
-    pub(super) left: f32,
-    pub(super) top: f32,
-    pub(super) right: f32,
-    pub(super) bottom: f32,
-    pub(super) x: Axis,
-    pub(super) y: Axis,
+pub(crate) struct Panel {
+    pub(crate) left: f32,
+    pub(crate) top: f32,
+    pub(crate) right: f32,
+    pub(crate) bottom: f32,
+    pub(crate) x: Axis,
+    pub(crate) y: Axis,
     area: DrawingArea<Canvas, Cartesian2d<RangedCoordf64, RangedCoordf64>>,
 }
 
 impl Panel {
-    pub(super) fn new(
+    pub(crate) fn new(
         page: &Page,
-        (left, top): (f32, f32),
+        (left, top): At,
         (width, height): (f32, f32),
         x: &Axis,
         y: &Axis,
@@ -57,8 +59,8 @@ impl Panel {
         }
     }
 
-    /// Draws an element of plotters or of ours, in the coordinates of the axes.
-    pub(super) fn draw<E>(&self, element: &E) -> Result<(), PlotError>
+    /// Draws an element in the coordinates of the axes.
+    pub(crate) fn draw<E>(&self, element: &E) -> Drawn
     where
         for<'a> &'a E: PointCollection<'a, Place>,
         E: Drawable<Canvas>,
@@ -67,29 +69,24 @@ impl Panel {
     }
 
     /// Where a coordinate of the horizontal axis lies on the page.
-    pub(super) fn along(&self, coordinate: f64) -> f32 {
+    pub(crate) fn along(&self, coordinate: f64) -> f32 {
         points(self.area.map_coordinate(&(coordinate, self.y.low)).0)
     }
 
     /// Where a coordinate of the vertical axis lies on the page.
-    pub(super) fn up(&self, coordinate: f64) -> f32 {
+    pub(crate) fn up(&self, coordinate: f64) -> f32 {
         points(self.area.map_coordinate(&(self.x.low, coordinate)).1)
     }
 
     /// Where a point that lies within the panel is on the page.
-    pub(super) fn on_page(&self, x: f64, y: f64) -> Option<(f32, f32)> {
+    pub(crate) fn on_page(&self, x: f64, y: f64) -> Option<At> {
         let (x, y) = self.place(x, y).filter(|&at| self.holds(at))?;
         Some((self.along(x), self.up(y)))
     }
 
     /// The rectangle on the page, less a margin.
-    pub(super) fn inner(&self, margin: f32) -> Option<Rect> {
-        Rect::from_ltrb(
-            self.left + margin,
-            self.top + margin,
-            self.right - margin,
-            self.bottom - margin,
-        )
+    pub(crate) fn inner(&self, by: f32) -> Option<Rect> {
+        Rect::from_ltrb(self.left + by, self.top + by, self.right - by, self.bottom - by)
     }
 
     /// Coordinates of a point, if it has any; they may lie outside the panel.
@@ -102,7 +99,7 @@ impl Panel {
     }
 
     /// A curve through the points, broken where one is missing and cut off at the edges.
-    pub(super) fn line(&self, xs: &[f64], ys: &[f64], pen: Pen) -> Result<(), PlotError> {
+    pub(crate) fn line(&self, xs: &[f64], ys: &[f64], pen: Pen) -> Drawn {
         let mut piece: Vec<Place> = Vec::new();
         let mut last: Option<Place> = None;
         for (&x, &y) in xs.iter().zip(ys) {
@@ -157,14 +154,19 @@ impl Panel {
         Some((point(enter), point(leave)))
     }
 
-    /// The area between two curves, cut off at the edges; a lone point between gaps becomes a bar.
-    pub(super) fn band(
+    /// A band, cut off at the edges; a lone point between gaps becomes a bar.
+    pub(crate) fn band(&self, xs: &[f64], band: &Band, ink: RGBAColor) -> Drawn {
+        self.between(xs, &band.lower, &band.upper, ink)
+    }
+
+    /// As [`Panel::band`], for the area between two curves.
+    pub(crate) fn between(
         &self,
         xs: &[f64],
         lower: &[f64],
         upper: &[f64],
         ink: RGBAColor,
-    ) -> Result<(), PlotError> {
+    ) -> Drawn {
         // A bound with no place on a logarithmic axis lies below it.
         let bound = |v: f64| self.y.near(v).or((v <= 0.0).then_some(self.y.low));
         let mut run: Vec<(f64, f64, f64)> = Vec::new();
@@ -177,8 +179,8 @@ impl Panel {
         self.filled(run, ink)
     }
 
-    /// The area within (x, lower, upper), or nothing.
-    fn filled(&self, mut run: Vec<(f64, f64, f64)>, ink: RGBAColor) -> Result<(), PlotError> {
+    /// Fills the area within points (x, lower, upper).
+    fn filled(&self, mut run: Vec<(f64, f64, f64)>, ink: RGBAColor) -> Drawn {
         if let [(x, low, high)] = run[..] {
             let half = 1.5 * (self.x.high - self.x.low) / f64::from(self.right - self.left);
             run = vec![(x - half, low, high), (x + half, low, high)];
@@ -191,18 +193,23 @@ impl Panel {
     }
 
     /// Points that lie within the panel.
-    pub(super) fn markers(&self, xs: &[f64], ys: &[f64], look: Look) -> Result<(), PlotError> {
+    pub(crate) fn markers(&self, xs: &[f64], ys: &[f64], look: Look) -> Drawn {
         let places = xs.iter().zip(ys).filter_map(|(&x, &y)| self.place(x, y));
         self.draw(&Points { at: places.filter(|&at| self.holds(at)).collect(), look })
     }
 
-    /// Whether so many measurements belong below the curves rather than above.
-    pub(super) fn dense(xs: &[f64]) -> bool {
+    /// A single point, if it lies within the panel.
+    pub(crate) fn mark(&self, x: f64, y: f64, look: Look) -> Drawn {
+        self.markers(&[x], &[y], look)
+    }
+
+    /// Whether so many measurements are drawn small, and below the curves rather than above.
+    pub(crate) fn dense(xs: &[f64]) -> bool {
         xs.len() > FEW
     }
 
     /// Measurements: open circles, smaller and without outline where there are many.
-    pub(super) fn data(&self, xs: &[f64], ys: &[f64]) -> Result<(), PlotError> {
+    pub(crate) fn data(&self, xs: &[f64], ys: &[f64]) -> Drawn {
         let ink = Role::Data.ink();
         let look = if !Panel::dense(xs) {
             Look::filled(Marker::Circle, 1.7, WHITE.mix(0.85)).outlined(Pen::solid(ink, 0.65))
@@ -215,13 +222,7 @@ impl Panel {
     }
 
     /// Vertical bars with the given ends.
-    pub(super) fn bars(
-        &self,
-        xs: &[f64],
-        lower: &[f64],
-        upper: &[f64],
-        pen: Pen,
-    ) -> Result<(), PlotError> {
+    pub(crate) fn bars(&self, xs: &[f64], lower: &[f64], upper: &[f64], pen: Pen) -> Drawn {
         for ((&x, &low), &high) in xs.iter().zip(lower).zip(upper) {
             self.line(&[x, x], &[low, high], pen)?;
         }
@@ -229,18 +230,14 @@ impl Panel {
     }
 
     /// A line across the whole panel at a value.
-    pub(super) fn across(&self, y: f64, pen: Pen) -> Result<(), PlotError> {
-        match self.y.coordinate(y).filter(|&y| self.y.holds(y)) {
-            Some(y) => self.draw(&Line { points: vec![(self.x.low, y), (self.x.high, y)], pen }),
-            None => Ok(()),
-        }
+    pub(crate) fn across(&self, y: f64, pen: Pen) -> Drawn {
+        let Some(y) = self.y.coordinate(y).filter(|&y| self.y.holds(y)) else { return Ok(()) };
+        self.draw(&Line { points: vec![(self.x.low, y), (self.x.high, y)], pen })
     }
 
     /// A line up the whole panel at a value.
-    pub(super) fn upright(&self, x: f64, pen: Pen) -> Result<(), PlotError> {
-        match self.x.coordinate(x).filter(|&x| self.x.holds(x)) {
-            Some(x) => self.draw(&Line { points: vec![(x, self.y.low), (x, self.y.high)], pen }),
-            None => Ok(()),
-        }
+    pub(crate) fn upright(&self, x: f64, pen: Pen) -> Drawn {
+        let Some(x) = self.x.coordinate(x).filter(|&x| self.x.holds(x)) else { return Ok(()) };
+        self.draw(&Line { points: vec![(x, self.y.low), (x, self.y.high)], pen })
     }
 }

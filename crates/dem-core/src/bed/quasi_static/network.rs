@@ -2,18 +2,18 @@
 //!
 //! The matrix is `sum b b^T` over the springs, `b = sqrt(k) n` at one end and `-sqrt(k) n` at the other,
 //! plus a diagonal that ties particles to the ground; and, where the box may shrink, one more row for
-//! its strain. Every spring is held by both of its ends, so that each row can be computed by
-//! itself. Sums over all particles are made of the sums of blocks of fixed size: the bits do not
+//! its strain. Every spring is held by both of its ends, so that each row can be computed
+//! alone. Sums over all particles are made of the sums of blocks of fixed size: the bits do not
 //! depend on the number of threads.
 
 use rayon::prelude::*;
 
-use super::vec3::{Vec3, ZERO, add, dot, scale, sub};
+use crate::bed::vec3::{Vec3, ZERO, add, dot, scale, sub};
 
 /// Particles of a block.
 const BLOCK: usize = 256;
 
-/// Below so many particles threads cost more than they save.
+/// Number of particles below which threads cost more than they save.
 const PARALLEL: usize = 3000;
 
 /// One end of a spring.
@@ -37,7 +37,7 @@ pub(crate) struct Network {
     ground: Vec<Vec3>,
     /// Inverse of the diagonal block of each particle.
     inverse: Vec<Symmetric>,
-    /// Stiffness of the strain by itself; zero where the box is rigid.
+    /// Stiffness of the strain; zero where the box is rigid.
     strain_stiffness: f64,
 }
 
@@ -52,7 +52,7 @@ pub(crate) struct Spring {
     pub(crate) length: f64,
 }
 
-/// What a solution is, and what it took.
+/// A solution and its work.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Solution {
     /// Displacements \[m\].
@@ -113,7 +113,7 @@ impl Network {
             g += x * z;
             h += x * y;
         }
-        // One or two springs leave directions with next to nothing: a share of the whole keeps
+        // One or two springs leave directions with almost no stiffness: a share of the whole keeps
         // the block regular. Any positive definite block will do.
         let some = 1e-6 * (a + b + c) + 1e-300;
         let [a, b, c] = [a + some, b + some, c + some];

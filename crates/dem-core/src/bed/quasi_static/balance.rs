@@ -2,14 +2,14 @@
 
 use rayon::prelude::*;
 
-use super::contact::{Growth, LawConstants, Memory};
-use super::engine::Bed;
-use super::error::BedError;
-use super::material::ContactConstants;
-use super::neighbours::index_of;
 use super::network::{Network, Spring};
-use super::quasi_static::{QuasiStaticReport, QuasiStaticSettings};
-use super::vec3::{Vec3, ZERO, add, dot, norm, scale, sub};
+use super::settings::{QuasiStaticReport, QuasiStaticSettings};
+use crate::bed::contact::{Growth, LawConstants, Memory};
+use crate::bed::engine::Bed;
+use crate::bed::error::BedError;
+use crate::bed::material::ContactConstants;
+use crate::bed::neighbours::index_of;
+use crate::bed::vec3::{Vec3, ZERO, add, dot, norm, scale, sub};
 use crate::kinetics::RateCoefficients;
 
 /// Rate of the overlap.
@@ -23,7 +23,7 @@ pub(crate) fn rate_of<G: Growth>(coefficients: &RateCoefficients<f64>, overlap: 
 /// A step that is to end in balance.
 #[derive(Clone, Copy)]
 pub(crate) struct Step<'a> {
-    /// Its length; 0 where nothing grows but forces are to be balanced.
+    /// Its length; 0 to balance forces without growth.
     pub(crate) length_s: f64,
     pub(crate) rate: Option<RateOf>,
     pub(crate) settings: &'a QuasiStaticSettings,
@@ -31,17 +31,17 @@ pub(crate) struct Step<'a> {
     pub(crate) equal: &'a ContactConstants,
 }
 
-/// What a step makes of a contact.
+/// A contact at the end of a step.
 pub(crate) struct Outcome {
     pub(crate) plastic: f64,
     pub(crate) force: f64,
     /// `d force/d x1` over the step.
     slope: f64,
-    /// `g dt`: by how much p grows where D = 1.
+    /// `g dt`: the growth of p where D = 1.
     pub(crate) free_growth: f64,
 }
 
-/// A contact as one Newton iteration sees it.
+/// A contact in one Newton iteration.
 struct Bond {
     i: u32,
     /// The second particle; [`GROUND`] at a wall.
@@ -53,7 +53,7 @@ struct Bond {
     /// Stiffness \[N/m\] and pull \[N\].
     stiffness: f64,
     pull: f64,
-    /// `K1 alpha/(g dt)` \[N/m\]; 0 where nothing grows.
+    /// `K1 alpha/(g dt)` \[N/m\]; 0 without growth.
     drag: f64,
 }
 
@@ -65,10 +65,10 @@ const CHUNK: usize = 256;
 /// Background drag over that of a contact.
 const HOLD: f64 = 1e-4;
 
-/// Furthest move of a particle in one iteration, in mean radii.
+/// Largest displacement of a particle in one iteration, in mean radii.
 const FURTHEST: f64 = 0.2;
 
-/// Time in which an overlap grows from `from` to `to` by itself.
+/// Time in which an overlap grows freely from `from` to `to`.
 fn time_between(rate: RateOf, coefficients: &RateCoefficients<f64>, from: f64, to: f64) -> f64 {
     let slowness = |x: f64| 1.0 / rate(coefficients, x);
     let simpson = |a: f64, b: f64| {
@@ -82,7 +82,7 @@ fn time_between(rate: RateOf, coefficients: &RateCoefficients<f64>, from: f64, t
     }
 }
 
-/// Mean rate over the overlaps from `from` to `to`: the harmonic one, which is what takes the right time.
+/// Mean rate over the overlaps from `from` to `to`: the harmonic mean, which takes the right time.
 fn mean_rate(rate: RateOf, coefficients: &RateCoefficients<f64>, from: f64, to: f64) -> f64 {
     let (low, high) = (from.min(to), from.max(to));
     if high - low <= 1e-9 * high {
@@ -91,7 +91,7 @@ fn mean_rate(rate: RateOf, coefficients: &RateCoefficients<f64>, from: f64, to: 
     (high - low) / time_between(rate, coefficients, low, high)
 }
 
-/// Where an overlap that grows by itself is after a time, to a few percent.
+/// An overlap after a time of free growth, to a few percent.
 fn free_overlap(rate: RateOf, coefficients: &RateCoefficients<f64>, from: f64, time_s: f64) -> f64 {
     let (mut x, mut left) = (from, time_s);
     for _ in 0..60 {
@@ -106,7 +106,7 @@ fn free_overlap(rate: RateOf, coefficients: &RateCoefficients<f64>, from: f64, t
 }
 
 impl Bed {
-    /// What a step makes of a contact that ends at the overlap `x1`.
+    /// A contact at the end of a step that takes it to the overlap `x1`.
     ///
     /// The force rises with `x1`: pulled beyond the cohesive branch it stays at what that holds at the start of
     /// the step, and it is drawn on where the contact opens.
@@ -247,7 +247,7 @@ impl Bed {
         }
     }
 
-    /// Slope to where the contact would grow by itself. A small contact is so soft at the start of a
+    /// Slope to the overlap of free growth. A small contact is so soft at the start of a
     /// step that its tangent would lead far beyond.
     fn chord(
         &self,
@@ -371,7 +371,7 @@ impl Bed {
     }
 }
 
-/// The hold of a particle: a share of the drag of a contact, or of its stiffness where nothing grows.
+/// The hold of a particle: a share of the drag of a contact, or of its stiffness without growth.
 fn hold(bonds: &[Bond]) -> f64 {
     let mean = |of: fn(&Bond) -> f64| {
         let (sum, count) = bonds

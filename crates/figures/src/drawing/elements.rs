@@ -1,39 +1,38 @@
-//! What is drawn and plotters has no element for: dashes, many points as one shape, regions with holes.
-
-use std::convert::Infallible;
+//! Elements that plotters does not have: dashed lines, many points as one shape, regions with holes.
 
 use plotters::element::{Drawable, PointCollection};
 use plotters::prelude::Color;
 use plotters::style::RGBAColor;
-use plotters_backend::{BackendCoord, DrawingErrorKind};
+use plotters_backend::BackendCoord;
 use tiny_skia::PathBuilder;
 
-use super::canvas::{Canvas, grid, push_corners};
+use super::canvas::{Canvas, Marked, push_corners};
+use super::length::grid;
 use super::palette::{Marker, Pen};
 
 /// A line through points, with the dashes of its pen.
-pub(super) struct Line<C> {
-    pub(super) points: Vec<C>,
-    pub(super) pen: Pen,
+pub(crate) struct Line<C> {
+    pub(crate) points: Vec<C>,
+    pub(crate) pen: Pen,
 }
 
-/// Points of one look. All of them are one shape: where they overlap they get no darker.
-pub(super) struct Points<C> {
-    pub(super) at: Vec<C>,
-    pub(super) look: Look,
+/// Points of one look. They are one shape, so that they get no darker where they overlap.
+pub(crate) struct Points<C> {
+    pub(crate) at: Vec<C>,
+    pub(crate) look: Look,
 }
 
 /// Shape, radius in points, fill and outline of a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Look {
-    pub(super) marker: Marker,
-    pub(super) radius: f32,
-    pub(super) fill: RGBAColor,
-    pub(super) outline: Option<Pen>,
+pub(crate) struct Look {
+    pub(crate) marker: Marker,
+    pub(crate) radius: f32,
+    pub(crate) fill: RGBAColor,
+    pub(crate) outline: Option<Pen>,
 }
 
-/// A region within closed outlines; those which wind the other way are holes.
-pub(super) struct Region<C> {
+/// A region within closed outlines; outlines that wind the other way are holes.
+pub(crate) struct Region<C> {
     corners: Vec<C>,
     /// Corners of each outline.
     counts: Vec<usize>,
@@ -43,18 +42,18 @@ pub(super) struct Region<C> {
 
 impl Look {
     /// Filled, without outline.
-    pub(super) fn filled(marker: Marker, radius: f32, fill: RGBAColor) -> Look {
+    pub(crate) fn filled(marker: Marker, radius: f32, fill: RGBAColor) -> Look {
         Look { marker, radius, fill, outline: None }
     }
 
     /// Filled, with an outline around.
-    pub(super) fn outlined(self, outline: Pen) -> Look {
+    pub(crate) fn outlined(self, outline: Pen) -> Look {
         Look { outline: Some(outline), ..self }
     }
 }
 
 impl<C> Region<C> {
-    pub(super) fn new(outlines: Vec<Vec<C>>, fill: RGBAColor, edge: Pen) -> Region<C> {
+    pub(crate) fn new(outlines: Vec<Vec<C>>, fill: RGBAColor, edge: Pen) -> Region<C> {
         let counts = outlines.iter().map(Vec::len).collect();
         Region { corners: outlines.into_iter().flatten().collect(), counts, fill, edge }
     }
@@ -76,15 +75,13 @@ points_of!(Line, points);
 points_of!(Points, at);
 points_of!(Region, corners);
 
-type Drawn = Result<(), DrawingErrorKind<Infallible>>;
-
 impl<C> Drawable<Canvas> for Line<C> {
     fn draw<I: Iterator<Item = BackendCoord>>(
         &self,
         points: I,
         canvas: &mut Canvas,
         _: (u32, u32),
-    ) -> Drawn {
+    ) -> Marked {
         let mut path = PathBuilder::new();
         push_corners(&mut path, points);
         canvas.stroke(path.finish(), &self.pen);
@@ -98,7 +95,7 @@ impl<C> Drawable<Canvas> for Points<C> {
         points: I,
         canvas: &mut Canvas,
         _: (u32, u32),
-    ) -> Drawn {
+    ) -> Marked {
         let mut path = PathBuilder::new();
         let radius = grid(self.look.radius) as f32;
         for (x, y) in points {
@@ -119,7 +116,7 @@ impl<C> Drawable<Canvas> for Region<C> {
         mut corners: I,
         canvas: &mut Canvas,
         _: (u32, u32),
-    ) -> Drawn {
+    ) -> Marked {
         let mut path = PathBuilder::new();
         for &count in &self.counts {
             push_corners(&mut path, corners.by_ref().take(count));

@@ -1,4 +1,4 @@
-//! Force balance at every instant: what a bed does when inertia plays no part.
+//! Force balance at every instant: the motion of a bed without inertia.
 //!
 //! A contact that grows is a spring in series with a dashpot: `dp/dt = g D`, `D = f/alpha`, with the spring
 //! `f = kappa (x - p)`. Over a step of any length, with p taken implicitly, it is a softer spring,
@@ -16,15 +16,20 @@
 //! of the drag of the contacts: it makes the balance unique and hardly changes it.
 //!
 //! Contacts are made and broken between steps only. Within a step every contact carries a force that rises
-//! with its overlap, also where it opens: so there is one balance, the minimum of a convex function but for
-//! the turning of the contacts, and [Newton's method](super::balance) finds it. A step in which particles meet, or part,
+//! with its overlap, also where it opens: so there is one balance (the minimum of a function that is convex apart from
+//! the rotation of the contacts), and [Newton's method](balance) finds it. A step in which particles meet, or part,
 //! by more than a little is cut where they do. A new contact starts as the contact of its overlap that
-//! carries nothing. Damping, drag and friction, which act on velocities or need a history of sliding, play no part.
+//! carries nothing. Damping, drag and friction, which act on velocities or need a history of sliding, are left out.
 //!
 //! The step is chosen so that the change of D over it, times half the growth in it, which is the error of the implicit rule,
 //! moves the contact ratios by no more than the tolerance in root mean square.
 
-use super::balance::{RateOf, Step, rate_of};
+mod balance;
+mod network;
+mod settings;
+
+pub use settings::{QuasiStaticReport, QuasiStaticSettings};
+
 use super::contact::{Grows, Memory};
 use super::engine::Bed;
 use super::error::{BedError, field, within};
@@ -32,62 +37,20 @@ use super::material::ContactConstants;
 use super::neighbours::index_of;
 use super::region::Side;
 use super::vec3::{Vec3, ZERO, dot, norm, scale, sub};
-use crate::Kinetics;
-use crate::kinetics::{Frenkel, Pokluda, RegimeMap, ThreeStage, ThreeStagePokluda};
+use crate::Kinetic;
+use crate::kinetics::{WithLaw, with_law};
+use balance::{RateOf, Step, rate_of};
 
-/// How the quasi-static mode goes about it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct QuasiStaticSettings {
-    /// Error of a/R (root mean square over the contacts) that one step may make.
-    pub tolerance: f64,
-    /// Largest net force on a particle that counts as balanced, over fa.
-    pub balance: f64,
-    /// Whether a box that is periodic on all sides shrinks so that it carries no pressure.
-    pub free_box: bool,
-    /// Largest number of steps.
-    pub max_work: u64,
-}
-
-impl Default for QuasiStaticSettings {
-    fn default() -> Self {
-        Self { tolerance: 1e-4, balance: 1e-4, free_box: false, max_work: 100_000 }
-    }
-}
-
-/// What a quasi-static run did.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct QuasiStaticReport {
-    /// Steps taken.
-    pub steps: u64,
-    /// Steps made again, shorter.
-    pub rejected: u64,
-    /// Newton iterations.
-    pub newton: u64,
-    /// Iterations of conjugate gradients, each about as dear as a step of the engine.
-    pub conjugate_gradients: u64,
-    /// Error of the mean contact ratio that the steps have made: the sum of their mean errors, which add up, and the root of
-    /// the sum of their mean squares, which is chance (a contact made or broken shifts the load of all).
-    pub error_estimate: f64,
-    /// Sum over the steps of the mean error of a/R, with its sign.
-    pub mean_error: f64,
-    /// Sum over the steps of the mean squared error of a/R.
-    pub squared_error: f64,
-    /// The time up to which the bed is known to be in balance \[s\].
-    pub balanced_at_s: Option<f64>,
-    /// The step that comes next, where there was one \[s\].
-    pub next_step_s: Option<f64>,
-}
-
-/// Overlap, in effective radii, that a contact may be made with, over the tolerance of a/R.
+/// Largest overlap of a new contact, in effective radii, over the tolerance of a/R.
 const NEW_OVERLAP: f64 = 50.0;
 
 /// Length of the first step over the time in which the start overlap would double.
 const FIRST: f64 = 0.1;
 
 impl Bed {
-    /// Goes to a time through states of force balance; to the present time, only into balance.
+    /// Advances to a time through states of force balance; at the present time it only balances the bed.
     ///
-    /// Velocities are zero afterwards. Particles keep what they remember, so that modes may alternate.
+    /// Velocities are zero afterwards. Contacts keep their state, so that modes may alternate.
     ///
     /// # Errors
     ///
@@ -172,13 +135,14 @@ impl Bed {
     }
 
     fn rate(&self) -> Option<RateOf> {
-        Some(match self.drive.growing?.kinetics {
-            Kinetics::ThreeStage => rate_of::<Grows<ThreeStage>>,
-            Kinetics::Frenkel => rate_of::<Grows<Frenkel>>,
-            Kinetics::Pokluda => rate_of::<Grows<Pokluda>>,
-            Kinetics::ThreeStagePokluda => rate_of::<Grows<ThreeStagePokluda>>,
-            Kinetics::RegimeMap => rate_of::<Grows<RegimeMap>>,
-        })
+        struct Rate;
+        impl WithLaw for Rate {
+            type Output = RateOf;
+            fn run<K: Kinetic>(self) -> RateOf {
+                rate_of::<Grows<K>>
+            }
+        }
+        self.drive.growing.map(|growing| with_law(growing.kinetics, Rate))
     }
 
     /// A step in which the fastest contact grows by a part of itself.
@@ -195,7 +159,7 @@ impl Bed {
         shortest
     }
 
-    /// Balance without growth. Contacts that open stay open, those that close are closed, until no more do.
+    /// Balance without growth, repeated until no contact opens or closes.
     fn come_to_rest(
         &mut self,
         still: &Step<'_>,
@@ -223,7 +187,7 @@ impl Bed {
         strain_rate: f64,
         report: &mut QuasiStaticReport,
     ) -> Result<Taken, BedError> {
-        // As the step before went, so this one will.
+        // Start from the displacements of the step before.
         let moves: Vec<Vec3> =
             self.particles.velocity_m_per_s.iter().map(|&v| scale(v, step.length_s)).collect();
         self.particles.half_velocity.fill(ZERO);
@@ -283,7 +247,7 @@ impl Bed {
         if share < 1.0 { share.clamp(0.02, 0.95) } else { 1.0 }
     }
 
-    /// Keeps the list complete.
+    /// Rebuilds the list where particles have moved out of its skin.
     fn follow(&mut self) -> Result<(), BedError> {
         let mut furthest: f64 = 0.0;
         for (&now, &then) in self.particles.position_m.iter().zip(&self.listed_position) {
@@ -296,7 +260,7 @@ impl Bed {
         Ok(())
     }
 
-    /// Takes the contacts to the end of the step, at the present positions.
+    /// Moves the contacts to the end of the step, at the present positions.
     fn take(&mut self, step: &Step<'_>, may_close: bool) -> Changes {
         let alpha = self.law.law.adhesion;
         let mut changes = Changes::default();
@@ -366,15 +330,15 @@ impl Bed {
     }
 }
 
-/// What became of a step.
+/// Outcome of a step.
 enum Taken {
-    /// It was made whole, with an error of a/R (root mean square, and mean) and a strain of the box.
+    /// The whole step, with an error of a/R (root mean square, and mean) and a strain of the box.
     Whole { error: f64, mean_error: f64, strain: f64 },
-    /// Particles meet or part on the way: only a share of it may be made.
+    /// Particles meet or part within the step: only a share of it may be made.
     Cut { share: f64 },
 }
 
-/// What a step has changed.
+/// Changes made by a step.
 #[derive(Default)]
 struct Changes {
     /// Error of a/R, root mean square.

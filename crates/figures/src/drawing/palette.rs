@@ -1,46 +1,46 @@
 //! One colour, dash and marker per role, the same in every figure.
 //!
-//! The colours of the roles are Okabe and Ito's with the luminance spread, those of the series Tol's: both are told apart
-//! by colour-blind readers. What lies close in greyscale differs in dash or marker.
+//! The colours of the roles are those of Okabe and Ito with the luminance spread, the colours of the series those of Tol:
+//! colour-blind readers can tell both apart. Colours that lie close in greyscale differ in dash or marker.
 
 use plotters::style::{Color as _, RGBAColor, ShapeStyle};
 
-use super::canvas::grid;
+use super::length::grid;
 
-pub(super) const BLACK: RGBAColor = opaque(0x1a1a1a);
-pub(super) const WHITE: RGBAColor = opaque(0xffffff);
-pub(super) const GREY: RGBAColor = opaque(0x8c8c8c);
+pub(crate) const BLACK: RGBAColor = opaque(0x1a1a1a);
+pub(crate) const WHITE: RGBAColor = opaque(0xffffff);
+pub(crate) const GREY: RGBAColor = opaque(0x8c8c8c);
 
 /// An opaque colour from 0xRRGGBB.
-pub(super) const fn opaque(rgb: u32) -> RGBAColor {
+pub(crate) const fn opaque(rgb: u32) -> RGBAColor {
     let [_, r, g, b] = rgb.to_be_bytes();
     RGBAColor(r, g, b, 1.0)
 }
 
 /// A pen: colour, width in points and dash pattern in points (empty: solid).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Pen {
-    pub(super) ink: RGBAColor,
-    pub(super) width: f32,
-    pub(super) dash: &'static [f32],
+pub(crate) struct Pen {
+    pub(crate) ink: RGBAColor,
+    pub(crate) width: f32,
+    pub(crate) dash: &'static [f32],
 }
 
 impl Pen {
-    pub(super) const fn solid(ink: RGBAColor, width: f32) -> Pen {
+    pub(crate) const fn solid(ink: RGBAColor, width: f32) -> Pen {
         Pen { ink, width, dash: &[] }
     }
 
-    pub(super) const fn dashed(ink: RGBAColor, width: f32, dash: &'static [f32]) -> Pen {
+    pub(crate) const fn dashed(ink: RGBAColor, width: f32, dash: &'static [f32]) -> Pen {
         Pen { ink, width, dash }
     }
 
-    /// Colour and width as plotters has them.
-    pub(super) fn style(&self) -> ShapeStyle {
+    /// Colour and width for plotters, which knows no dashes.
+    pub(crate) fn style(&self) -> ShapeStyle {
         self.ink.stroke_width(grid(self.width).unsigned_abs())
     }
 }
 
-/// What a curve or a point stands for; it decides its colour, dash and marker.
+/// Meaning of a curve or a point, which decides its colour, dash and marker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Role {
     /// Measurements.
@@ -55,13 +55,13 @@ pub enum Role {
     Frenkel,
     /// The prior.
     Prior,
-    /// The n-th of several named models, samplers or solvers (0 to 7; counts on from the start beyond that).
+    /// The n-th of several named models, samplers or solvers; looks repeat after 8.
     Series(usize),
 }
 
 /// Shape of a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Marker {
+pub(crate) enum Marker {
     Circle,
     /// A circle too small to tell from a hexagon, in a quarter of the bytes.
     Dot,
@@ -96,7 +96,7 @@ const MARKERS: [Marker; 6] = [
 ];
 
 impl Role {
-    pub(super) fn ink(self) -> RGBAColor {
+    pub(crate) fn ink(self) -> RGBAColor {
         match self {
             Role::Data => BLACK,
             Role::Posterior => opaque(0x0072b2),
@@ -108,8 +108,8 @@ impl Role {
         }
     }
 
-    /// The pen of a curve.
-    pub(super) fn pen(self) -> Pen {
+    /// Pen of a curve.
+    pub(crate) fn pen(self) -> Pen {
         match self {
             Role::Data => Pen::solid(self.ink(), 0.8),
             Role::Posterior => Pen::solid(self.ink(), 1.3),
@@ -121,7 +121,7 @@ impl Role {
         }
     }
 
-    pub(super) fn marker(self) -> Marker {
+    pub(crate) fn marker(self) -> Marker {
         match self {
             Role::Data | Role::Posterior | Role::Prior => Marker::Circle,
             Role::Map | Role::Paper => Marker::Diamond,

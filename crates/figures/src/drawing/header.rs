@@ -3,25 +3,29 @@
 use plotters::element::Rectangle;
 use plotters::style::{Color as _, RGBAColor};
 
-use super::PlotError;
-use super::canvas::grid;
 use super::elements::{Line, Look, Points};
+use super::length::grid;
 use super::page::Page;
 use super::palette::{Marker, Pen, Role, WHITE};
 use super::text::{self, anchor};
+use crate::error::{Drawn, PlotError};
 
 const HEADING_SIZE: f32 = 8.0;
 const ENTRY_SIZE: f32 = 7.0;
+/// Lengths of a line and of a point in the legend.
 const LINE: f32 = 17.0;
 const POINT: f32 = 6.0;
+/// Space between the mark and the name of an entry.
+const SPACE: f32 = 3.5;
 const EDGE: f32 = 4.0;
+/// Height of a row of the legend.
 const ROW: f32 = 10.0;
-/// Radius of a point in the legend, whatever it is in the panels.
+/// Radius of all points in the legend.
 const RADIUS: f32 = 1.9;
 
-/// How an entry of the legend looks in the panels.
+/// Mark of an entry of the legend.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Swatch {
+pub(crate) enum Swatch {
     Line(Pen),
     Band(RGBAColor),
     Point(Look),
@@ -30,7 +34,7 @@ pub(super) enum Swatch {
 
 impl Swatch {
     /// An open circle, as measurements are drawn.
-    pub(super) fn measurement() -> Swatch {
+    pub(crate) fn measurement() -> Swatch {
         let outline = Pen::solid(Role::Data.ink(), 0.65);
         Swatch::Point(Look::filled(Marker::Circle, RADIUS, WHITE).outlined(outline))
     }
@@ -39,9 +43,8 @@ impl Swatch {
         if matches!(self, Swatch::Point(_)) { POINT } else { LINE }
     }
 
-    fn draw(self, page: &Page, x: f32, y: f32) -> Result<(), PlotError> {
-        let (left, middle, right) =
-            (grid(x), grid(x + self.length() / 2.0), grid(x + self.length()));
+    fn draw(self, page: &Page, x: f32, y: f32) -> Drawn {
+        let [left, middle, right] = [0.0, 0.5, 1.0].map(|share| grid(x + share * self.length()));
         let line = |pen| Line { points: vec![(left, grid(y)), (right, grid(y))], pen };
         let point = |look: Look| Points {
             at: vec![(middle, grid(y))],
@@ -64,10 +67,10 @@ impl Swatch {
 }
 
 /// Draws heading and legend; returns where the panels begin.
-pub(super) fn header(
+pub(crate) fn header(
     page: &Page,
     title: &str,
-    entries: &[(String, Swatch)],
+    entries: &[(&str, Swatch)],
 ) -> Result<f32, PlotError> {
     let room = page.width - 2.0 * EDGE;
     let mut y = EDGE;
@@ -78,16 +81,16 @@ pub(super) fn header(
     }
     let mut x = EDGE;
     for (name, swatch) in entries.iter().filter(|(name, _)| !name.trim().is_empty()) {
-        let length = swatch.length();
-        let name = text::shortened(name, ENTRY_SIZE, room - length - 3.5);
-        let width = length + 3.5 + text::length(&name, ENTRY_SIZE);
+        let length = swatch.length() + SPACE;
+        let name = text::shortened(name, ENTRY_SIZE, room - length);
+        let width = length + text::length(&name, ENTRY_SIZE);
         if x > EDGE && x + width > EDGE + room {
             x = EDGE;
             y += ROW;
         }
         let middle = y + ROW / 2.0;
         swatch.draw(page, x, middle)?;
-        page.text(&name, ENTRY_SIZE, (x + length + 3.5, middle), anchor::LEFT)?;
+        page.text(&name, ENTRY_SIZE, (x + length, middle), anchor::LEFT)?;
         x += width + 9.0;
     }
     if x > EDGE {

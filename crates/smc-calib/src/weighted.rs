@@ -1,7 +1,13 @@
-//! Quantiles of weighted samples.
+//! Weighted samples of one quantity: quantiles, intervals, moments.
+//!
+//! # Definition
+//! With the samples in ascending order, weights w_i and W their sum, sample i stands at the probability
+//! `(w_1 + .. + w_(i-1) + w_i / 2) / W`, the middle of its own weight. The p-quantile is linear between the two samples
+//! around p, and the first or the last sample beyond them. Equal weights put sample i of n at (i - 1/2)/n (type 5 of
+//! R. J. Hyndman, Y. Fan, "Sample quantiles in statistical packages", Am. Stat. 50 (1996) 361).
 
-/// Weighted samples in ascending order with their cumulative weights; non-finite samples and zero weights are left
-/// out.
+/// Weighted samples in ascending order with their cumulative weights; samples that are not finite and zero weights are
+/// left out.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Weighted {
     values: Vec<f64>,
@@ -10,7 +16,6 @@ pub struct Weighted {
 
 impl Weighted {
     /// Sorts samples by value; ties keep their order.
-    #[must_use]
     pub fn new(samples: impl IntoIterator<Item = (f64, f64)>) -> Self {
         let mut samples: Vec<(f64, f64)> = samples
             .into_iter()
@@ -28,28 +33,34 @@ impl Weighted {
         Self { values: samples.into_iter().map(|(value, _)| value).collect(), cumulative }
     }
 
-    /// The p-quantile, linear between the midpoints of neighbouring weights; NaN without samples.
-    #[must_use]
+    /// Samples of weight one.
+    pub fn equal(mut values: Vec<f64>) -> Self {
+        values.retain(|value| value.is_finite());
+        values.sort_unstable_by(f64::total_cmp);
+        let cumulative = (1..=values.len()).map(|count| count as f64).collect();
+        Self { values, cumulative }
+    }
+
+    /// The p-quantile; NaN without samples.
     pub fn quantile(&self, p: f64) -> f64 {
-        let Some(&total) = self.cumulative.last() else {
-            return f64::NAN;
-        };
-        let target = p * total;
+        self.at_weight(p * self.total())
+    }
+
+    /// The value at which the running weight is `target`, in the unit of the weights.
+    pub(crate) fn at_weight(&self, target: f64) -> f64 {
+        let Some(last) = self.values.len().checked_sub(1) else { return f64::NAN };
         let middle = |i: usize| {
             let before = if i == 0 { 0.0 } else { self.cumulative[i - 1] };
             0.5 * (before + self.cumulative[i])
         };
-        let after = {
-            let mut range = 0..self.values.len();
-            while !range.is_empty() {
-                let mid = range.start + range.len() / 2;
-                if middle(mid) < target { range.start = mid + 1 } else { range.end = mid }
-            }
-            range.start
-        };
-        match after {
+        let mut range = 0..self.values.len();
+        while !range.is_empty() {
+            let mid = range.start + range.len() / 2;
+            if middle(mid) <= target { range.start = mid + 1 } else { range.end = mid }
+        }
+        match range.start {
             0 => self.values[0],
-            i if i == self.values.len() => self.values[i - 1],
+            i if i > last => self.values[last],
             i => {
                 let (below, above) = (middle(i - 1), middle(i));
                 let share = (target - below) / (above - below);
@@ -58,15 +69,13 @@ impl Weighted {
         }
     }
 
-    /// The interval between two quantiles, equally far from both ends.
-    #[must_use]
-    pub fn interval(&self, probability: f64) -> [f64; 2] {
-        let tail = 0.5 * (1.0 - probability);
+    /// The equal-tailed interval that holds a share of the weight.
+    pub fn interval(&self, share: f64) -> [f64; 2] {
+        let tail = 0.5 * (1.0 - share);
         [self.quantile(tail), self.quantile(1.0 - tail)]
     }
 
-    /// Share of the weight below a value, that of equal samples counted half.
-    #[must_use]
+    /// Share of the weight below a value, that of equal samples counted half; NaN without samples.
     pub fn share_below(&self, value: f64) -> f64 {
         let Some(&total) = self.cumulative.last() else {
             return f64::NAN;
@@ -78,13 +87,11 @@ impl Weighted {
     }
 
     /// Sum of the weights.
-    #[must_use]
     pub fn total(&self) -> f64 {
         self.cumulative.last().copied().unwrap_or(0.0)
     }
 
-    /// Mean and standard deviation.
-    #[must_use]
+    /// Mean and standard deviation; NaN without samples.
     pub fn moments(&self) -> (f64, f64) {
         let Some(&total) = self.cumulative.last() else {
             return (f64::NAN, f64::NAN);
@@ -100,6 +107,30 @@ impl Weighted {
     }
 }
 
+/// For one order of samples under many sets of weights, where sorting each time would take too long: the first sample, in
+/// the given ascending order, at which the running weight reaches each of some ascending shares of the total; without
+/// interpolation. NaN without samples.
+pub(crate) fn steps<const N: usize>(
+    x: &[f64],
+    weights: &[f64],
+    order: &[u32],
+    total: f64,
+    shares: [f64; N],
+) -> [f64; N] {
+    let last = order.last().map_or(f64::NAN, |i| x[*i as usize]);
+    // Rounding may leave the last ones open.
+    let mut found = [last; N];
+    let (mut sum, mut next) = (0.0, 0);
+    for i in order {
+        sum += weights[*i as usize];
+        while next < N && sum >= shares[next] * total {
+            found[next] = x[*i as usize];
+            next += 1;
+        }
+    }
+    found
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -111,6 +142,7 @@ mod tests {
         assert_eq!(w.quantile(0.0), 1.0);
         assert_eq!(w.quantile(1.0), 4.0);
         assert_eq!(w.quantile(0.375), 2.0);
+        assert_eq!(w, Weighted::equal(vec![3.0, 1.0, 4.0, 2.0]));
         assert_eq!(w.share_below(2.0), 0.375);
         let (mean, sd) = w.moments();
         assert_eq!(mean, 2.5);
@@ -128,5 +160,13 @@ mod tests {
     #[test]
     fn zero_weights_and_nan_are_left_out_and_nothing_gives_nan() {
         assert!(Weighted::new([(1.0, 0.0), (f64::NAN, 1.0)]).quantile(0.5).is_nan());
+    }
+
+    #[test]
+    fn steps_are_the_first_samples_that_reach_a_share_of_the_weight() {
+        let (x, w) = ([3.0, 1.0, 2.0], [0.5, 0.2, 0.3]);
+        // What rounding leaves open is the last one.
+        let shares = [0.1, 0.2, 0.21, 0.5, 1.0, 1.0 + 1e-15];
+        assert_eq!(steps(&x, &w, &[1, 2, 0], 1.0, shares), [1.0, 1.0, 2.0, 2.0, 3.0, 3.0]);
     }
 }

@@ -1,0 +1,42 @@
+//! Names and places of the files in a campaign's directory.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The file that says what is run. A directory without it is not a campaign.
+pub(crate) const RECORD: &str = "campaign.json";
+/// Every task.
+pub(crate) const TASKS: &str = "tasks.jsonl";
+/// Every outcome.
+pub(crate) const RESULTS: &str = "results.jsonl";
+/// Outcomes of workers, until they are collected.
+pub(crate) const OUTCOMES: &str = "outcomes";
+/// Records of the caller's iterations.
+pub(crate) const ITERATIONS: &str = "iterations";
+/// Working directories of the runs.
+pub(crate) const WORK: &str = "work";
+/// The file that is locked while a driver has the directory.
+pub(crate) const LOCK: &str = "lock";
+/// What was submitted to Slurm.
+pub(crate) const SLURM: &str = "slurm";
+
+/// The number in `000012.json`.
+pub(crate) fn number_of(path: &Path) -> Option<u64> {
+    let stem = path.file_name()?.to_str()?.strip_suffix(".json")?;
+    if stem.bytes().all(|byte| byte.is_ascii_digit()) { stem.parse().ok() } else { None }
+}
+
+/// The folder of the attempts at a run.
+pub(crate) fn task_folder(dir: &Path, number: u64) -> PathBuf {
+    dir.join(WORK).join(format!("{number:06}"))
+}
+
+/// Number of the last attempt in a folder of attempts; 0 where there is none.
+pub(crate) fn last_attempt(folder: &Path) -> u32 {
+    let Ok(entries) = fs::read_dir(folder) else { return 0 };
+    entries
+        .flatten()
+        .filter_map(|entry| entry.file_name().to_str()?.strip_prefix("attempt-")?.parse().ok())
+        .max()
+        .unwrap_or(0)
+}

@@ -1,0 +1,5 @@
+//! The executor against commands that lie, fail and hang.
+
+mod fake;
+mod losses;
+mod submissions;
