@@ -11,6 +11,7 @@ mod files;
 mod lammps;
 mod main_job;
 mod plot;
+mod pointers;
 mod predict;
 mod readme;
 mod scenes;
