@@ -2,7 +2,9 @@
 
 mod sandbox;
 
+mod architecture;
 mod bad_input;
+mod bits;
 mod campaign;
 mod compare;
 mod damage;

@@ -1,0 +1,110 @@
+//! The numbers of the calibrations and of a scene, to the bit: hashes of `samples.csv`, `draws.csv` and `series.csv` that
+//! a change of the code must keep. Where a change of numbers is meant, the changelog says so and the hashes are renewed
+//! (`sha256sum` of the files that the commands below write).
+//!
+//! The bits belong to a kind of machine: exponentials and logarithms are those of its C library, and vectors are as wide
+//! as its processor's. On another kind the test says so and holds nothing.
+
+use std::fmt::Write as _;
+use std::fs;
+
+use sha2::{Digest as _, Sha256};
+
+use crate::sandbox::{Sandbox, root};
+
+/// Fingerprint of the kind of machine that the hashes were taken on.
+const MACHINE: &str = "9d865ad1e097da21";
+
+/// Arguments of the command, and the files that it leaves with the first digits of their SHA-256.
+type Kept = (&'static str, &'static [(&'static str, &'static str)]);
+
+const KEPT: [Kept; 11] = [
+    (
+        "--material ps --seed 1",
+        &[("samples.csv", "f9f8a002d9309ebc"), ("draws.csv", "cd6d919643663ff6")],
+    ),
+    (
+        "--material ps --seed 2",
+        &[("samples.csv", "c7c4424f36cf0ed9"), ("draws.csv", "c2728e1c61a1f2d2")],
+    ),
+    (
+        "--material ps --solver quasi-static --samples 2048",
+        &[("samples.csv", "52e7b74717bd3312"), ("draws.csv", "6dec2d3107c37e2e")],
+    ),
+    (
+        "--material pa12 --seed 1",
+        &[("samples.csv", "71d1a0c2b3acaee9"), ("draws.csv", "f6b5885bdda982d3")],
+    ),
+    (
+        "--material pa12 --seed 2",
+        &[("samples.csv", "dbfc4594f355bae5"), ("draws.csv", "060a64fda61dcceb")],
+    ),
+    (
+        "--material pa12 --solver quasi-static --samples 2048",
+        &[("samples.csv", "ce37fbb1d2caa0ab"), ("draws.csv", "c5accc11d1405185")],
+    ),
+    (
+        "--material peek --seed 1",
+        &[("samples.csv", "5876d340d257033a"), ("draws.csv", "a910fe64588a0ded")],
+    ),
+    (
+        "--material peek --seed 2",
+        &[("samples.csv", "90b188caa1346089"), ("draws.csv", "f8879997d510aee3")],
+    ),
+    (
+        "--material peek --solver quasi-static --samples 2048",
+        &[("samples.csv", "f8d78331357bf4fa"), ("draws.csv", "dd3e7458864e1a7a")],
+    ),
+    (
+        "--plan experiments/external/impact.toml",
+        &[("samples.csv", "3e0080f7ab1ed0c8"), ("draws.csv", "bdea10959a86db80")],
+    ),
+    ("scene experiments/scenes/four-particles.toml", &[("series.csv", "c200ae873629bcfc")]),
+];
+
+fn hash(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().take(8).fold(String::new(), |mut hex, byte| {
+        let _ = write!(hex, "{byte:02x}");
+        hex
+    })
+}
+
+/// Elementary functions of the C library on a grid, and the width of the processor's vectors.
+fn machine() -> String {
+    let mut bytes = Vec::new();
+    for k in 1..4000 {
+        let x = 0.37 * f64::from(k);
+        let values = [(-0.01 * x).exp(), x.ln(), x.powf(0.731), (0.01 * x).exp_m1(), x.cbrt()];
+        let more = [x.ln_1p(), x.log10(), x.sin(), (0.001 * x).tanh()];
+        bytes.extend(values.into_iter().chain(more).flat_map(f64::to_le_bytes));
+    }
+    #[cfg(target_arch = "x86_64")]
+    let vectors = [
+        std::is_x86_feature_detected!("fma"),
+        std::is_x86_feature_detected!("avx2"),
+        std::is_x86_feature_detected!("avx512f"),
+    ];
+    #[cfg(not(target_arch = "x86_64"))]
+    let vectors = [false; 3];
+    bytes.extend(vectors.map(u8::from));
+    hash(&bytes)
+}
+
+#[test]
+fn the_numbers_are_the_same_bits_as_before() {
+    if machine() != MACHINE {
+        println!("SKIPPED: this is another kind of machine ({}), with bits of its own", machine());
+        return;
+    }
+    let sandbox = Sandbox::new();
+    for (arguments, files) in KEPT {
+        let arguments =
+            arguments.replace("experiments/", &format!("{}/experiments/", root().display()));
+        sandbox.run(&format!("{arguments} --quiet --out run")).succeeded();
+        for (name, kept) in files {
+            let found = fs::read(sandbox.path().join("run").join(name)).expect("a file of the run");
+            assert_eq!(hash(&found), *kept, "{arguments}: {name}");
+        }
+        fs::remove_dir_all(sandbox.path().join("run")).expect("removed");
+    }
+}
