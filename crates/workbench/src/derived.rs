@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn a_quantity_that_few_samples_have_is_conditional_on_having_it() {
+    fn a_quantity_that_half_of_the_samples_have_is_conditional_on_its_existence() {
         let posterior = posterior(5);
         let middle = posterior.parameters[0].in_si.median;
         let (found, _) =

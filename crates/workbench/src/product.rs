@@ -1,4 +1,4 @@
-//! The product C1 delta_c^2: all that the `regime-map` kinetics see of the two.
+//! The product C1 delta_c^2, the only combination of the two on which the `regime-map` kinetics depend.
 
 use smc_calib::normal::{self, Tails};
 use smc_calib::{Posterior, Prior};
@@ -72,8 +72,8 @@ impl<'a> ProductPrior<'a> {
     }
 }
 
-/// Divergence from the prior of a marginal given in normal scores: 64 bins of equal posterior mass, and two of 0.05 %
-/// at the ends, beyond which all that the prior has is counted.
+/// Divergence from the prior of a marginal given in normal scores, over 64 bins of equal posterior mass and two open
+/// ones of 0.05 % at the ends.
 fn information_gain_bits(scores: &Weighted) -> f64 {
     const BINS: usize = 64;
     const END: f64 = 5e-4;
@@ -106,7 +106,7 @@ mod tests {
     use smc_calib::PriorSpec;
 
     #[test]
-    fn halving_what_is_possible_is_one_bit_and_nothing_learnt_is_none() {
+    fn half_of_the_prior_left_is_one_bit_and_the_whole_prior_none() {
         let points = 20_000;
         let scores = |from: f64, to: f64| {
             Weighted::new((0..points).map(|k| {

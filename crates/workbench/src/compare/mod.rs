@@ -2,7 +2,7 @@
 //!
 //! Every kinetics is calibrated on the same data with the same noise and, for each parameter it has, the same
 //! prior. Their evidences, errors and leave-one-out predictive densities are put side by side ([`comparison`]),
-//! judged ([`verdict`]) and rendered ([`render`]).
+//! judged and rendered ([`render`]).
 
 pub mod comparison;
 mod refit;

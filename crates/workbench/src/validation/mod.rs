@@ -40,10 +40,11 @@ pub struct Size {
 pub fn study(plan: &Plan, size: Size, watch: &dyn Watch) -> Result<Ranks, Failure> {
     let (_, measured) = plan.pair()?;
     let Noise::Inferred { nu0, s0 } = measured.noise else {
-        return Err(InputError::new("--noise", Mistake::Conflict)
+        return Err(InputError::new(&plan.name, Mistake::Conflict)
+            .in_field("noise")
             .found("noise that is not inferred")
             .expected("a noise model from whose prior data sets can be drawn")
-            .help("leave --noise out, or give the observable noise = \"inferred\"")
+            .help("write noise = { kind = \"inferred\", nu0 = 4, s0 = 0.05 } in the plan")
             .into());
     };
     let times = &measured.control;
