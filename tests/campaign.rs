@@ -63,14 +63,14 @@ fn runs(sandbox: &Sandbox) -> usize {
 }
 
 fn posterior_bytes(sandbox: &Sandbox, dir: &str) -> Vec<u8> {
-    let path = sandbox.path().join(dir).join("report/posterior.json");
+    let path = sandbox.path().join(dir).join("posterior.json");
     fs::read(path).expect("posterior.json")
 }
 
 /// Reads the posterior of a run and holds it against the schema.
 fn posterior(sandbox: &Sandbox, dir: &str) -> Value {
     let file = serde_json::from_slice(&posterior_bytes(sandbox, dir)).expect("JSON");
-    let schema = root().join("crates/workbench/schema/plan-posterior.schema.json");
+    let schema = root().join("crates/workbench/schema/posterior.schema.json");
     let schema = fs::read_to_string(schema).expect("the schema");
     let schema = serde_json::from_str(&schema).expect("JSON");
     let validator = jsonschema::validator_for(&schema).expect("a schema");
@@ -168,9 +168,9 @@ fn the_example_runs_and_finds_what_it_was_made_of() {
         "draws.csv",
         "samples-grainlearning.txt",
     ] {
-        assert!(sandbox.path().join("results/impact/report").join(name).is_file(), "{name}");
+        assert!(sandbox.path().join("results/impact").join(name).is_file(), "{name}");
     }
-    let draws = fs::read_to_string(sandbox.path().join("results/impact/report/draws.csv"));
+    let draws = fs::read_to_string(sandbox.path().join("results/impact/draws.csv"));
     let draws = draws.expect("draws.csv");
     let header = draws.lines().next().expect("a header");
     assert_eq!(
@@ -178,7 +178,7 @@ fn the_example_runs_and_finds_what_it_was_made_of() {
         "stiffness [N/m],damping [N s/m],z_stiffness [1],z_damping [1],sigma_force [N],sigma_restitution [1],sample"
     );
     let predicted = sandbox.run("predict --posterior results/impact --contact-ratio 0.9");
-    predicted.refused(&["the posterior of a plan"]);
+    predicted.refused(&["drop, which a program simulates", "one pair of particles"]);
     let inspected = sandbox.run("inspect results/impact");
     assert!(inspected.succeeded().stdout.contains("correlation"), "{}", inspected.stdout);
     assert_eq!(status(&sandbox, "results/impact")["state"], "done");
@@ -328,7 +328,7 @@ esac
     assert_eq!(state["failed"], wanted.iter().sum::<u64>(), "{state:#?}");
     assert!(ran.stdout.contains("failed"), "{}", ran.stdout);
     // The folders of failed runs stay, with what they said.
-    let said = walk(&sandbox.path().join("results/line/work"))
+    let said = walk(&sandbox.path().join("results/line/campaign/work"))
         .iter()
         .filter(|path| path.ends_with("stderr"))
         .any(|path| fs::read_to_string(path).is_ok_and(|text| text.contains("no convergence")));
@@ -407,7 +407,7 @@ fn a_changed_plan_and_damaged_files_are_named_and_the_rest_is_used() {
     sandbox.write("line.toml", line_plan(24, "0"));
 
     // One flipped digit of one result: that run is made again, and no other.
-    let journal = sandbox.path().join("results/line/results.jsonl");
+    let journal = sandbox.path().join("results/line/campaign/results.jsonl");
     let text = fs::read_to_string(&journal).expect("results.jsonl");
     let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
     let place = lines[7].find("values").expect("values") + 12;
@@ -423,7 +423,7 @@ fn a_changed_plan_and_damaged_files_are_named_and_the_rest_is_used() {
     assert_eq!(posterior_bytes(&sandbox, "results/line"), bytes);
 
     // A damaged plan is mended with the plan.
-    let resolved = sandbox.path().join("results/line/resolved-plan.json");
+    let resolved = sandbox.path().join("results/line/campaign/resolved-plan.json");
     let text = fs::read_to_string(&resolved).expect("the plan").replace("\"line\"", "\"lime\"");
     fs::write(&resolved, text).expect("written");
     sandbox.run("--resume results/line").refused_with_warnings(&["resolved-plan.json", "--plan"]);
@@ -431,7 +431,7 @@ fn a_changed_plan_and_damaged_files_are_named_and_the_rest_is_used() {
     sandbox.run("--resume results/line --plan line.toml").succeeded();
     assert_eq!(posterior_bytes(&sandbox, "results/line"), bytes);
     assert_eq!(runs(&sandbox), before);
-    let record = sandbox.path().join("results/line/campaign.json");
+    let record = sandbox.path().join("results/line/campaign/campaign.json");
     let text = fs::read_to_string(&record).expect("campaign.json");
     fs::write(&record, &text[..text.len() / 2]).expect("cut off");
     sandbox.run("--resume results/line").refused(&["campaign.json", "--plan FILE"]);
@@ -503,7 +503,7 @@ fn sample_tables_of_grain_learning_are_run_as_they_stand_and_written_again() {
     assert_eq!(run, ["1.9", "2.05", "2.2", "4.9"], "the very parameters of the table");
     sandbox.run("export results/line").succeeded();
     let written = sandbox.path().join("results/line/export/samples-grainlearning.txt");
-    let back = workbench::external::sample_table::SampleTable::read(&written).expect("a table");
+    let back = workbench::sample_table::SampleTable::read(&written).expect("a table");
     assert_eq!(back.parameters, ["a"]);
     assert_eq!(back.rows.len(), 4);
     for (row, truth) in back.rows.iter().zip([1.9, 2.05, 2.2, 4.9]) {
@@ -552,7 +552,7 @@ fn a_hundred_kills_at_random_moments_and_the_same_posterior() {
     while kills < KILLS || finished == 0 {
         let dir = format!("run-{finished}");
         made += 1;
-        let there = sandbox.path().join(&dir).join("campaign.json").is_file();
+        let there = sandbox.path().join(&dir).join("campaign/campaign.json").is_file();
         let arguments = if there {
             format!("--resume {dir} --quiet")
         } else {

@@ -41,7 +41,10 @@ fn evidences_are_those_of_the_main_job_and_factors_those_of_the_evidences() {
         let file = fs::read_to_string(sandbox.path().join(kinetics).join("posterior.json"));
         let file: Value = serde_json::from_str(&file.expect("posterior.json")).expect("JSON");
         assert_eq!(file["log_evidence"]["value"], one["log_evidence"], "{kinetics}");
-        assert_eq!(file["fit"]["map"]["rmse"], one["error"]["rmse"], "{kinetics}");
+        assert_eq!(
+            file["experiments"][0]["neck_growth"]["fit"]["map"]["rmse"], one["error"]["rmse"],
+            "{kinetics}"
+        );
     }
     // A parabola cannot be the delay of PEEK: the one finding that no seed or budget may change.
     assert_eq!(number(&entry(&comparison, "three-stage")["log_bayes_factor"]), 0.0);
@@ -115,7 +118,7 @@ fn the_regime_map_reports_the_product_that_it_sees() {
     assert!(ran.stdout.contains("enter only as"), "{}", ran.stdout);
     let file = fs::read_to_string(sandbox.path().join("r/posterior.json")).expect("a posterior");
     let file: Value = serde_json::from_str(&file).expect("JSON");
-    let product = &file["product"];
+    let product = &file["experiments"][0]["neck_growth"]["product"];
     // Exactly the product of what is beside it: at the MAP.
     let theta = file["map"]["theta"].as_array().expect("numbers");
     let expected = number(&theta[0]) * number(&theta[2]).powi(2);
@@ -128,7 +131,10 @@ fn the_regime_map_reports_the_product_that_it_sees() {
     sandbox.run("--material pa12 --samples 1024 --out t --quiet").succeeded();
     let other = fs::read_to_string(sandbox.path().join("t/posterior.json")).expect("a posterior");
     let other: Value = serde_json::from_str(&other).expect("JSON");
-    assert!(other["product"].is_null(), "three stages separate the two");
+    assert!(
+        other["experiments"][0]["neck_growth"]["product"].is_null(),
+        "three stages separate the two"
+    );
 }
 
 #[test]

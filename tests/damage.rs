@@ -4,8 +4,8 @@ use std::fs;
 
 use proptest::prelude::*;
 use workbench::error::Mistake;
-use workbench::posterior_file;
-use workbench::run::{read_draws, read_samples};
+use workbench::record;
+use workbench::report::{read_draws, read_samples};
 
 use crate::sandbox::Sandbox;
 
@@ -34,7 +34,7 @@ fn hold_every_damage(with_sums: bool) {
     if !with_sums {
         fs::remove_file(folder.join("SHA256SUMS")).expect("removed");
     }
-    let file = posterior_file::read(&folder).expect("a posterior");
+    let file = record::read(&folder).expect("a posterior");
     // Places near the end and at ends of lines as well as anywhere.
     let place = prop_oneof![
         any::<prop::sample::Index>().prop_map(|i| (i, false)),
@@ -50,8 +50,8 @@ fn hold_every_damage(with_sums: bool) {
         let place = place.min(bytes.len() - 1);
         fs::write(folder.join(FILES[which]), damaged(bytes, place, turn)).expect("written");
         let outcome = match FILES[which] {
-            "posterior.json" => posterior_file::read(&folder).map(|_| ()),
-            "samples.csv" => read_samples(file.parameters.len(), file.counters.simulations, &folder).map(|_| ()),
+            "posterior.json" => record::read(&folder).map(|_| ()),
+            "samples.csv" => read_samples(&file, &folder).map(|_| ()),
             _ => read_draws(&file, &folder).map(|_| ()),
         };
         fs::write(folder.join(FILES[which]), bytes).expect("written");
@@ -82,16 +82,14 @@ fn a_table_cut_off_at_the_end_of_a_line_is_not_whole() {
     let (sandbox, _) = run();
     fs::remove_file(sandbox.path().join("run/SHA256SUMS")).expect("removed");
     let folder = sandbox.path().join("run");
-    let file = posterior_file::read(&folder).expect("a posterior");
+    let file = record::read(&folder).expect("a posterior");
     for name in ["samples.csv", "draws.csv"] {
         let path = folder.join(name);
         let text = fs::read_to_string(&path).expect("text");
         let kept: Vec<&str> = text.lines().take(40).collect();
         fs::write(&path, kept.join("\n") + "\n").expect("written");
         let outcome = match name {
-            "samples.csv" => {
-                read_samples(file.parameters.len(), file.counters.simulations, &folder).map(|_| ())
-            }
+            "samples.csv" => read_samples(&file, &folder).map(|_| ()),
             _ => read_draws(&file, &folder).map(|_| ()),
         };
         assert_eq!(outcome.expect_err(name).mistake, Mistake::Damaged, "{name}");

@@ -4,13 +4,14 @@ use std::fs;
 
 use crate::sandbox::Sandbox;
 
-const FILES: [&str; 17] = [
+const FILES: [&str; 18] = [
     "SHA256SUMS",
     "convergence.png",
     "convergence.svg",
     "corner.png",
     "corner.svg",
     "draws.csv",
+    "fit.csv",
     "fit.png",
     "fit.svg",
     "posterior.json",
@@ -158,8 +159,11 @@ fn an_own_powder_is_calibrated_from_files_alone() {
     ran.succeeded();
     assert_eq!(names(&sandbox, "results/my-powder"), FILES);
     let file = posterior(&sandbox, "results/my-powder");
-    assert!(file["paper"].is_null(), "a powder of one's own has no values in the paper");
-    assert_eq!(file["plan"]["experiment"]["radius_m"], 21.0e-6);
+    assert!(
+        file["experiments"][0]["neck_growth"]["paper"].is_null(),
+        "a powder of one's own has no values in the paper"
+    );
+    assert_eq!(file["plan"]["experiments"][0]["simulator"]["powder"]["radius_m"], 21.0e-6);
 }
 
 #[test]
@@ -183,7 +187,11 @@ fn each_solver_that_is_forced_gives_the_same_posterior_as_the_closed_form() {
         let sandbox = Sandbox::new();
         sandbox.run(&format!("--material pa12 --samples 1024 --out run {options}")).succeeded();
         let file = posterior(&sandbox, "run");
-        assert!(file["plan"]["solver"]["reason"].as_str().is_some_and(|reason| !reason.is_empty()));
+        assert!(
+            file["plan"]["experiments"][0]["simulator"]["solver"]["reason"]
+                .as_str()
+                .is_some_and(|reason| !reason.is_empty())
+        );
         file["parameters"][1]["in_coordinate"]["mean"].as_f64().expect("a number")
     };
     let closed_form = mean("");
@@ -196,7 +204,8 @@ fn a_dry_run_prints_the_plan_and_writes_nothing() {
     let sandbox = Sandbox::new();
     let ran = sandbox.run("--material peek --dry-run");
     ran.succeeded();
-    for word in ["26 of", "log-uniform", "closed-form", "16384 simulations", "results/peek"] {
+    for word in ["26 points of", "log-uniform", "closed-form", "16384 simulations", "results/peek"]
+    {
         assert!(ran.stdout.contains(word), "{word} is not in\n{}", ran.stdout);
     }
     assert!(sandbox.snapshot().is_empty());
@@ -241,9 +250,9 @@ fn a_posterior_that_is_cut_off_edited_or_of_another_version_is_refused_with_its_
     let whole = fs::read_to_string(&path).expect("posterior.json");
     fs::write(&path, &whole[..whole.len() / 2]).expect("cut");
     sandbox.run("inspect run").refused(&["posterior.json", "line", "cut off"]);
-    fs::write(&path, whole.replacen("\"schema_version\": 1", "\"schema_version\": 99", 1))
+    fs::write(&path, whole.replacen("\"schema_version\": 2", "\"schema_version\": 99", 1))
         .expect("changed");
-    sandbox.run("inspect run").refused(&["schema_version", "99", "expected 1"]);
+    sandbox.run("inspect run").refused(&["schema_version", "99", "expected 2"]);
     fs::write(&path, whole.replacen("\"is_posterior\":", "\"is_posteriar\":", 1)).expect("changed");
     sandbox.run("inspect run").refused(&["posterior.json", "is_posteriar"]);
     fs::write(&path, "").expect("emptied");
@@ -274,7 +283,7 @@ fn the_papers_tau_s_moves_with_the_radius_of_the_experiment() {
     let sandbox = Sandbox::new();
     sandbox.run("-e pa12-r30 --samples 1024 --out run").succeeded();
     let file = posterior(&sandbox, "run");
-    let tau_s = file["paper"]["si"][1].as_f64().expect("a number");
+    let tau_s = file["experiments"][0]["neck_growth"]["paper"]["si"][1].as_f64().expect("a number");
     // 1.2e-4 / 31.5e-6 s, times 29.8318/31.5.
     assert!((tau_s - 3.6078).abs() < 1e-3, "{tau_s}");
     let simulated = sandbox.run("simulate -e pa12-r30 --table3");
@@ -285,7 +294,7 @@ fn the_papers_tau_s_moves_with_the_radius_of_the_experiment() {
 fn the_band_of_a_new_measurement_is_wider_than_that_of_the_curve_or_left_out() {
     let sandbox = Sandbox::new();
     sandbox.run("-m ps --noise fixed-relative:0.05 --samples 1024 --out relative").succeeded();
-    let curves = &posterior(&sandbox, "relative")["curves"];
+    let curves = &posterior(&sandbox, "relative")["experiments"][0]["neck_growth"]["curves"];
     let width = |band: &str, point: usize| {
         let end = |side: usize| curves[band][side][point].as_f64().expect("a number");
         end(1) - end(0)
@@ -297,7 +306,9 @@ fn the_band_of_a_new_measurement_is_wider_than_that_of_the_curve_or_left_out() {
 
     sandbox.write("own.csv", "time_s,contact_ratio,sigma\n1,0.4,0.02\n3,0.9,0.03\n9,1.2,0.02\n");
     sandbox.run("-m pa12 -e own.csv --noise fixed:table --samples 1024 --out rows").succeeded();
-    assert!(posterior(&sandbox, "rows")["curves"]["noisy90"].is_null());
+    assert!(
+        posterior(&sandbox, "rows")["experiments"][0]["neck_growth"]["curves"]["noisy90"].is_null()
+    );
 }
 
 #[test]
@@ -305,7 +316,9 @@ fn one_observation_at_time_zero_and_the_fewest_samples_give_a_result_with_warnin
     let sandbox = Sandbox::new();
     let ran = sandbox.run("-m pa12 --window :0.3 --samples 1024 --out zero");
     assert!(ran.succeeded().stdout.contains("NOT INFORMED"), "{}", ran.stdout);
-    assert!(posterior(&sandbox, "zero")["fit"]["frenkel"].is_null());
+    assert!(
+        posterior(&sandbox, "zero")["experiments"][0]["neck_growth"]["fit"]["frenkel"].is_null()
+    );
     for samples in [16, 17, 31, 100] {
         let ran = sandbox.run(&format!("-m ps --samples {samples} --out few"));
         assert!(ran.succeeded().stdout.contains("NOT TO BE TRUSTED"), "{}", ran.stdout);

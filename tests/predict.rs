@@ -71,3 +71,48 @@ fn nothing_to_predict_and_missing_or_damaged_draws_are_refused() {
     sandbox.write("run/draws.csv", "c1,tau_s,delta_c\n1,2,three\n");
     sandbox.run("predict --posterior run --after 1").refused(&["draws.csv, line 2", "three"]);
 }
+
+const TWO_PAIRS: &str = r#"
+name = "two"
+[parameters.tau_s]
+unit = "s"
+distribution = "log-uniform"
+lower = 1.0
+upper = 10.0
+[experiments.large.simulator]
+kind = "builtin"
+experiment = "pa12-r32"
+kinetics = "frenkel"
+tau_s_radius_m = 31.5e-6
+[experiments.small.simulator]
+kind = "builtin"
+experiment = "pa12-r30"
+kinetics = "frenkel"
+tau_s_radius_m = 31.5e-6
+[sampler]
+samples = 512
+"#;
+
+#[test]
+fn the_run_of_a_plan_with_one_pair_predicts_as_that_of_its_material() {
+    let sandbox = calibrated("--material pa12 --kinetics frenkel");
+    let of_material = json(&sandbox, "--contact-ratio 0.9 --after 1");
+    let options = "--material pa12 --kinetics frenkel --samples 4096 --dry-run --toml";
+    let plan = sandbox.run(options).succeeded().stdout.clone();
+    sandbox.write("plan.toml", plan);
+    sandbox.run("--plan plan.toml --out run --quiet").succeeded();
+    let of_plan = json(&sandbox, "--contact-ratio 0.9 --after 1");
+    assert_eq!(of_plan, of_material);
+}
+
+#[test]
+fn a_run_without_one_pair_is_refused_with_what_it_has_instead() {
+    let sandbox = Sandbox::new();
+    sandbox.write("two.toml", TWO_PAIRS);
+    sandbox.run("--plan two.toml --out two --quiet").succeeded();
+    let words = ["2 experiments", "one pair of particles"];
+    sandbox.run("predict --posterior two --after 1").refused(&words);
+    sandbox.write("scene.toml", "");
+    sandbox.run("densify --posterior two --scene scene.toml").refused(&words);
+    sandbox.run("validate --plan two.toml").refused(&words);
+}

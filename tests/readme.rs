@@ -85,7 +85,7 @@ fn the_readmes_commands_run_as_they_stand() {
     assert!(commands.len() >= 6, "{commands:?}");
     for arguments in commands {
         // Commands that take minutes are only held to exist, with these arguments.
-        let long = ["bench", "table3", "compare", "densify"];
+        let long = ["table3", "compare", "densify"];
         let slow = long.iter().any(|name| arguments.starts_with(name));
         let arguments = if slow { format!("{arguments} --help") } else { arguments };
         sandbox.run(&arguments).succeeded();

@@ -6,31 +6,49 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use clap::Parser as _;
+use campaign::Stop;
 use smc_calib::Counters;
-use workbench::args::{Args, RunArgs};
 use workbench::calibration::Calibration;
-use workbench::plan::Planned;
+use workbench::material::Material;
+use workbench::plan::PairOptions;
+use workbench::watch::Watch;
+
+/// Counts simulations.
+#[derive(Default)]
+struct Count {
+    stop: Stop,
+    simulations: AtomicUsize,
+}
+
+impl Watch for Count {
+    fn stop(&self) -> &Stop {
+        &self.stop
+    }
+
+    fn advance(&self) {
+        self.simulations.fetch_add(1, Ordering::Relaxed);
+    }
+}
 
 /// Simulations of every stage, and all counters, of `calibrate --material NAME`.
-fn work(material: &str) -> (Vec<usize>, Counters) {
-    let args: RunArgs = Args::parse_from(["calibrate", "--material", material]).run;
-    let planned = Planned::from_args(&args).expect("a plan");
-    let called = AtomicUsize::new(0);
-    let count = || {
-        called.fetch_add(1, Ordering::Relaxed);
-        true
-    };
-    let found = Calibration::run(&planned, &mut (), &count).expect("a posterior").posterior;
+fn work(material: Material) -> (Vec<usize>, Counters) {
+    let options = PairOptions { material: Some(material), ..PairOptions::default() };
+    let planned = options.plan().expect("a plan");
+    let called = Count::default();
+    let found = Calibration::run(&planned, &called).expect("a posterior").posterior;
     let counters = found.counters;
     let simulations = counters.simulations + counters.map_simulations;
-    assert_eq!(called.into_inner(), simulations, "{material}: simulations that are not counted");
+    assert_eq!(
+        called.simulations.into_inner(),
+        simulations,
+        "{material}: simulations that are not counted"
+    );
     (found.stages.iter().map(|stage| stage.simulations).collect(), counters)
 }
 
 #[test]
 fn default_calibrations_cost_other_work_than_they_did() {
-    let found = ["ps", "pa12", "peek"].map(work);
+    let found = Material::ALL.map(work);
     let counters =
         |map_simulations, em_iterations, mixtures_fitted, component_densities| Counters {
             simulations: 16_384,

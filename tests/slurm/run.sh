@@ -16,6 +16,9 @@ if ! lacking=$("$cluster" missing); then
 fi
 
 level=${LEVEL:-posterior}
+# Where the outcomes are kept in the folder of a run.
+journal=campaign/results.jsonl
+[ "$level" = posterior ] || journal=results.jsonl
 target=${CARGO_TARGET_DIR:-$PWD/target}/debug
 if [ "$level" = runs ]; then
     cargo build --locked --quiet -p campaign --example drive
@@ -53,7 +56,7 @@ launch() {
     fi
     plan "$2" >"$plan"
     local interrupt=(--on-interrupt "${ON_INTERRUPT:-cancel}")
-    if [ -e "$dir/campaign.json" ]; then
+    if [ -e "$dir/campaign/campaign.json" ]; then
         exec "$target/calibrate" --resume "$dir" --plan "$plan" "${interrupt[@]}"
     fi
     exec "$target/calibrate" --plan "$plan" --out "$dir" "${interrupt[@]}"
@@ -93,7 +96,7 @@ printf 't,y\n0.1,0.11\n0.5,0.44\n1,0.87\n' >"$scratch/sine.csv"
 
 # The same outcome as the local executor's with the same simulator.
 same_as_local() {
-    local expected=local${SIM_FAIL:+-fail}${SIM_HANG:+-hang} result=report/posterior.json
+    local expected=local${SIM_FAIL:+-fail}${SIM_HANG:+-hang} result=posterior.json
     [ "$level" = posterior ] || result=table.txt
     if [ ! -d "$scratch/$expected" ]; then
         SIM_SECONDS=0 SIM_LOG="" drive "$expected" local >/dev/null || fail "the local executor failed"
@@ -129,7 +132,7 @@ case_all_succeed() {
 case_exit_code() {
     SIM_FAIL=5
     drive "$case" slurm
-    grep -q '"number":5,.*"exit_code":{"code":7}' "$scratch/$case/results.jsonl" || fail "no exit code"
+    grep -q '"number":5,.*"exit_code":{"code":7}' "$scratch/$case/$journal" || fail "no exit code"
     same_as_local "$case"
     each_once
 }
@@ -138,7 +141,7 @@ case_hanging_run() {
     SIM_HANG=4
     RUN_TIMEOUT_S=3
     drive "$case" slurm
-    grep -q '"number":4,.*"timeout"' "$scratch/$case/results.jsonl" || fail "no timeout"
+    grep -q '"number":4,.*"timeout"' "$scratch/$case/$journal" || fail "no timeout"
     same_as_local "$case"
     # Its whole process group is gone.
     ! pgrep -f "^sleep 98765$" >/dev/null || fail "the run that hung is still there"

@@ -2,7 +2,7 @@
 
 use std::io::{IsTerminal as _, Write as _};
 use std::path::Path;
-use std::sync::{Mutex, OnceLock, PoisonError};
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use campaign::Stop;
@@ -30,32 +30,27 @@ pub(crate) struct Terminal {
     stop: Stop,
 }
 
-static STOP: OnceLock<Stop> = OnceLock::new();
-
 impl Terminal {
-    /// A terminal that shows progress and notes unless `quiet`. It takes over Ctrl-C, termination and hang-up: the
-    /// first asks the job to stop, a second ends the program at once.
+    /// The terminal of this process, which shows progress and notes unless `quiet`. It takes over Ctrl-C, termination
+    /// and hang-up: the first asks the job to stop, a second ends the program at once.
     pub(crate) fn new(quiet: bool, on_interrupt: OnInterrupt) -> Self {
-        let stop = STOP.get_or_init(|| {
-            let stop = Stop::new();
-            let asked = stop.clone();
-            // Without a handler the signals end the program as they always do.
-            let _ = ctrlc::set_handler(move || {
-                if asked.asked() {
-                    std::process::exit(130);
-                }
-                match on_interrupt {
-                    OnInterrupt::Detach => asked.detach(),
-                    OnInterrupt::Cancel => asked.cancel(),
-                }
-            });
-            stop
+        let stop = Stop::new();
+        let asked = stop.clone();
+        // Without a handler the signals end the program as they always do.
+        let _ = ctrlc::set_handler(move || {
+            if asked.asked() {
+                std::process::exit(130);
+            }
+            match on_interrupt {
+                OnInterrupt::Detach => asked.detach(),
+                OnInterrupt::Cancel => asked.cancel(),
+            }
         });
         Self {
             quiet,
             visible: !quiet && std::io::stderr().is_terminal(),
             bar: Mutex::new(ProgressBar::hidden()),
-            stop: stop.clone(),
+            stop,
         }
     }
 

@@ -27,6 +27,7 @@ pub struct BedFigure {
     /// Mean contact ratio a/R of each particle's contacts; NaN for a particle without one.
     pub contact_ratio: Vec<f64>,
     /// Contacts: first particle, vector from its centre to that of the nearest image of the second \[m\], second particle.
+    /// A contact of a particle that does not exist is left out.
     pub contacts: Vec<(usize, [f64; 3], usize)>,
     /// Lower and upper corner of a box to draw around \[m\].
     pub frame_m: Option<[[f64; 3]; 2]>,
@@ -60,13 +61,13 @@ impl BedFigure {
         columns.need("contact_ratio", &self.contact_ratio, each)?;
         let top = header(page, &self.title, &[])?;
         const EDGE: f32 = 4.0;
-        let view = View::of(self);
+        let [left, right, low, high] = self.bounds(&Camera::eye());
         let room = page.width - 2.0 * EDGE;
-        let tallest = 1.15 * room;
         // Neither a strip nor much taller than wide.
-        let height = (room * (view.size()[1] / view.size()[0]) as f32).clamp(0.3 * room, tallest);
+        let height = room * ((high - low) / (right - left)) as f32;
+        let height = height.max(0.3 * room).min(1.15 * room);
         page.set_backdrop((EDGE, top), (room, height), SAMPLES, |across, down| {
-            self.raster(&view, across, down)
+            self.raster(across, down)
         });
         let [low, high] = self.range;
         let ends = [low, if high > low { high } else { low + 1.0 }];
@@ -86,11 +87,25 @@ impl BedFigure {
         viridis(if high > low { (ratio - low) / (high - low) } else { 0.0 })
     }
 
+    /// Left, right, lower and upper end of spheres and frame as a camera sees them.
+    fn bounds(&self, camera: &Camera) -> [f64; 4] {
+        let mut bounds = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
+        let mut hold = |at: Vec3, by: f64| {
+            let [x, y, _] = camera.seen(at);
+            let [left, right, low, high] = bounds;
+            bounds = [left.min(x - by), right.max(x + by), low.min(y - by), high.max(y + by)];
+        };
+        let spheres = self.position_m.iter().zip(&self.radius_m);
+        spheres.for_each(|(&position, &radius)| hold(position, radius));
+        self.frame_m.iter().flat_map(corners).for_each(|corner| hold(corner, 0.0));
+        bounds
+    }
+
     /// Necks of each particle.
     fn necks(&self) -> Vec<Vec<Neck>> {
         let mut necks = vec![Vec::new(); self.position_m.len()];
         for &(i, to, j) in &self.contacts {
-            let (a, b) = (self.radius_m[i], self.radius_m[j]);
+            let (Some(a), Some(b)) = (self.radius_m.get(i), self.radius_m.get(j)) else { continue };
             let d = dot(to, to).sqrt();
             let toward = scale(to, 1.0 / d);
             // Where the two spheres meet, from each centre.
@@ -100,25 +115,24 @@ impl BedFigure {
         necks
     }
 
-    /// Colours of so many pixels, row by row, from 0 to 1.
-    fn raster(&self, view: &View, across: usize, down: usize) -> Vec<[f32; 3]> {
-        let seen = Depths::of(self, &Screen::fitting(&view.camera, view.bounds, across, down));
-        let light = View::from_light(self);
-        let lit = Depths::of(self, &Screen::fitting(&light.camera, light.bounds, 800, 800));
+    /// Colours of `across` by `down` pixels, row by row, from 0 to 1.
+    fn raster(&self, across: usize, down: usize) -> Vec<[f32; 3]> {
+        let (eye, light) = (Camera::eye(), Camera::light());
+        let seen = Depths::of(self, &Screen::showing(self, eye, across, down));
+        let lit = Depths::of(self, &Screen::showing(self, light, 800, 800));
         let necks = self.necks();
         let colours: Vec<Vec3> = (0..self.position_m.len()).map(|i| self.colour(i)).collect();
         let mean = self.radius_m.iter().sum::<f64>() / self.radius_m.len().max(1) as f64;
         let (near, far) = seen.range();
-        let toward_light = light.camera.toward;
-        let half = normalised(add(toward_light, view.camera.toward));
+        let half = normalised(add(light.toward, eye.toward));
         let mut pixels = vec![[1.0f32; 3]; across * down];
         let paint = |row: usize, column: usize, pixel: &mut [f32; 3]| {
             let Some((particle, depth)) = seen.at(column, row) else { return };
             let point = seen.screen.point(column, row, depth);
             let normal =
                 scale(sub(point, self.position_m[particle]), 1.0 / self.radius_m[particle]);
-            let facing = dot(normal, toward_light).max(0.0);
-            // Where light grazes, a pixel of the light's own view spans much depth.
+            let facing = dot(normal, light.toward).max(0.0);
+            // Where light grazes, a pixel seen from the light spans much depth.
             let slack = (0.03 * mean + 1.5 * lit.screen.pixel) / facing.max(0.1);
             let shade = if facing > 0.0 { lit.lit(point, slack) } else { 0.0 };
             let sky = 0.5 + 0.5 * normal[2];
@@ -135,7 +149,7 @@ impl BedFigure {
             let colour = colours[particle];
             for (pixel, part) in pixel.iter_mut().zip(colour) {
                 let bright = (part * light + 0.22 * gloss).min(1.0);
-                // Far away things are paler.
+                // The distance makes paler.
                 *pixel = (bright + 0.18 * away * (1.0 - bright)) as f32;
             }
         };
@@ -193,8 +207,18 @@ impl Camera {
     fn new(azimuth_deg: f64, elevation_deg: f64) -> Camera {
         let (s, c) = azimuth_deg.to_radians().sin_cos();
         let (se, ce) = elevation_deg.to_radians().sin_cos();
-        // The eye in front (at negative y), turned about the third axis.
+        // In front (at negative y), then turned about the third axis.
         Camera { right: [c, s, 0.0], up: [-s * se, c * se, ce], toward: [s * ce, -c * ce, se] }
+    }
+
+    /// From the front (negative y), a little from the right and from above.
+    fn eye() -> Camera {
+        Camera::new(28.0, 18.0)
+    }
+
+    /// From the upper left.
+    fn light() -> Camera {
+        Camera::new(-20.0, 52.0)
     }
 
     fn seen(&self, point: Vec3) -> Vec3 {
@@ -202,47 +226,7 @@ impl Camera {
     }
 }
 
-struct View {
-    camera: Camera,
-    /// Left, right, lower and upper end of the bed as the camera sees it.
-    bounds: [f64; 4],
-}
-
-impl View {
-    fn of(figure: &BedFigure) -> View {
-        View::with(figure, Camera::new(28.0, 18.0))
-    }
-
-    fn from_light(figure: &BedFigure) -> View {
-        View::with(figure, Camera::new(-20.0, 52.0))
-    }
-
-    fn with(figure: &BedFigure, camera: Camera) -> View {
-        let mut bounds = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
-        let mut hold = |[x, y, _]: Vec3, by: f64| {
-            bounds = [
-                bounds[0].min(x - by),
-                bounds[1].max(x + by),
-                bounds[2].min(y - by),
-                bounds[3].max(y + by),
-            ];
-        };
-        for (&position, &radius) in figure.position_m.iter().zip(&figure.radius_m) {
-            hold(camera.seen(position), radius);
-        }
-        for corner in figure.frame_m.iter().flat_map(corners) {
-            hold(camera.seen(corner), 0.0);
-        }
-        View { camera, bounds }
-    }
-
-    fn size(&self) -> [f64; 2] {
-        let [left, right, low, high] = self.bounds;
-        [right - left, high - low]
-    }
-}
-
-/// Pixels in front of the camera.
+/// Pixels in front of a camera.
 #[derive(Debug, Clone, Copy)]
 struct Screen {
     camera: Camera,
@@ -255,17 +239,13 @@ struct Screen {
 }
 
 impl Screen {
-    fn fitting(camera: &Camera, bounds: [f64; 4], across: usize, down: usize) -> Screen {
-        let [left, right, low, high] = bounds;
+    /// A screen with the whole bed on it.
+    fn showing(figure: &BedFigure, camera: Camera, across: usize, down: usize) -> Screen {
+        let [left, right, low, high] = figure.bounds(&camera);
         let pixel =
             ((right - left) / (across as f64 - 4.0)).max((high - low) / (down as f64 - 4.0));
-        Screen {
-            camera: *camera,
-            middle: [0.5 * (left + right), 0.5 * (low + high)],
-            pixel,
-            across,
-            down,
-        }
+        let middle = [0.5 * (left + right), 0.5 * (low + high)];
+        Screen { camera, middle, pixel, across, down }
     }
 
     /// Column and row of a place as the camera sees it.
@@ -450,12 +430,10 @@ mod tests {
     #[test]
     fn every_pixel_shows_the_nearest_sphere_and_the_area_is_that_of_a_disc() {
         // The second sphere right behind the first, as the eye sees it.
-        let view = View::of(&pair(1.0));
-        let behind = scale(view.camera.toward, -3.0);
+        let behind = scale(Camera::eye().toward, -3.0);
         let figure =
             BedFigure { position_m: vec![[0.0; 3], behind], contacts: vec![], ..pair(1.0) };
-        let view = View::of(&figure);
-        let screen = Screen::fitting(&view.camera, view.bounds, 400, 400);
+        let screen = Screen::showing(&figure, Camera::eye(), 400, 400);
         let seen = Depths::of(&figure, &screen);
         assert_eq!(seen.particle.iter().filter(|&&particle| particle == 1).count(), 0);
         let area = seen.particle.iter().filter(|&&particle| particle == 0).count() as f64;
@@ -472,7 +450,7 @@ mod tests {
         assert_eq!((necks[0].len(), necks[1].len()), (1, 1));
         for (neck, sign) in [(necks[0][0], 1.0), (necks[1][0], -1.0)] {
             assert_eq!(neck.toward[0], sign);
-            // The line is 0.8 of a radius away, in the middle between the centres.
+            // The circle is 0.8 of a radius away, in the middle between the centres.
             assert!((neck.angle.cos() - 0.8).abs() < 1e-15, "{neck:?}");
         }
     }
@@ -484,5 +462,12 @@ mod tests {
         assert_eq!(png, pair(1.6).png(Width::Column).expect("drawn"));
         let short = BedFigure { radius_m: vec![1.0], ..pair(1.6) };
         assert!(matches!(short.png(Width::Column), Err(PlotError::Length { .. })));
+    }
+
+    #[test]
+    fn a_bed_without_particles_and_a_contact_of_a_missing_one_are_drawn() {
+        assert!(BedFigure::default().png(Width::Column).is_ok());
+        let missing = BedFigure { contacts: vec![(0, [1.6, 0.0, 0.0], 2)], ..pair(1.6) };
+        assert!(missing.png(Width::Column).is_ok());
     }
 }

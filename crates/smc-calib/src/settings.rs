@@ -90,7 +90,7 @@ impl Settings {
     /// ([`Settings::surrogate`]), and nothing simulated but the samples. Set [`Settings::batch`] to the number of runs
     /// that go on at a time. Above 1000 simulations these are the default settings without the search for the MAP.
     ///
-    /// Measured over 50 seeds in `results/benchmarks/small-budget.md`.
+    /// Measured over 50 seeds in `results/benchmarks/small-budget/report.md`.
     pub fn for_budget(samples: usize) -> Self {
         let default = Self { samples, map_simulations: 0, ..Self::default() };
         if samples > 1000 {

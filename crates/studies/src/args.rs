@@ -2,96 +2,93 @@
 
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args as ArgsOf, Parser, Subcommand};
-use workbench::args::{material_parser, parse_samples};
 use workbench::material::Material;
 
-/// Benchmarks and validation studies of the calibration workbench
-#[derive(Debug, Clone, PartialEq, Eq, Parser)]
+/// Benchmarks and validation studies of the calibration workbench. Each answers one question and writes report.md,
+/// table.csv and figures to results/benchmarks/NAME
+#[derive(Debug, Clone, PartialEq, Parser)]
 #[command(name = "studies", version)]
 pub(crate) struct Args {
-    /// What to measure.
+    /// Folder for the folders of the studies
+    #[arg(short, long, value_name = "DIR", default_value = "results/benchmarks", global = true)]
+    pub(crate) out: PathBuf,
+
+    /// The question.
     #[command(subcommand)]
     pub(crate) study: Study,
 }
 
-/// The benchmarks by name.
-#[derive(Debug, Clone, PartialEq, Eq, Subcommand)]
+/// The studies by name.
+#[derive(Debug, Clone, PartialEq, Subcommand)]
 pub(crate) enum Study {
-    /// Every solver: time per curve against error of a/R (some minutes)
+    /// Which solver? Time per curve against error of a/R, for every solver (2 minutes)
     Simulator(SimulatorArgs),
-    /// Six ways to a posterior: error against simulations and time (some minutes)
+    /// Where is each solver valid? Error over time step and sintering time (1 minute)
+    Validity,
+    /// What does a scene not need, and what does leaving it out save? (10 seconds)
+    Savings(OnlyArgs),
+    /// Where do simulator and sampler spend their time? Time and instructions of the hot paths (5 minutes)
+    Paths(OnlyArgs),
+    /// How does the cost of a calibration grow with samples, observations, dimensions and threads? (1 minute)
+    Growth,
+    /// Is another method closer? Error against work of this sampler and of four rivals (1 minute for 20 seeds)
     Calibration(CalibrationArgs),
-    /// Print the exact posterior of a material, or what one run says of it, as JSON
+    /// Does the sampler keep its promises? Errors, honest error bars, unbiased evidence over 1000 seeds (20 minutes)
+    Sampler(CalibrationArgs),
+    /// What do 50 to 300 simulations give, with and without a surrogate that places them? (30 minutes)
+    SmallBudget(SmallBudgetArgs),
+    /// Prints the exact posterior of a material, or what one run of the sampler finds, as JSON (1 second)
     Exact(ExactArgs),
-    /// What a scene does not need, and what leaving it out saves
-    Savings(SavingsArgs),
-    /// How cost grows with samples, observations, dimensions and threads (half a minute)
-    Growth(GrowthArgs),
-    /// Time and instructions of the hot paths (some minutes)
-    Paths(PathsArgs),
+    /// What do mass scaling and the quasi-static mode cost in accuracy for a bed? (30 seconds)
+    BedAccuracy(BedAccuracyArgs),
+    /// Prints the speed and memory of steps of one bed (seconds); bed/instructions.sh and bed/lammps.sh make tables
+    BedCost(BedCostArgs),
+    /// What does a run cost beside the simulator? Runs of a command that does nothing (1 minute)
+    Overhead(OverheadArgs),
 }
 
 /// Time per curve against error.
 #[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
 pub(crate) struct SimulatorArgs {
-    /// Folder for tables and figures
-    #[arg(short, long, value_name = "DIR", default_value = "results/benchmarks")]
-    pub(crate) out: PathBuf,
-
     /// Parameter vectors drawn from each prior
     #[arg(long, value_name = "N", default_value_t = 200)]
     pub(crate) draws: usize,
 }
 
-/// How cost grows.
+/// A study whose instructions are counted by running parts of it again under callgrind.
 #[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
-pub(crate) struct GrowthArgs {
-    /// Folder for the table and the figure
-    #[arg(short, long, value_name = "DIR", default_value = "results/benchmarks")]
-    pub(crate) out: PathBuf,
-}
-
-/// Time and instructions of the hot paths.
-#[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
-pub(crate) struct PathsArgs {
-    /// Folder for the table
-    #[arg(short, long, value_name = "DIR", default_value = "results/benchmarks")]
-    pub(crate) out: PathBuf,
-
-    /// Run one path that often and stop: what the instructions are counted of
-    #[arg(long, num_args = 2, value_names = ["PATH", "TIMES"], hide = true)]
+pub(crate) struct OnlyArgs {
+    /// Run one part that often and stop; callgrind counts the instructions of such runs
+    #[arg(long, num_args = 2, value_names = ["PART", "TIMES"], hide = true)]
     pub(crate) only: Option<Vec<String>>,
 }
 
-/// What leaving out saves.
-#[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
-pub(crate) struct SavingsArgs {
-    /// Folder for the table
-    #[arg(short, long, value_name = "DIR", default_value = "results/benchmarks")]
-    pub(crate) out: PathBuf,
-
-    /// Run one scene that often and stop: what the instructions are counted of
-    #[arg(long, value_name = "SCENE", num_args = 2, value_names = ["SCENE", "TIMES"], hide = true)]
-    pub(crate) only: Option<Vec<String>>,
-}
-
-/// Error of posteriors against work.
+/// Errors over many seeds.
 #[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
 pub(crate) struct CalibrationArgs {
-    /// Folder for tables and figures
-    #[arg(short, long, value_name = "DIR", default_value = "results/benchmarks")]
-    pub(crate) out: PathBuf,
-
-    /// Runs of each method [default: 20; with --full 1000]
+    /// Runs of each method on each problem [default: calibration 20, sampler 1000]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..))]
     pub(crate) seeds: Option<u64>,
 
-    /// Hold the sampler alone against its promises instead: error, honest error bars, unbiased evidence
-    #[arg(long)]
-    pub(crate) full: bool,
-
     /// One problem only
+    #[arg(long, value_name = "NAME")]
+    pub(crate) only: Option<String>,
+}
+
+/// Errors of small budgets.
+#[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
+pub(crate) struct SmallBudgetArgs {
+    /// Runs of each sampler on each problem
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u64).range(1..))]
+    pub(crate) seeds: u64,
+
+    /// Simulations of a run
+    #[arg(long, value_name = "N,..", value_delimiter = ',', default_values_t = [50, 100, 300])]
+    pub(crate) samples: Vec<usize>,
+
+    /// Only the problems whose name has this in it
     #[arg(long, value_name = "NAME")]
     pub(crate) only: Option<String>,
 }
@@ -103,11 +100,62 @@ pub(crate) struct ExactArgs {
     #[arg(short, long, value_name = "NAME", value_parser = material_parser())]
     pub(crate) material: Material,
 
-    /// Run the sampler with N simulations instead, and say what it finds and how long it took
-    #[arg(short = 'n', long, value_name = "N", value_parser = parse_samples)]
+    /// Run the sampler with N simulations instead, and print what it finds and how long it took
+    #[arg(short = 'n', long, value_name = "N")]
     pub(crate) samples: Option<usize>,
 
     /// Seed of that run
     #[arg(short, long, value_name = "N", default_value_t = 1)]
     pub(crate) seed: u64,
+}
+
+/// Ways to sinter a bed.
+#[derive(Debug, Clone, PartialEq, ArgsOf)]
+pub(crate) struct BedAccuracyArgs {
+    /// Time of heating \[s\]
+    #[arg(long, value_name = "S", default_value_t = 0.5)]
+    pub(crate) duration: f64,
+
+    /// Seed of the packing
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub(crate) seed: u64,
+}
+
+/// Steps of one bed.
+#[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
+pub(crate) struct BedCostArgs {
+    /// What the bed has, joined by `+`: normal, open, unequal, walls, gravity, drag, friction, sintering, chain,
+    /// stiff; or pair-solver
+    pub(crate) scene: String,
+
+    /// Particles; 2 make a pair
+    pub(crate) particles: usize,
+
+    /// Steps
+    pub(crate) steps: u64,
+
+    /// Threads
+    #[arg(default_value_t = 1)]
+    pub(crate) threads: usize,
+
+    /// Write the same packing for LAMMPS into a folder instead, as data.bed and in.bed
+    #[arg(long, value_name = "DIR")]
+    pub(crate) lammps: Option<PathBuf>,
+}
+
+/// Runs of a command that does nothing.
+#[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
+pub(crate) struct OverheadArgs {
+    /// Runs of each way
+    #[arg(long, value_name = "N", default_value_t = 1000)]
+    pub(crate) runs: usize,
+
+    /// Runs at a time
+    #[arg(long, value_name = "N", default_value_t = 2)]
+    pub(crate) parallel: usize,
+}
+
+fn material_parser() -> impl TypedValueParser<Value = Material> {
+    PossibleValuesParser::new(Material::NAMES)
+        .try_map(|name| Material::from_name(&name).ok_or("unknown material"))
 }

@@ -1,21 +1,23 @@
 //! Error of posteriors against simulations and seconds, for the sampler and its rivals.
 
 use std::fmt::Write as _;
-use std::time::Instant;
+use std::path::Path;
 
-use super::cases::{Case, Errors};
-use super::cpu_time::{Of, measured};
-use super::report::{self, Header, Table};
-use super::rivals::{self, Estimate};
-use super::spread::{Spread, Spreads, over_seeds, quantile};
-use crate::args::CalibrationArgs;
 use figures::{Band, Role, WorkPrecisionFigure, WorkPrecisionGrid, WorkPrecisionSeries};
-use workbench::error::{Failure, InputError, Mistake, RunError};
+use workbench::error::{Failure, RunError};
 use workbench::number::significant;
-use workbench::output;
+
+use crate::args::CalibrationArgs;
+use crate::cases::{Case, Errors};
+use crate::quantile::quantile;
+use crate::report::{Report, Table};
+use crate::rivals::{self, Estimate};
+use crate::seeds::over_seeds;
+use crate::spread::{Spread, Spreads};
+use crate::timing::{Clock, Timing};
 
 const BUDGETS: [usize; 7] = [512, 1024, 2048, 4096, 8192, 16_384, 32_768];
-/// Where the table says who is closest.
+/// Budgets at which the table names the closest method.
 const COMPARED: [usize; 2] = [4096, 16_384];
 const SEEDS: u64 = 20;
 const QUANTITIES: [&str; 3] = ["mean", "sd", "log evidence"];
@@ -62,15 +64,13 @@ struct Point {
     method: usize,
     budget: usize,
     simulations: f64,
-    /// Quartiles and median of the processor time \[s\].
-    seconds: [f64; 3],
+    /// Processor time of a run.
+    seconds: Timing,
     spreads: Spreads,
 }
 
 impl Point {
     fn of(method: usize, budget: usize, runs: &[(Estimate, f64)], case: &Case) -> Self {
-        let mut seconds: Vec<f64> = runs.iter().map(|run| run.1).collect();
-        seconds.sort_by(f64::total_cmp);
         let mut simulations: Vec<f64> = runs.iter().map(|run| run.0.simulations as f64).collect();
         simulations.sort_by(f64::total_cmp);
         let errors: Vec<Errors> = runs.iter().map(|run| Errors::of(&case.exact, &run.0)).collect();
@@ -78,17 +78,15 @@ impl Point {
             method,
             budget,
             simulations: quantile(&simulations, 0.5),
-            seconds: [0.25, 0.5, 0.75].map(|p| quantile(&seconds, p)),
+            seconds: Timing::of(runs.iter().map(|run| run.1).collect()),
             spreads: Spreads::new(&errors),
         }
     }
 }
 
-pub(super) fn run(args: &CalibrationArgs) -> Result<(), Failure> {
-    report::folder(&args.out)?;
+pub(crate) fn run(args: &CalibrationArgs, out: &Path) -> Result<(), Failure> {
+    let mut report = Report::begin(out, "calibration")?;
     let seeds = args.seeds.unwrap_or(SEEDS);
-    let header = Header::now("studies calibration");
-    let start = Instant::now();
     let mut table = Table::new(&[
         "problem",
         "method",
@@ -120,7 +118,7 @@ pub(super) fn run(args: &CalibrationArgs) -> Result<(), Failure> {
         "closer",
     ]);
     let mut text = String::new();
-    for case in chosen(args.only.as_deref())? {
+    for case in Case::chosen(args.only.as_deref())? {
         eprintln!("{}", case.title);
         let points = measure(&case, seeds)?;
         points.iter().for_each(|point| table.push(row(&case, point)));
@@ -144,19 +142,15 @@ pub(super) fn run(args: &CalibrationArgs) -> Result<(), Failure> {
                 sooner.join("; ")
             );
         }
-        report::figure(&args.out, &format!("calibration-{}", case.name), &figure(&case, &points))?;
+        report.figure(&case.name, &figure(&case, &points))?;
     }
-    let took = start.elapsed().as_secs_f64();
-    output::write_file(&args.out.join("calibration.csv"), table.csv(&header).as_bytes())?;
+    report.table(&table)?;
     let page = format!(
-        "# Calibration: error of the posterior against work\n\n{}- run time: {} for {seeds} seeds\n\n{TEXT}\n## Who is closest\n\n{text}\n{}\n## All\n\n{}",
-        header.lines("- "),
-        report::seconds(took),
+        "{seeds} seeds. {TEXT}\n## Who is closest\n\n{text}\n{}\n## All\n\n{}",
         closest.markdown(),
         table.markdown(),
     );
-    output::write_file(&args.out.join("calibration.md"), page.as_bytes())?;
-    Ok(())
+    Ok(report.page("Calibration: error of the posterior against work", &page)?)
 }
 
 const TEXT: &str = "\
@@ -164,7 +158,7 @@ Error in units of the exact posterior (materials: quadrature; reference problems
 deviations, the sd relative, the log evidence absolute. Per seed that of the worst parameter; over the seeds the median,
 the 90 % band, and the root mean square (of the worst parameter). `inf`: in some seed the method found nothing.
 
-Every run on one thread, methods in turn within each seed; seconds are the processor time of all it does. Ours includes
+Every run on one thread, methods in turn within each seed; seconds are the processor time of the whole run. Ours includes
 on the materials what a run reports beyond moments (MAP search, intervals, predictive bands, the path over the
 observations).
 
@@ -178,29 +172,14 @@ observations).
 - *this sampler*: the defaults of `calibrate`.
 ";
 
-/// The problems, or the one of a name.
-pub(super) fn chosen(only: Option<&str>) -> Result<Vec<Case>, Failure> {
-    let mut cases = Case::all()?;
-    if let Some(only) = only {
-        let names: Vec<String> = cases.iter().map(|case| case.name.clone()).collect();
-        cases.retain(|case| case.name == only);
-        if cases.is_empty() {
-            return Err(InputError::new("--only", Mistake::UnknownName)
-                .found(only)
-                .expected(names.join(", "))
-                .into());
-        }
-    }
-    Ok(cases)
-}
-
 /// Every method at every budget, methods in turn within each seed.
 fn measure(case: &Case, seeds: u64) -> Result<Vec<Point>, RunError> {
     let runs = over_seeds(seeds, &|seed| {
         let mut runs = Vec::new();
         for budget in BUDGETS {
             for method in &METHODS {
-                let (seconds, estimate) = measured(Of::Thread, || (method.run)(case, budget, seed));
+                let (seconds, estimate) =
+                    Clock::Thread.measure(|| (method.run)(case, budget, seed));
                 runs.push((estimate?, seconds));
             }
         }
@@ -223,9 +202,9 @@ fn row(case: &Case, point: &Point) -> Vec<String> {
         METHODS[point.method].name.to_owned(),
         point.budget.to_string(),
         point.simulations.to_string(),
-        significant(point.seconds[1], 3),
-        significant(point.seconds[0], 3),
-        significant(point.seconds[2], 3),
+        significant(point.seconds.median_s, 3),
+        significant(point.seconds.lower_s, 3),
+        significant(point.seconds.upper_s, 3),
     ];
     for spread in point.spreads.of {
         row.extend(match spread {
@@ -277,7 +256,9 @@ fn closer_in_time(points: &[Point]) -> Vec<String> {
             let Some(error) = ours.spreads.of[place].map(|spread| spread.rms) else { continue };
             let best = points
                 .iter()
-                .filter(|point| point.method != ours.method && point.seconds[1] <= ours.seconds[1])
+                .filter(|point| {
+                    point.method != ours.method && point.seconds.median_s <= ours.seconds.median_s
+                })
                 .filter_map(|point| Some((point, point.spreads.of[place]?.rms)))
                 .min_by(|a, b| a.1.total_cmp(&b.1));
             if let Some((point, rms)) = best.filter(|(_, rms)| *rms < error) {
@@ -312,7 +293,11 @@ fn figure(case: &Case, points: &[Point]) -> WorkPrecisionGrid {
                 role: named.role,
                 cost: known
                     .iter()
-                    .map(|(point, _)| if seconds { point.seconds[1] } else { point.simulations })
+                    .map(
+                        |(point, _)| {
+                            if seconds { point.seconds.median_s } else { point.simulations }
+                        },
+                    )
                     .collect(),
                 error: of(|s| s.median),
                 band: Band { lower: of(|s| s.lower), upper: of(|s| s.upper) },
@@ -336,11 +321,11 @@ fn figure(case: &Case, points: &[Point]) -> WorkPrecisionGrid {
 
 #[cfg(test)]
 mod tests {
-    use super::super::rivals::Bayes as _;
     use super::*;
+    use crate::rivals::Bayes as _;
 
     #[test]
-    fn the_table_hides_that_another_method_is_closer() {
+    fn a_closer_method_is_named_by_error_and_by_time() {
         let case = Case::all().expect("cases").pop().expect("a case");
         let exact = &case.exact;
         let off = |error: f64| Estimate {
@@ -367,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn a_method_sees_another_dimension_than_the_problem() {
+    fn every_method_stays_within_its_budget_and_finds_every_parameter() {
         let case = Case::all().expect("cases").remove(0);
         for method in &METHODS {
             let found = (method.run)(&case, 512, 1).expect("a run");

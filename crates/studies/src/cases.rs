@@ -1,113 +1,62 @@
 //! The posteriors that calibration methods are held against: three materials and three reference problems, each
 //! with its exact answer.
 
-use clap::Parser as _;
 use smc_calib::quadrature::{QuadratureSettings, quadrature};
 use smc_calib::reference::{self, Reference};
-use smc_calib::{
-    CalibrateError, DensitySummary, Likelihood, Noise, Observations, Parameter, Posterior, Problem,
-    Settings, Simulator as _, Target as _, calibrate, sample_density,
-};
-
-use super::rivals::{Bayes, Estimate};
-use workbench::args::Args;
-use workbench::error::{Failure, RunError};
+use smc_calib::{CalibrateError, DensitySummary, Posterior, Settings, Target as _, sample_density};
+use workbench::error::{Failure, InputError, Mistake, RunError};
 use workbench::material::Material;
-use workbench::model::NeckGrowth;
-use workbench::plan::{Planned, sampler_for};
+
+use crate::pair::{Calibration, settings};
+use crate::rivals::{Bayes, Estimate};
 
 /// The true posterior.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub(super) struct Exact {
+pub(crate) struct Exact {
     /// Means in the priors' coordinates.
-    pub(super) mean: Vec<f64>,
+    pub(crate) mean: Vec<f64>,
     /// Standard deviations.
-    pub(super) sd: Vec<f64>,
+    pub(crate) sd: Vec<f64>,
     /// Log evidence.
-    pub(super) log_evidence: f64,
-    /// What quadrature settled to, in posterior sds; 0 for closed forms.
-    pub(super) settled: f64,
+    pub(crate) log_evidence: f64,
+    /// Error of the quadrature, in posterior sds; 0 for closed forms.
+    pub(crate) settled: f64,
 }
 
-/// What one run of the sampler says, with its own error bars.
+/// Result of one run of the sampler, with the standard errors it reports.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Run {
-    pub(super) estimate: Estimate,
-    pub(super) mean_se: Vec<f64>,
-    pub(super) sd_se: Vec<f64>,
-    pub(super) log_evidence_se: f64,
+pub(crate) struct Run {
+    pub(crate) estimate: Estimate,
+    /// Standard errors of the means.
+    pub(crate) mean_se: Vec<f64>,
+    /// Standard errors of the standard deviations.
+    pub(crate) sd_se: Vec<f64>,
+    pub(crate) log_evidence_se: f64,
     /// Log evidence of the frozen stage alone.
-    pub(super) frozen_log_evidence: f64,
+    pub(crate) frozen_log_evidence: f64,
+    /// Effective sample size.
+    pub(crate) ess: f64,
+    pub(crate) khat: f64,
+    /// Evaluations of a component's density.
+    pub(crate) component_densities: usize,
 }
 
 /// A problem with its answer.
-pub(super) struct Case {
-    pub(super) name: String,
-    pub(super) title: String,
-    pub(super) exact: Exact,
+pub(crate) struct Case {
+    pub(crate) name: String,
+    pub(crate) title: String,
+    pub(crate) exact: Exact,
     kind: Kind,
 }
 
 enum Kind {
-    Curve(Box<Curve>),
+    Curve(Box<Calibration>),
     Density(Reference),
 }
 
-/// A material as `calibrate --material` calibrates it.
-pub(super) struct Curve {
-    model: NeckGrowth,
-    parameters: Vec<Parameter>,
-    pub(super) observations: Observations,
-    noise: Noise,
-    pub(super) likelihood: Likelihood,
-}
-
-impl Curve {
-    pub(super) fn of(material: Material) -> Result<Self, Failure> {
-        let args = Args::parse_from(["calibrate", "--material", material.name()]);
-        let plan = Planned::from_args(&args.run)?.plan;
-        let observations = plan.observations()?;
-        let likelihood = Likelihood::new(&plan.noise, &observations)
-            .map_err(|error| RunError::new(error.to_string()))?;
-        Ok(Self {
-            model: NeckGrowth::of(&plan)?,
-            parameters: plan.parameters,
-            observations,
-            noise: plan.noise,
-            likelihood,
-        })
-    }
-
-    pub(super) fn posterior(&self, samples: usize, seed: u64) -> Result<Posterior, CalibrateError> {
-        calibrate(&self.problem(), &settings(samples, seed), &mut ())
-    }
-
-    fn run(&self, samples: usize, seed: u64) -> Result<Run, CalibrateError> {
-        self.posterior(samples, seed).map(Run::of_posterior)
-    }
-
-    fn problem(&self) -> Problem<'_> {
-        Problem {
-            simulator: &self.model,
-            parameters: self.parameters.clone(),
-            observations: self.observations.clone(),
-            noise: self.noise.clone(),
-        }
-    }
-
-    /// What `value` says of the curve at normal scores; none where it cannot be simulated.
-    pub(super) fn at<T>(&self, z: &[f64], value: impl FnOnce(&[f64]) -> T) -> Option<T> {
-        let theta: Vec<f64> =
-            self.parameters.iter().zip(z).map(|(p, z)| p.prior.from_z(*z)).collect();
-        let mut curve = vec![0.0; self.observations.len()];
-        self.model.simulate(&theta, &mut curve).ok()?;
-        curve.iter().all(|v| v.is_finite()).then(|| value(&curve))
-    }
-}
-
 impl Case {
-    /// All six.
-    pub(super) fn all() -> Result<Vec<Self>, Failure> {
+    /// All six problems.
+    pub(crate) fn all() -> Result<Vec<Self>, Failure> {
         let mut cases =
             Material::ALL.into_iter().map(Self::material).collect::<Result<Vec<_>, _>>()?;
         let densities = [reference::banana(), reference::two_modes(), reference::heavy_tail()];
@@ -115,9 +64,25 @@ impl Case {
         Ok(cases)
     }
 
+    /// All problems, or the one of a name.
+    pub(crate) fn chosen(only: Option<&str>) -> Result<Vec<Self>, Failure> {
+        let mut cases = Self::all()?;
+        if let Some(only) = only {
+            let names: Vec<String> = cases.iter().map(|case| case.name.clone()).collect();
+            cases.retain(|case| case.name == only);
+            if cases.is_empty() {
+                return Err(InputError::new("--only", Mistake::UnknownName)
+                    .found(only)
+                    .expected(names.join(", "))
+                    .into());
+            }
+        }
+        Ok(cases)
+    }
+
     /// A material with its default data, priors and noise, against quadrature.
-    pub(super) fn material(material: Material) -> Result<Self, Failure> {
-        let curve = Curve::of(material)?;
+    pub(crate) fn material(material: Material) -> Result<Self, Failure> {
+        let curve = Calibration::of(material)?;
         let found = quadrature(&curve.problem(), &QuadratureSettings::default())
             .map_err(|error| RunError::new(format_args!("{material}: quadrature: {error}")))?;
         Ok(Self {
@@ -133,7 +98,8 @@ impl Case {
         })
     }
 
-    fn density(reference: Reference) -> Self {
+    /// A reference problem, against its closed form.
+    pub(crate) fn density(reference: Reference) -> Self {
         Self {
             name: reference.name.replace(' ', "-"),
             title: reference.name.to_owned(),
@@ -147,37 +113,24 @@ impl Case {
         }
     }
 
-    /// One run of the shipped sampler with its defaults.
-    pub(super) fn run(&self, samples: usize, seed: u64) -> Result<Run, RunError> {
-        let found = match &self.kind {
-            Kind::Curve(curve) => curve.run(samples, seed),
-            Kind::Density(reference) => {
-                sample_density(reference, &settings(samples, seed)).map(Run::of_density)
-            }
-        };
-        found.map_err(|error| {
+    /// One run of the sampler with its defaults.
+    pub(crate) fn run(&self, samples: usize, seed: u64) -> Result<Run, RunError> {
+        self.sampled(&settings(samples, seed)).map_err(|error| {
             RunError::new(format_args!("{}, {samples} samples, seed {seed}: {error}", self.name))
         })
     }
-}
 
-/// One run of the shipped sampler on a material, whose exact posterior is not asked for.
-pub(super) fn run_material(
-    material: Material,
-    samples: usize,
-    seed: u64,
-) -> Result<Estimate, Failure> {
-    let found = Curve::of(material)?.run(samples, seed);
-    Ok(found.map_err(|error| RunError::new(error.to_string()))?.estimate)
-}
-
-/// Those of `calibrate --samples N`.
-pub(super) fn settings(samples: usize, seed: u64) -> Settings {
-    Settings { seed, ..sampler_for(samples) }
+    /// One run of the sampler with other settings.
+    pub(crate) fn sampled(&self, settings: &Settings) -> Result<Run, CalibrateError> {
+        match &self.kind {
+            Kind::Curve(curve) => curve.sampled(settings).map(Run::of_posterior),
+            Kind::Density(reference) => sample_density(reference, settings).map(Run::of_density),
+        }
+    }
 }
 
 impl Run {
-    fn of_posterior(found: Posterior) -> Self {
+    pub(crate) fn of_posterior(found: Posterior) -> Self {
         let moments: Vec<_> = found.parameters.iter().map(|p| p.in_coordinate).collect();
         Self {
             estimate: Estimate {
@@ -190,6 +143,9 @@ impl Run {
             sd_se: moments.iter().map(|m| m.sd_se).collect(),
             log_evidence_se: found.log_evidence.se,
             frozen_log_evidence: found.log_evidence.frozen_value,
+            ess: found.ess.importance,
+            khat: found.khat,
+            component_densities: found.counters.component_densities,
         }
     }
 
@@ -205,6 +161,9 @@ impl Run {
             sd_se: found.sd_se,
             log_evidence_se: found.log_evidence.se,
             frozen_log_evidence: found.log_evidence.frozen_value,
+            ess: found.ess,
+            khat: found.khat,
+            component_densities: found.counters.component_densities,
         }
     }
 }
@@ -225,7 +184,7 @@ impl Bayes for Case {
     /// Half the sum of squared residuals, each relative to the measured value; to the largest one where a measured
     /// value is zero, which the package's other scaling is for. Minus the log likelihood of a density.
     fn misfit(&self, z: &[f64]) -> f64 {
-        let relative = |values: &[f64], curve: &Curve| {
+        let relative = |values: &[f64], curve: &Calibration| {
             let measured = curve.observations.values();
             let largest = measured.iter().copied().fold(0.0, f64::max);
             let one_scale = measured.contains(&0.0);
@@ -253,18 +212,18 @@ impl Bayes for Case {
 
 /// Errors of an estimate in units of the exact posterior.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Errors {
+pub(crate) struct Errors {
     /// Per parameter: mean off by so many posterior sds.
-    pub(super) mean: Vec<f64>,
+    pub(crate) mean: Vec<f64>,
     /// Per parameter: relative error of the sd.
-    pub(super) sd: Vec<f64>,
+    pub(crate) sd: Vec<f64>,
     /// Error of the log evidence, where there is one.
-    pub(super) log_evidence: Option<f64>,
+    pub(crate) log_evidence: Option<f64>,
 }
 
 impl Errors {
     /// Of an estimate; infinite where the method found nothing.
-    pub(super) fn of(exact: &Exact, found: &Estimate) -> Self {
+    pub(crate) fn of(exact: &Exact, found: &Estimate) -> Self {
         let d = exact.mean.len();
         if found.mean.len() != d {
             let nothing = vec![f64::INFINITY; d];
@@ -283,7 +242,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_rivals_sample_another_posterior_than_ours() {
+    fn rivals_and_sampler_see_the_same_posterior() {
         // Ours, through the sampler's own path from parameters to likelihood, agrees with quadrature, and the log
         // likelihood that rivals see at a sample is the one the sampler saw.
         let case = Case::material(Material::Ps).expect("a case");
@@ -291,7 +250,7 @@ mod tests {
         let errors = Errors::of(&case.exact, &run.estimate);
         assert!(errors.mean.iter().all(|e| e.abs() < 0.3), "{errors:?}");
         let Kind::Curve(curve) = &case.kind else { panic!("a curve") };
-        let posterior = calibrate(&curve.problem(), &settings(256, 1), &mut ()).expect("a run");
+        let posterior = curve.posterior(256, 1).expect("a run");
         for sample in &posterior.samples {
             let own = sample.log_likelihood.expect("a simulation");
             assert!((case.ln_likelihood(&sample.z) - own).abs() < 1e-9);
@@ -299,11 +258,11 @@ mod tests {
         }
     }
 
-    /// What the package finds of one parameter over its seeds: mean and spread of the mean, mean and spread of the sd.
+    /// One parameter as the package finds it over its seeds: mean and spread of the mean, mean and spread of the sd.
     type Found = [[f64; 2]; 2];
 
     /// GrainLearning 2.0.5 from PyPI, eight iterations of 2048, numpy seeds 1 to 8
-    /// (`benches/peers/peers.py --one GrainLearning MATERIAL SEED`): number of seeds it ends with, and what it finds. It
+    /// (`crates/studies/peers/peers.py --one GrainLearning MATERIAL SEED`): number of seeds it ends with, and its results. It
     /// breaks down on seed 7 of PA12 (its last weights leave one sample to fit to) and on seed 2 of PEEK (28.6 GiB).
     const PACKAGE: [(Material, usize, [Found; 3]); 3] = [
         (
@@ -336,7 +295,7 @@ mod tests {
     ];
 
     #[test]
-    fn the_grain_learning_run_is_not_that_of_the_package() {
+    fn the_grain_learning_runs_agree_with_those_of_the_package() {
         let moments = |values: &[f64]| {
             let n = values.len() as f64;
             let mean = values.iter().sum::<f64>() / n;
@@ -376,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn an_estimate_without_moments_counts_as_found() {
+    fn an_estimate_without_moments_has_infinite_errors() {
         let exact = Exact { mean: vec![1.0], sd: vec![2.0], log_evidence: 3.0, settled: 0.0 };
         let nothing = Errors::of(&exact, &Estimate::default());
         assert!(nothing.mean[0].is_infinite() && nothing.log_evidence.is_none());

@@ -7,11 +7,12 @@
 
 use smc_calib::{Likelihood, Posterior};
 
-use super::cases::Curve;
-use super::report::Table;
 use workbench::error::{Failure, RunError};
 use workbench::material::Material;
 use workbench::number::significant;
+
+use crate::pair::Calibration;
+use crate::report::Table;
 
 /// Shares of the simulated time after the decision.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,7 +24,7 @@ struct Decided {
 }
 
 /// A table with a row for each material.
-pub(super) fn table() -> Result<Table, Failure> {
+pub(crate) fn table() -> Result<Table, Failure> {
     let mut table = Table::new(&[
         "material",
         "simulated time behind the decision, final stage",
@@ -42,7 +43,7 @@ pub(super) fn table() -> Result<Table, Failure> {
 }
 
 fn of(material: Material) -> Result<Decided, Failure> {
-    let curve = Curve::of(material)?;
+    let curve = Calibration::of(material)?;
     let posterior = curve
         .posterior(16_384, 1)
         .map_err(|error| RunError::new(format!("{material}: {error}")))?;
@@ -99,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_weight_is_decided_where_its_bound_falls_below_and_never_where_the_likelihood_does_not() {
+    fn a_weight_is_decided_where_its_bound_falls_below_the_limit() {
         let measured = vec![0.1, 0.2, 0.3, 0.4];
         let observations =
             Observations::new(vec![1.0, 2.0, 3.0, 4.0], measured.clone()).expect("four");

@@ -3,11 +3,12 @@
 use std::io::Write as _;
 
 use serde::Serialize;
-
-use super::cases::{self, Case};
-use super::cpu_time::{Of, measured};
-use crate::args::ExactArgs;
 use workbench::error::{Failure, RunError};
+
+use crate::args::ExactArgs;
+use crate::cases::{Case, Run};
+use crate::pair::Calibration;
+use crate::timing::Clock;
 
 /// A run of the sampler; moments are in the priors' coordinates (log10 for log-uniform priors).
 #[derive(Debug, Serialize)]
@@ -16,16 +17,18 @@ struct Printed {
     sd: Vec<f64>,
     log_evidence: Option<f64>,
     simulations: usize,
-    /// Processor time without start and end of the program, of all threads.
+    /// Processor time of all threads, without start and end of the program.
     seconds: f64,
 }
 
-pub(super) fn run(args: &ExactArgs) -> Result<(), Failure> {
+pub(crate) fn run(args: &ExactArgs) -> Result<(), Failure> {
     let text = match args.samples {
         None => serde_json::to_string(&Case::material(args.material)?.exact),
         Some(samples) => {
-            let (seconds, found) =
-                measured(Of::Process, || cases::run_material(args.material, samples, args.seed));
+            let (seconds, found) = Clock::Process.measure(|| -> Result<_, Failure> {
+                let posterior = Calibration::of(args.material)?.posterior(samples, args.seed);
+                Ok(Run::of_posterior(posterior.map_err(RunError::new)?).estimate)
+            });
             let found = found?;
             serde_json::to_string(&Printed {
                 seconds,
@@ -36,7 +39,7 @@ pub(super) fn run(args: &ExactArgs) -> Result<(), Failure> {
             })
         }
     };
-    let text = text.map_err(|error| RunError::new(error.to_string()))?;
+    let text = text.map_err(RunError::new)?;
     writeln!(std::io::stdout().lock(), "{text}")?;
     Ok(())
 }

@@ -1,77 +1,30 @@
 //! How the cost of a calibration grows with samples, observations, dimensions and threads, and what memory a
 //! million samples take.
 
+use std::path::Path;
 use std::time::Instant;
 
-use smc_calib::{
-    DensitySummary, Observations, Posterior, Problem, Settings, calibrate, reference,
-    sample_density,
-};
-
-use super::cases::{Case, Exact, settings};
-use super::cpu_time::{self, Of};
-use super::report::{self, Header, Table};
-use super::timing::quartiles;
-use crate::args::GrowthArgs;
 use figures::{Band, Role, WorkPrecisionFigure, WorkPrecisionGrid, WorkPrecisionSeries};
-use workbench::args::RunArgs;
+use smc_calib::{CalibrateError, Settings, reference};
 use workbench::error::{Failure, RunError};
 use workbench::material::Material;
-use workbench::model::NeckGrowth;
 use workbench::number::significant;
-use workbench::output;
-use workbench::plan::{Plan, Planned};
-use workbench::run;
 
-/// Each time is the median of so many runs, as long as one takes less than [`SLOW_S`].
+use crate::cases::{Case, Errors, Exact, Run};
+use crate::pair::Calibration;
+use crate::report::{self, Report, Table};
+use crate::seeds::threads;
+use crate::timing::{Clock, Timing};
+
+/// Runs of which each time is the median; one where it takes more than [`SLOW_S`].
 const REPEATS: usize = 5;
 const SLOW_S: f64 = 2.0;
 
-/// Simulations where something else than their number grows.
+/// Simulations where their number does not grow.
 const SIMULATIONS: usize = 16_384;
 
 /// What grows, in the order of table and figure.
 const GROWING: [&str; 4] = ["samples", "observations", "dimensions", "threads"];
-
-/// What one run says of itself.
-struct Outcome {
-    ess: f64,
-    khat: f64,
-    densities: usize,
-    mean: Vec<f64>,
-    log_evidence: f64,
-    /// Largest standard error of a mean, in posterior sds.
-    mean_se: f64,
-    log_evidence_se: f64,
-}
-
-impl Outcome {
-    fn of_posterior(found: &Posterior) -> Self {
-        let of = found.parameters.iter().map(|p| p.in_coordinate);
-        Self {
-            ess: found.ess.importance,
-            khat: found.khat,
-            densities: found.counters.component_densities,
-            mean: of.clone().map(|m| m.mean).collect(),
-            log_evidence: found.log_evidence.value,
-            mean_se: of.map(|m| m.mean_se / m.sd).fold(0.0, f64::max),
-            log_evidence_se: found.log_evidence.se,
-        }
-    }
-
-    fn of_density(found: DensitySummary) -> Self {
-        let shares = found.mean_se.iter().zip(&found.sd).map(|(se, sd)| se / sd);
-        Self {
-            ess: found.ess,
-            khat: found.khat,
-            densities: found.counters.component_densities,
-            mean_se: shares.fold(0.0, f64::max),
-            mean: found.mean,
-            log_evidence: found.log_evidence.value,
-            log_evidence_se: found.log_evidence.se,
-        }
-    }
-}
 
 /// One row of the table, one point of the figure.
 struct Row {
@@ -81,33 +34,35 @@ struct Row {
     simulations: usize,
     /// Wall and processor time \[s\].
     times_s: [f64; 2],
-    outcome: Outcome,
-    /// Largest error of a mean in posterior sds, and error of the log evidence, where the answer is known.
-    errors: Option<(f64, f64)>,
+    run: Run,
+    /// Where the answer is known.
+    errors: Option<Errors>,
 }
 
 impl Row {
     fn new(
         what: &'static str,
         [size, threads, simulations]: [usize; 3],
-        (times_s, outcome): ([f64; 2], Outcome),
+        (times_s, run): ([f64; 2], Run),
         exact: Option<&Exact>,
     ) -> Self {
-        let errors = exact.map(|exact| {
-            let off = |j: usize| (outcome.mean[j] - exact.mean[j]).abs() / exact.sd[j];
-            (
-                (0..exact.mean.len()).map(off).fold(0.0, f64::max),
-                (outcome.log_evidence - exact.log_evidence).abs(),
-            )
-        });
-        Self { what, size, threads, simulations, times_s, outcome, errors }
+        let errors = exact.map(|exact| Errors::of(exact, &run.estimate));
+        Self { what, size, threads, simulations, times_s, run, errors }
+    }
+
+    /// Largest standard error of a mean, in posterior sds.
+    fn mean_se(&self) -> f64 {
+        let shares = self.run.mean_se.iter().zip(&self.run.estimate.sd).map(|(se, sd)| se / sd);
+        shares.fold(0.0, f64::max)
     }
 
     fn cells(&self) -> Vec<String> {
-        let Self { outcome, .. } = self;
+        let Self { run, errors, .. } = self;
         let n = self.simulations as f64;
-        let known =
-            |error: Option<f64>| error.map_or_else(|| "–".to_owned(), |e| significant(e, 2));
+        let largest = |errors: &[f64]| {
+            significant(errors.iter().map(|error| error.abs()).fold(0.0, f64::max), 2)
+        };
+        let unknown = || "–".to_owned();
         vec![
             self.what.to_owned(),
             self.size.to_string(),
@@ -115,35 +70,29 @@ impl Row {
             significant(self.times_s[0], 3),
             significant(self.times_s[1], 3),
             report::seconds(self.times_s[1] / n),
-            significant(outcome.ess, 4),
-            significant(outcome.khat, 2),
-            significant(outcome.densities as f64 / n, 3),
-            significant(outcome.mean_se, 2),
-            known(self.errors.map(|errors| errors.0)),
-            significant(outcome.log_evidence_se, 2),
-            known(self.errors.map(|errors| errors.1)),
+            significant(run.ess, 4),
+            significant(run.khat, 2),
+            significant(run.component_densities as f64 / n, 3),
+            significant(self.mean_se(), 2),
+            errors.as_ref().map_or_else(unknown, |errors| largest(&errors.mean)),
+            significant(run.log_evidence_se, 2),
+            errors.as_ref().map_or_else(unknown, |errors| largest(errors.log_evidence.as_slice())),
         ]
     }
 }
 
-pub(super) fn run(args: &GrowthArgs) -> Result<(), Failure> {
-    report::folder(&args.out)?;
-    let header = Header::now("cargo run --release -- bench growth");
-    let plan = plan()?;
-    let model = NeckGrowth::of(&plan)?;
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let measured = plan.observations()?;
+/// Numbers of samples, the largest first: the memory of a process is known by its highest mark alone.
+const SAMPLES: [usize; 6] = [1_000_000, 262_144, 65_536, 16_384, 4_096, 1_000];
 
-    // The million first: the memory of a process is known by its highest mark alone.
-    let samples = [1_000_000, 262_144, 65_536, 16_384, 4_096, 1_000];
+pub(crate) fn run(out: &Path) -> Result<(), Failure> {
+    let mut report = Report::begin(out, "growth")?;
+    let polystyrene = Calibration::of(Material::Ps)?;
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let mut memory = None;
     let mut of_samples = Vec::new();
-    for n in samples {
-        let timed = median(cores, || calibrated(&model, &plan, &measured, n))?;
-        if n == samples[0] {
-            memory = peak_memory_mib();
-        }
-        of_samples.push((n, timed));
+    for n in SAMPLES {
+        of_samples.push((n, median(cores, || sampled(&polystyrene, n))?));
+        memory = memory.or_else(peak_memory_mib);
     }
     let exact = Case::material(Material::Ps)?.exact;
     let mut rows: Vec<Row> = of_samples
@@ -152,38 +101,76 @@ pub(super) fn run(args: &GrowthArgs) -> Result<(), Failure> {
         .map(|(n, timed)| Row::new("samples", [n, cores, n], timed, Some(&exact)))
         .collect();
     for m in [10, 100, 1_000, 10_000] {
-        let times_s: Vec<f64> = (1..=m).map(|k| 0.11 * k as f64 / m as f64).collect();
-        let model = model.at_times(times_s.clone());
-        let mut curve = vec![0.0; m];
-        let sintering = Material::Ps.table3_sintering();
-        model.curve(&sintering, &mut curve).map_err(RunError::new)?;
-        // Scatter without random numbers: the golden ratio fills the unit interval evenly.
-        for (k, value) in curve.iter_mut().enumerate() {
-            let u = ((k as f64 + 0.5) * 0.618_033_988_749_894_9).fract();
-            *value += 0.02 * smc_calib::normal::quantile(u);
-        }
-        let observations = Observations::new(times_s, curve).map_err(RunError::new)?;
-        let timed = median(cores, || calibrated(&model, &plan, &observations, SIMULATIONS))?;
+        let paper = Material::Ps.table3_sintering();
+        let many = Calibration::of(Material::Ps)?.made_up(m, 0.11, &paper, 0.02)?;
+        let timed = median(cores, || sampled(&many, SIMULATIONS))?;
         rows.push(Row::new("observations", [m, cores, SIMULATIONS], timed, None));
     }
     for d in 1..=10 {
-        let reference = reference::gaussian(d, 0.5, 0.1);
-        let settings = Settings { samples: SIMULATIONS, ..Settings::default() };
-        let timed = median(cores, || {
-            sample_density(&reference, &settings).map(Outcome::of_density).map_err(RunError::new)
-        })?;
-        let exact = Exact {
-            mean: reference.mean.clone(),
-            sd: reference.sd.clone(),
-            log_evidence: reference.log_evidence,
-            settled: 0.0,
-        };
-        rows.push(Row::new("dimensions", [d, cores, SIMULATIONS], timed, Some(&exact)));
+        rows.push(of_dimension(d, cores)?);
     }
     for threads in [1, 2] {
-        let timed = median(threads, || calibrated(&model, &plan, &measured, SIMULATIONS))?;
+        let timed = median(threads, || sampled(&polystyrene, SIMULATIONS))?;
         rows.push(Row::new("threads", [threads, threads, SIMULATIONS], timed, Some(&exact)));
     }
+    let table = table(&rows);
+    report.figure("figure", &figure(&rows))?;
+    report.table(&table)?;
+    let memory = memory.map_or_else(
+        || "not measured here (it is read from /proc)".to_owned(),
+        |mib| format!("{} MiB at most, of the whole process", significant(mib, 3)),
+    );
+    let text = format!(
+        "Median wall time and processor time of {REPEATS} runs (of one, where it takes more than {SLOW_S} s), sampler and \
+         summary without files and figures. {TEXT}\n{}\nMemory of a calibration of {} samples: {memory}.\n",
+        table.markdown(),
+        SAMPLES[0],
+    );
+    Ok(report.page("How the cost of a calibration grows", &text)?)
+}
+
+const TEXT: &str = "\
+Samples, observations and threads: polystyrene, closed form; the observations are the paper's curve with a scatter of
+0.02. Dimensions: the conjugate Gaussian reference, every coordinate measured with a tenth of its prior's standard
+deviation. Standard errors are those that the run reports, of its worst mean; errors, of this one seed, are against
+quadrature (samples, threads) and the exact answer (dimensions). Where not said otherwise 16 384 simulations; up to 1000
+samples are those of the sampler for small budgets.
+";
+
+/// The conjugate Gaussian reference in `d` dimensions.
+fn of_dimension(d: usize, cores: usize) -> Result<Row, Failure> {
+    let case = Case::density(reference::gaussian(d, 0.5, 0.1));
+    let settings = Settings { samples: SIMULATIONS, ..Settings::default() };
+    let timed = median(cores, || case.sampled(&settings))?;
+    Ok(Row::new("dimensions", [d, cores, SIMULATIONS], timed, Some(&case.exact)))
+}
+
+fn sampled(calibration: &Calibration, samples: usize) -> Result<Run, CalibrateError> {
+    calibration.posterior(samples, 1).map(Run::of_posterior)
+}
+
+/// Median wall and processor time \[s\] on a number of threads, and the last run.
+fn median(
+    count: usize,
+    mut job: impl FnMut() -> Result<Run, CalibrateError> + Send,
+) -> Result<([f64; 2], Run), RunError> {
+    threads(count)?.install(|| {
+        let (mut walls_s, mut processors_s) = (Vec::new(), Vec::new());
+        loop {
+            let start = Instant::now();
+            let (processor_s, run) = Clock::Process.measure(&mut job);
+            walls_s.push(start.elapsed().as_secs_f64());
+            processors_s.push(processor_s);
+            let run = run.map_err(RunError::new)?;
+            if walls_s.len() == REPEATS || walls_s[0] > SLOW_S {
+                let medians = [walls_s, processors_s].map(|times_s| Timing::of(times_s).median_s);
+                return Ok((medians, run));
+            }
+        }
+    })
+}
+
+fn table(rows: &[Row]) -> Table {
     let mut table = Table::new(&[
         "what grows",
         "size",
@@ -200,69 +187,7 @@ pub(super) fn run(args: &GrowthArgs) -> Result<(), Failure> {
         "error of ln Z",
     ]);
     rows.iter().for_each(|row| table.push(row.cells()));
-    report::figure(&args.out, "growth", &figure(&rows))?;
-    output::write_file(&args.out.join("growth.csv"), table.csv(&header).as_bytes())?;
-    let memory = memory.map_or_else(
-        || "not measured here (it is read from /proc)".to_owned(),
-        |mib| format!("{} MiB at most, of the whole process", significant(mib, 3)),
-    );
-    let text = format!(
-        "# How the cost of a calibration grows\n\n{}\nMedian wall time and processor time of {REPEATS} runs (of one, where it takes more than {SLOW_S} s), \
-         sampler and summary without files and figures. Samples, observations and threads: polystyrene, closed form; \
-         the observations are the paper's curve with a scatter of 0.02. Dimensions: the conjugate Gaussian \
-         reference, every coordinate measured with a tenth of its prior's standard deviation. Standard errors are those that \
-         the run reports, of its worst mean; errors, of this one seed, are against quadrature (samples, threads) and the \
-         exact answer (dimensions). Where not said otherwise {SIMULATIONS} simulations; up to 1000 samples are those of \
-         the sampler for small budgets.\n\n{}\nMemory of a calibration of {} samples: {memory}.\n",
-        header.lines("- "),
-        table.markdown(),
-        samples[0],
-    );
-    output::write_file(&args.out.join("growth.md"), text.as_bytes())?;
-    Ok(())
-}
-
-fn plan() -> Result<Plan, Failure> {
-    let args = RunArgs { material: Some(Material::Ps), ..RunArgs::default() };
-    Ok(Planned::from_args(&args)?.plan)
-}
-
-fn calibrated(
-    model: &NeckGrowth,
-    plan: &Plan,
-    observations: &Observations,
-    samples: usize,
-) -> Result<Outcome, RunError> {
-    let problem = Problem {
-        simulator: model,
-        parameters: plan.parameters.clone(),
-        observations: observations.clone(),
-        noise: plan.noise.clone(),
-    };
-    let posterior = calibrate(&problem, &settings(samples, plan.sampler.seed), &mut ());
-    posterior.map(|found| Outcome::of_posterior(&found)).map_err(RunError::new)
-}
-
-/// Median wall and processor time \[s\] on a number of threads, and the outcome of the last run.
-fn median(
-    threads: usize,
-    mut job: impl FnMut() -> Result<Outcome, RunError> + Send,
-) -> Result<([f64; 2], Outcome), Failure> {
-    run::pool(Some(threads))?.install(|| {
-        let (mut walls_s, mut processors_s) = (Vec::new(), Vec::new());
-        loop {
-            let start = Instant::now();
-            let (processor_s, outcome) = cpu_time::measured(Of::Process, &mut job);
-            walls_s.push(start.elapsed().as_secs_f64());
-            processors_s.push(processor_s);
-            let outcome = outcome?;
-            if walls_s.len() == REPEATS || walls_s[0] > SLOW_S {
-                let medians =
-                    [walls_s, processors_s].map(|mut times| quartiles(&mut times).median_s);
-                return Ok((medians, outcome));
-            }
-        }
-    })
+    table
 }
 
 /// Name, look and values of a curve of the figure.
@@ -301,8 +226,8 @@ fn figure(rows: &[Row]) -> WorkPrecisionGrid {
             panel(
                 what,
                 &[
-                    ("mean (posterior sd)", Role::Series(0), |row| row.outcome.mean_se),
-                    ("log evidence", Role::Series(1), |row| row.outcome.log_evidence_se),
+                    ("mean (posterior sd)", Role::Series(0), |row| row.mean_se()),
+                    ("log evidence", Role::Series(1), |row| row.run.log_evidence_se),
                 ],
                 "standard error",
                 "",

@@ -1,23 +1,24 @@
-//! Benchmarks and validation studies: `cargo run --release -p studies -- NAME`.
-//!
-//! Each study writes a table (CSV and Markdown) and log-log figures (PNG and SVG), each with the machine, the
-//! revision and the date it was made at.
+//! Benchmarks and validation studies, one question each: `cargo run --release -p studies -- NAME`.
 
 mod args;
+mod bed;
 mod calibration;
 mod cases;
-mod cpu_time;
 mod decided;
-mod draws;
 mod exact;
 mod growth;
 mod instructions;
+mod overhead;
+mod pair;
 mod paths;
+mod quantile;
 mod report;
 mod rivals;
 mod sampler;
 mod savings;
+mod seeds;
 mod simulator;
+mod small_budget;
 mod spread;
 mod timing;
 mod validity;
@@ -30,23 +31,29 @@ use workbench::error::Failure;
 use crate::args::{Args, Study};
 
 fn main() -> ExitCode {
-    match run(&Args::parse().study) {
+    match run(&Args::parse()) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => failure.report(),
+        Err(Failure::OutputClosed) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("error: {failure}");
+            ExitCode::from(failure.code())
+        }
     }
 }
 
-fn run(study: &Study) -> Result<(), Failure> {
+fn run(Args { out, study }: &Args) -> Result<(), Failure> {
     match study {
-        Study::Simulator(args) => {
-            simulator::run(args)?;
-            validity::run(&args.out)
-        }
-        Study::Calibration(args) if args.full => sampler::run(args),
-        Study::Calibration(args) => calibration::run(args),
+        Study::Simulator(args) => simulator::run(args, out),
+        Study::Validity => validity::run(out),
+        Study::Savings(args) => savings::run(args, out),
+        Study::Paths(args) => paths::run(args, out),
+        Study::Growth => growth::run(out),
+        Study::Calibration(args) => calibration::run(args, out),
+        Study::Sampler(args) => sampler::run(args, out),
+        Study::SmallBudget(args) => small_budget::run(args, out),
         Study::Exact(args) => exact::run(args),
-        Study::Savings(args) => savings::run(args),
-        Study::Growth(args) => growth::run(args),
-        Study::Paths(args) => paths::run(args),
+        Study::BedAccuracy(args) => bed::accuracy::run(args, out),
+        Study::BedCost(args) => bed::cost::run(args),
+        Study::Overhead(args) => overhead::run(args, out),
     }
 }

@@ -1,38 +1,84 @@
-//! Tables and figures of a benchmark, each with where and when it was made.
+//! The report of a study: its folder, its table, its figures, and where and when it was made.
 
 use std::fmt::Write as _;
-use std::path::Path;
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use figures::{Figure, Width};
 use workbench::error::RunError;
-use workbench::output;
-use workbench::tables::quoted;
 
-/// Machine, revision and date of a result.
+/// What a study writes into its folder: `report.md`, `table.csv` and figures as SVG.
+pub(crate) struct Report {
+    folder: PathBuf,
+    header: Header,
+    start: Instant,
+    figures: Vec<String>,
+}
+
+/// Command, machine, revision and date of a result.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Header {
+pub(crate) struct Header {
+    command: String,
     machine: String,
     revision: String,
     date: String,
-    command: String,
+}
+
+impl Report {
+    /// Makes the folder of a study, named after it.
+    pub(crate) fn begin(out: &Path, study: &str) -> Result<Self, RunError> {
+        let folder = out.join(study);
+        fs::create_dir_all(&folder)
+            .map_err(|error| RunError::new(format_args!("{}: {error}", folder.display())))?;
+        Ok(Self { folder, header: Header::now(study), start: Instant::now(), figures: Vec::new() })
+    }
+
+    /// Writes `table.csv`.
+    pub(crate) fn table(&self, table: &Table) -> Result<(), RunError> {
+        self.write("table.csv", &table.csv(&self.header)?)
+    }
+
+    /// Writes a figure as `NAME.svg`, for the width of a page.
+    pub(crate) fn figure(&mut self, name: &str, figure: &dyn Figure) -> Result<(), RunError> {
+        let picture = figure.render(Width::Full).map_err(RunError::new)?;
+        self.figures.push(name.to_owned());
+        self.write(&format!("{name}.svg"), &picture.svg)
+    }
+
+    /// Writes `report.md`: heading, header, time that the study took, text, figures.
+    pub(crate) fn page(&self, heading: &str, text: &str) -> Result<(), RunError> {
+        let took = seconds(self.start.elapsed().as_secs_f64());
+        let header = self.header.lines("- ");
+        let mut page = format!("# {heading}\n\n{header}- run time: {took}\n\n{text}");
+        for name in &self.figures {
+            let _ = write!(page, "\n![{name}]({name}.svg)\n");
+        }
+        self.write("report.md", &page)
+    }
+
+    fn write(&self, name: &str, text: &str) -> Result<(), RunError> {
+        let path = self.folder.join(name);
+        fs::write(&path, text)
+            .map_err(|error| RunError::new(format_args!("{}: {error}", path.display())))
+    }
 }
 
 impl Header {
     /// Of this moment on this machine.
-    pub(super) fn now(command: &str) -> Self {
+    fn now(study: &str) -> Self {
         Self {
+            command: format!("cargo run --release -p studies -- {study}"),
             machine: machine(),
             revision: revision(),
             date: today(),
-            command: command.to_owned(),
         }
     }
 
     /// One line per fact, with a prefix.
-    pub(super) fn lines(&self, prefix: &str) -> String {
-        let Self { machine, revision, date, command } = self;
+    fn lines(&self, prefix: &str) -> String {
+        let Self { command, machine, revision, date } = self;
         format!(
             "{prefix}made by: {command}\n{prefix}machine: {machine}\n{prefix}revision: {revision}\n{prefix}date: {date}\n"
         )
@@ -85,32 +131,32 @@ fn civil(days: i64) -> (i64, i64, i64) {
 
 /// A table that is written as CSV and as Markdown.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(super) struct Table {
+pub(crate) struct Table {
     columns: Vec<&'static str>,
     rows: Vec<Vec<String>>,
 }
 
 impl Table {
-    pub(super) fn new(columns: &[&'static str]) -> Self {
+    pub(crate) fn new(columns: &[&'static str]) -> Self {
         Self { columns: columns.to_vec(), rows: Vec::new() }
     }
 
-    pub(super) fn push(&mut self, row: Vec<String>) {
+    pub(crate) fn push(&mut self, row: Vec<String>) {
         debug_assert_eq!(row.len(), self.columns.len());
         self.rows.push(row);
     }
 
-    pub(super) fn csv(&self, header: &Header) -> String {
-        let line = |fields: Vec<String>| fields.join(",") + "\n";
-        let mut text = header.lines("# ");
-        text += &line(self.columns.iter().map(|name| quoted(name)).collect());
+    fn csv(&self, header: &Header) -> Result<String, RunError> {
+        let mut writer = csv::Writer::from_writer(header.lines("# ").into_bytes());
+        writer.write_record(&self.columns).map_err(RunError::new)?;
         for row in &self.rows {
-            text += &line(row.iter().map(|value| quoted(value)).collect());
+            writer.write_record(row).map_err(RunError::new)?;
         }
-        text
+        let bytes = writer.into_inner().map_err(RunError::new)?;
+        String::from_utf8(bytes).map_err(RunError::new)
     }
 
-    pub(super) fn markdown(&self) -> String {
+    pub(crate) fn markdown(&self) -> String {
         let mut text = String::new();
         let _ = writeln!(text, "| {} |", self.columns.join(" | "));
         let _ = writeln!(text, "|{}", "---|".repeat(self.columns.len()));
@@ -122,21 +168,8 @@ impl Table {
     }
 }
 
-/// Writes a figure as PNG and SVG.
-pub(super) fn figure(folder: &Path, name: &str, figure: &dyn Figure) -> Result<(), RunError> {
-    let picture = figure.render(Width::Full).map_err(|error| RunError::new(error.to_string()))?;
-    output::write_file(&folder.join(format!("{name}.png")), &picture.png)?;
-    output::write_file(&folder.join(format!("{name}.svg")), picture.svg.as_bytes())
-}
-
-/// Makes the folder.
-pub(super) fn folder(path: &Path) -> Result<(), RunError> {
-    std::fs::create_dir_all(path)
-        .map_err(|error| RunError::new(format_args!("{}: cannot be made: {error}", path.display())))
-}
-
-/// A time for a person.
-pub(super) fn seconds(time_s: f64) -> String {
+/// A time to three digits with its unit.
+pub(crate) fn seconds(time_s: f64) -> String {
     let (scale, unit) = match time_s {
         t if t >= 1.0 => (1.0, "s"),
         t if t >= 1e-3 => (1e3, "ms"),
@@ -151,19 +184,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn dates_are_wrong() {
+    fn days_since_1970_become_dates() {
         assert_eq!(civil(0), (1970, 1, 1));
         assert_eq!(civil(11_016), (2000, 2, 29));
         assert_eq!(civil(20_778), (2026, 11, 21));
     }
 
     #[test]
-    fn a_table_loses_a_comma_or_a_bar() {
+    fn commas_and_bars_stay_inside_their_cells() {
         let mut table = Table::new(&["a", "b"]);
         table.push(vec!["1,5".to_owned(), "x|y".to_owned()]);
         let header = Header::now("test");
-        assert!(table.csv(&header).ends_with("a,b\n\"1,5\",x|y\n"));
+        let csv = table.csv(&header).expect("text");
+        assert!(csv.ends_with("a,b\n\"1,5\",x|y\n"));
         assert!(table.markdown().ends_with("| 1,5 | x\\|y |\n"));
-        assert!(table.csv(&header).starts_with("# made by: test\n# machine: "));
+        assert!(csv.starts_with("# made by: cargo run --release -p studies -- test\n# machine: "));
     }
 }

@@ -2,24 +2,24 @@
 //! unbiased evidence of the frozen stage.
 
 use std::fmt::Write as _;
-use std::time::Instant;
+use std::path::Path;
 
-use super::calibration::chosen;
-use super::cases::{Case, Errors, Run};
-use super::report::{self, Header, Table};
-use super::spread::{Spreads, over_seeds};
-use crate::args::CalibrationArgs;
 use workbench::error::Failure;
 use workbench::number::significant;
-use workbench::output;
+
+use crate::args::CalibrationArgs;
+use crate::cases::{Case, Errors, Run};
+use crate::report::{Report, Table};
+use crate::seeds::over_seeds;
+use crate::spread::Spreads;
 
 const SEEDS: u64 = 1000;
-/// Replicates that error bars come from, less one: what a z-score is Student-t distributed with.
+/// Degrees of freedom of a z-score (Student t): the replicates of an error bar, less one.
 const FREEDOM: f64 = 15.0;
-/// Standard deviation that honest z-scores may have.
+/// Bounds on the standard deviation of honest z-scores.
 const HONEST: [f64; 2] = [0.9, 1.1];
 
-/// Root mean square errors that are wished for at a budget.
+/// Largest root mean square errors wanted at a budget.
 struct Reach {
     samples: usize,
     /// Mean, sd, log evidence.
@@ -74,7 +74,7 @@ impl Honesty {
         }
     }
 
-    /// What is not as promised.
+    /// Promises that do not hold.
     fn failures(&self) -> Vec<String> {
         let mut failures = Vec::new();
         let named =
@@ -100,11 +100,9 @@ impl Honesty {
     }
 }
 
-pub(super) fn run(args: &CalibrationArgs) -> Result<(), Failure> {
-    report::folder(&args.out)?;
+pub(crate) fn run(args: &CalibrationArgs, out: &Path) -> Result<(), Failure> {
+    let report = Report::begin(out, "sampler")?;
     let seeds = args.seeds.unwrap_or(SEEDS);
-    let header = Header::now("studies calibration --full");
-    let start = Instant::now();
     let mut table = Table::new(&[
         "problem",
         "simulations",
@@ -122,66 +120,59 @@ pub(super) fn run(args: &CalibrationArgs) -> Result<(), Failure> {
         "standard error",
         "reached",
     ]);
-    let mut text = String::new();
-    for case in chosen(args.only.as_deref())? {
+    let mut missed = String::new();
+    for case in Case::chosen(args.only.as_deref())? {
         for reach in &REACHES {
             eprintln!("{}, {} simulations", case.title, reach.samples);
             let runs = over_seeds(seeds, &|seed| case.run(reach.samples, seed))?;
-            let errors: Vec<Errors> =
-                runs.iter().map(|run| Errors::of(&case.exact, &run.estimate)).collect();
-            let rms = Spreads::new(&errors).of.map(|s| s.map_or(f64::NAN, |s| s.rms));
-            let honesty = Honesty::of(&case, &runs);
-            let mut failures = honesty.failures();
-            for ((what, found), wished) in
-                ["mean", "sd", "log evidence"].into_iter().zip(rms).zip(reach.errors)
-            {
-                if found.is_nan() || found > wished {
-                    failures.push(format!(
-                        "error of the {what} {}, {} times the wish",
-                        significant(found, 2),
-                        significant(found / wished, 2)
-                    ));
-                }
-            }
-            let range = |[low, high]: [f64; 2]| {
-                format!("{} to {}", significant(low, 3), significant(high, 3))
-            };
-            let mut row = vec![case.name.clone(), reach.samples.to_string(), seeds.to_string()];
-            for (found, wished) in rms.into_iter().zip(reach.errors) {
-                row.extend([significant(found, 3), wished.to_string()]);
-            }
-            row.extend([
-                range(honesty.mean),
-                range(honesty.sd),
-                significant(honesty.log_evidence, 3),
-                format!("{:.5}", honesty.frozen[0]),
-                significant(honesty.frozen[1], 2),
-                if failures.is_empty() { "yes" } else { "no" }.to_owned(),
-            ]);
+            let (row, failures) = judged(&case, reach, &runs);
             table.push(row);
             if !failures.is_empty() {
-                let _ = writeln!(
-                    text,
-                    "- {}, {} simulations: {}.",
-                    case.title,
-                    reach.samples,
-                    failures.join("; ")
-                );
+                let what = failures.join("; ");
+                let _ =
+                    writeln!(missed, "- {}, {} simulations: {what}.", case.title, reach.samples);
             }
         }
     }
-    if text.is_empty() {
-        text = "Everything is reached.\n".to_owned();
+    if missed.is_empty() {
+        missed = "Everything is reached.\n".to_owned();
     }
-    output::write_file(&args.out.join("sampler.csv"), table.csv(&header).as_bytes())?;
-    let page = format!(
-        "# The sampler against its promises\n\n{}- run time: {}\n\n{TEXT}\n{}\n## Missed\n\n{text}",
-        header.lines("- "),
-        report::seconds(start.elapsed().as_secs_f64()),
-        table.markdown(),
-    );
-    output::write_file(&args.out.join("sampler.md"), page.as_bytes())?;
-    Ok(())
+    report.table(&table)?;
+    let text = format!("{TEXT}\n{}\n## Missed\n\n{missed}", table.markdown());
+    Ok(report.page("The sampler against its promises", &text)?)
+}
+
+/// The row of a problem at a budget, and the promises that do not hold.
+fn judged(case: &Case, reach: &Reach, runs: &[Run]) -> (Vec<String>, Vec<String>) {
+    let errors: Vec<Errors> =
+        runs.iter().map(|run| Errors::of(&case.exact, &run.estimate)).collect();
+    let rms = Spreads::new(&errors).of.map(|s| s.map_or(f64::NAN, |s| s.rms));
+    let honesty = Honesty::of(case, runs);
+    let mut failures = honesty.failures();
+    let mut row = vec![case.name.clone(), reach.samples.to_string(), runs.len().to_string()];
+    for ((what, found), wished) in
+        ["mean", "sd", "log evidence"].into_iter().zip(rms).zip(reach.errors)
+    {
+        row.extend([significant(found, 3), wished.to_string()]);
+        if found.is_nan() || found > wished {
+            failures.push(format!(
+                "error of the {what} {}, {} times the reach",
+                significant(found, 2),
+                significant(found / wished, 2)
+            ));
+        }
+    }
+    let range =
+        |[low, high]: [f64; 2]| format!("{} to {}", significant(low, 3), significant(high, 3));
+    row.extend([
+        range(honesty.mean),
+        range(honesty.sd),
+        significant(honesty.log_evidence, 3),
+        format!("{:.5}", honesty.frozen[0]),
+        significant(honesty.frozen[1], 2),
+        if failures.is_empty() { "yes" } else { "no" }.to_owned(),
+    ]);
+    (row, failures)
 }
 
 const TEXT: &str = "\
@@ -217,13 +208,16 @@ mod tests {
                     sd_se: vec![0.01; exact.mean.len()],
                     log_evidence_se: 0.01,
                     frozen_log_evidence: exact.log_evidence + (1.0 + 0.1 * z / off).ln(),
+                    ess: 1.0,
+                    khat: 0.0,
+                    component_densities: 0,
                 }
             })
             .collect()
     }
 
     #[test]
-    fn dishonest_error_bars_and_a_biased_evidence_pass() {
+    fn dishonest_error_bars_and_a_biased_evidence_are_found() {
         let case = Case::all().expect("cases").pop().expect("a case");
         let honest = Honesty::of(&case, &runs(&case, 1.0));
         assert!(honest.failures().is_empty(), "{honest:?}");

@@ -1,40 +1,80 @@
-//! Time of several methods, interleaved.
+//! Time of one job, and of several methods in turn.
 
 use std::time::{Duration, Instant};
 
-use super::cpu_time::{self, Of};
+use crate::quantile::quantile;
 
-/// Time of one run.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Timing {
-    /// Median over the rounds \[s\].
-    pub(super) median_s: f64,
-    /// Lower quartile \[s\].
-    pub(super) lower_s: f64,
-    /// Upper quartile \[s\].
-    pub(super) upper_s: f64,
-}
-
-/// A method to be timed.
-pub(super) type Method<'a> = Box<dyn FnMut() + 'a>;
-
-/// A round of a fast method repeats it for so long.
-const ROUND: Duration = Duration::from_millis(3);
-
-/// What the clock counts.
+/// What a clock counts. Other programs on the machine disturb processor time less than wall time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Clock {
+pub(crate) enum Clock {
     /// Wall time.
     Wall,
     /// Processor time of this thread.
     Thread,
+    /// Processor time of all threads of this process.
+    Process,
 }
+
+impl Clock {
+    /// Time that a job takes \[s\], and what the job returns.
+    pub(crate) fn measure<T>(self, job: impl FnOnce() -> T) -> (f64, T) {
+        let start = Instant::now();
+        let before_s = self.processor_s();
+        let result = job();
+        let wall_s = start.elapsed().as_secs_f64();
+        let spent_s =
+            self.processor_s().zip(before_s).map(|(after_s, before_s)| after_s - before_s);
+        (spent_s.unwrap_or(wall_s), result)
+    }
+
+    /// Processor time so far \[s\]; none for wall time, which then stands in for it.
+    #[cfg(unix)]
+    fn processor_s(self) -> Option<f64> {
+        use rustix::time::{ClockId, clock_gettime};
+        let time = clock_gettime(match self {
+            Self::Wall => return None,
+            Self::Thread => ClockId::ThreadCPUTime,
+            Self::Process => ClockId::ProcessCPUTime,
+        });
+        Some(time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64)
+    }
+
+    #[cfg(not(unix))]
+    fn processor_s(self) -> Option<f64> {
+        None
+    }
+}
+
+/// Time of one run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Timing {
+    /// Median over the rounds \[s\].
+    pub(crate) median_s: f64,
+    /// Lower quartile \[s\].
+    pub(crate) lower_s: f64,
+    /// Upper quartile \[s\].
+    pub(crate) upper_s: f64,
+}
+
+impl Timing {
+    /// Median and quartiles of one time or more.
+    pub(crate) fn of(mut times_s: Vec<f64>) -> Self {
+        times_s.sort_by(f64::total_cmp);
+        let at = |share| quantile(&times_s, share);
+        Self { median_s: at(0.5), lower_s: at(0.25), upper_s: at(0.75) }
+    }
+}
+
+/// A method to be timed.
+pub(crate) type Method<'a> = Box<dyn FnMut() + 'a>;
+
+/// A fast method is repeated for this long within a round.
+const ROUND: Duration = Duration::from_millis(3);
 
 /// Times methods in turn, round by round, so that what disturbs the machine disturbs all of them.
 ///
-/// A method that is faster than a round is repeated within it; a slow one is run at most for
-/// `longest` in total, and at least three times.
-pub(super) fn interleaved(
+/// A slow method runs at most for `longest` in total, and at least three times.
+pub(crate) fn interleaved(
     clock: Clock,
     methods: &mut [Method<'_>],
     rounds: usize,
@@ -63,30 +103,11 @@ pub(super) fn interleaved(
             }
         }
     }
-    times.iter_mut().map(|times| quartiles(times)).collect()
+    times.into_iter().map(Timing::of).collect()
 }
 
 fn seconds(clock: Clock, method: &mut Method<'_>, count: u32) -> f64 {
-    let mut repeat = || (0..count).for_each(|_| method());
-    match clock {
-        Clock::Wall => {
-            let start = Instant::now();
-            repeat();
-            start.elapsed().as_secs_f64()
-        }
-        Clock::Thread => cpu_time::measured(Of::Thread, repeat).0,
-    }
-}
-
-/// Of one time or more, which it sorts.
-pub(super) fn quartiles(times: &mut [f64]) -> Timing {
-    times.sort_by(f64::total_cmp);
-    let at = |share: f64| {
-        let place = share * (times.len() - 1) as f64;
-        let (below, above) = (times[place.floor() as usize], times[place.ceil() as usize]);
-        below + (above - below) * place.fract()
-    };
-    Timing { median_s: at(0.5), lower_s: at(0.25), upper_s: at(0.75) }
+    clock.measure(|| (0..count).for_each(|_| method())).0
 }
 
 #[cfg(test)]
@@ -94,14 +115,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn median_and_quartiles_are_not_those_of_the_rounds() {
-        let timing = quartiles(&mut [5.0, 1.0, 3.0, 2.0, 4.0]);
+    fn a_timing_is_the_median_and_the_quartiles_of_the_rounds() {
+        let timing = Timing::of(vec![5.0, 1.0, 3.0, 2.0, 4.0]);
         assert_eq!((timing.median_s, timing.lower_s, timing.upper_s), (3.0, 2.0, 4.0));
-        assert_eq!(quartiles(&mut [1.0, 2.0]).median_s, 1.5);
+        assert_eq!(Timing::of(vec![1.0, 2.0]).median_s, 1.5);
     }
 
     #[test]
-    fn methods_do_not_all_run_or_a_slow_one_runs_on() {
+    fn every_method_runs_and_a_slow_one_stops_in_time() {
         let (mut fast, mut slow) = (0u64, 0u64);
         {
             let mut methods: Vec<Method<'_>> = vec![

@@ -160,7 +160,7 @@ fn unknown_column(table: &DataTable<'_>, column: &str) -> InputError {
 
 /// The times: not negative, each later than the one before.
 fn times(table: &DataTable<'_>) -> Result<Vec<f64>, InputError> {
-    let times = table.column("time_s")?;
+    let times = numbers(table, "time_s")?;
     for (row, &time) in times.iter().enumerate() {
         let mistake = |mistake| table.mistake_in(row, "time_s", mistake);
         if time < 0.0 {
@@ -186,9 +186,17 @@ fn times(table: &DataTable<'_>) -> Result<Vec<f64>, InputError> {
     Ok(times)
 }
 
+/// A column that cannot be negative.
+fn numbers(table: &DataTable<'_>, column: &str) -> Result<Vec<f64>, InputError> {
+    table.column(column).map_err(|error| match error.mistake {
+        Mistake::WrongType | Mistake::NotFinite => error.expected("a number >= 0"),
+        _ => error,
+    })
+}
+
 /// The contact ratios: 0 to [`LARGEST_CONTACT_RATIO`].
 fn contact_ratios(table: &DataTable<'_>) -> Result<Vec<f64>, InputError> {
-    let ratios = table.column("contact_ratio")?;
+    let ratios = numbers(table, "contact_ratio")?;
     let wrong = |ratio: &f64| !(0.0..=LARGEST_CONTACT_RATIO).contains(ratio);
     let Some(row) = ratios.iter().position(wrong) else { return Ok(ratios) };
     let mistake = |mistake| table.mistake_in(row, "contact_ratio", mistake);

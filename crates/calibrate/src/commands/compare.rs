@@ -2,10 +2,11 @@
 
 use std::path::PathBuf;
 
-use workbench::compare::{CompareOptions, Compared, RECORD, render};
+use workbench::compare::{Compared, RECORD, render};
 use workbench::error::Failure;
 use workbench::material::Material;
 use workbench::output::{RunFolder, pool, pretty};
+use workbench::plan::PairOptions;
 
 use crate::arguments;
 use crate::terminal::{OnInterrupt, Terminal};
@@ -72,17 +73,16 @@ pub(crate) struct CompareArgs {
 pub(crate) fn run(args: &CompareArgs) -> Result<(), Failure> {
     let folder = RunFolder::prepare(&args.out, RECORD)?;
     let terminal = Terminal::new(args.quiet, OnInterrupt::Detach);
-    let options = CompareOptions {
+    let options = PairOptions {
         material: args.material,
         experiment: args.experiment.clone(),
         prior: args.prior.clone(),
-        phi: args.phi,
         samples: args.samples,
         seed: args.seed,
-        log_time: args.log_time,
+        ..PairOptions::default()
     };
     let (compared, published) = pool(args.threads)?.install(|| {
-        let compared = Compared::new(&options, &terminal)?;
+        let compared = Compared::new(&options, args.phi, args.log_time, &terminal)?;
         let published = compared.publish(&folder)?;
         Ok::<_, Failure>((compared, published))
     })?;

@@ -1,31 +1,28 @@
-//! Other ways to a posterior, each as its authors describe it and with their defaults: what the sampler is held
-//! against.
-
-// Loops over matrix rows and columns read like the formulas they compute.
-#![allow(clippy::needless_range_loop)]
+//! Other ways to a posterior, each as its authors describe it and with their defaults.
 
 mod grain_learning;
 mod metropolis;
 mod population;
 mod prior_importance;
 
-pub(super) use grain_learning::grain_learning;
-pub(super) use metropolis::metropolis;
-pub(super) use population::population;
-pub(super) use prior_importance::prior_importance;
+pub(crate) use grain_learning::grain_learning;
+pub(crate) use metropolis::metropolis;
+pub(crate) use population::population;
+pub(crate) use prior_importance::prior_importance;
 
+use nalgebra::DMatrix;
 use rand::SeedableRng as _;
 use rand::rngs::ChaCha8Rng;
 
-/// A posterior to be found, over normal scores: the prior is the standard normal in every coordinate.
-pub(super) trait Bayes {
+/// A posterior over normal scores: the prior is the standard normal in every coordinate.
+pub(crate) trait Bayes {
     /// Number of parameters.
     fn dimension(&self) -> usize;
 
     /// Log likelihood; minus infinity where the simulation failed.
     fn ln_likelihood(&self, z: &[f64]) -> f64;
 
-    /// What tuned noise divides: minus the log likelihood at sigma 1, up to a constant; infinite where the simulation
+    /// The misfit that tuned noise divides: minus the log likelihood at sigma 1, up to a constant; infinite where the simulation
     /// failed.
     fn misfit(&self, z: &[f64]) -> f64;
 
@@ -33,17 +30,17 @@ pub(super) trait Bayes {
     fn coordinate(&self, parameter: usize, z: f64) -> f64;
 }
 
-/// What a method says of a posterior.
+/// A method's estimate of a posterior.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(super) struct Estimate {
+pub(crate) struct Estimate {
     /// Means in the priors' coordinates; empty where the method found nothing.
-    pub(super) mean: Vec<f64>,
+    pub(crate) mean: Vec<f64>,
     /// Standard deviations.
-    pub(super) sd: Vec<f64>,
+    pub(crate) sd: Vec<f64>,
     /// Log evidence, where the method has one.
-    pub(super) log_evidence: Option<f64>,
+    pub(crate) log_evidence: Option<f64>,
     /// Simulations that were run.
-    pub(super) simulations: usize,
+    pub(crate) simulations: usize,
 }
 
 /// Moments of weighted points `z`, row by row; the log evidence is that of the mean weight.
@@ -78,40 +75,10 @@ fn ln_prior(z: &[f64]) -> f64 {
     z.iter().map(|z| smc_calib::normal::ln_density(*z)).sum()
 }
 
-/// Lower Cholesky factor of a symmetric matrix, row by row; none where it is not positive definite.
-fn cholesky(matrix: &[f64], d: usize) -> Option<Vec<f64>> {
-    let mut factor = vec![0.0; d * d];
-    for i in 0..d {
-        for j in 0..=i {
-            let dot: f64 = (0..j).map(|k| factor[i * d + k] * factor[j * d + k]).sum();
-            let rest = matrix[i * d + j] - dot;
-            if i > j {
-                factor[i * d + j] = rest / factor[j * d + j];
-            } else if rest > 0.0 && rest.is_finite() {
-                factor[i * d + i] = rest.sqrt();
-            } else {
-                return None;
-            }
-        }
-    }
-    Some(factor)
-}
-
-/// `factor` times a vector.
-fn times(factor: &[f64], vector: &[f64]) -> Vec<f64> {
-    let d = vector.len();
-    (0..d).map(|i| (0..=i).map(|k| factor[i * d + k] * vector[k]).sum()).collect()
-}
-
-/// Solves `factor` times x = vector.
-fn solve(factor: &[f64], vector: &[f64]) -> Vec<f64> {
-    let d = vector.len();
-    let mut x = vec![0.0; d];
-    for i in 0..d {
-        let dot: f64 = (0..i).map(|k| factor[i * d + k] * x[k]).sum();
-        x[i] = (vector[i] - dot) / factor[i * d + i];
-    }
-    x
+/// Lower Cholesky factor of a symmetric matrix; none where it is not positive definite.
+fn cholesky(matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let factor = matrix.cholesky()?.unpack();
+    factor.iter().all(|value| value.is_finite()).then_some(factor)
 }
 
 /// The random numbers of one run of one method.

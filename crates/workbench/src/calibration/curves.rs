@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use smc_calib::Weighted;
 use smc_calib::{FixedSigma, Noise, SimError, Simulator as _};
 
-use super::neck_growth::{OfPair, simulation_failure};
+use super::of_pair::{OfPair, simulation_failure};
 use crate::error::{Failure, RunError};
 use crate::model::NeckGrowth;
 use crate::record::Curves;

@@ -2,6 +2,7 @@
 
 mod curves;
 mod neck_growth;
+mod of_pair;
 mod record;
 mod run;
 mod store;

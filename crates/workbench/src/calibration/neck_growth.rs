@@ -1,49 +1,21 @@
 //! Results that only a pair of particles has: Table 3, the product, the fit errors, the knee and the curves.
 
-use dem_core::{Knee, Sintering, knee, printed};
-use smc_calib::{Posterior, SimError};
+use dem_core::{Knee, knee, printed};
+use smc_calib::Weighted;
 
 use super::curves::{AtData, curves};
-use crate::error::{Failure, RunError};
+use super::of_pair::{OfPair, simulation_failure};
+use crate::error::Failure;
 use crate::frenkel_fit;
 use crate::material::Material;
-use crate::model::NeckGrowth;
 use crate::parameter::ParameterName;
-use crate::plan::{ObservablePlan, PairPlan, Plan};
 use crate::product;
 use crate::record::{
     Derived, Fit, FitError, KneeSummary, NeckGrowthRecord, ObservableRecord, PaperComparison,
     PrintedParameter,
 };
-use smc_calib::Weighted;
 
-/// One pair of a plan, its model and its posterior.
-pub(super) struct OfPair<'a> {
-    pub(super) plan: &'a Plan,
-    pub(super) pair: &'a PairPlan,
-    pub(super) measured: &'a ObservablePlan,
-    /// Place of the observable among those of the plan.
-    pub(super) group: usize,
-    pub(super) model: NeckGrowth,
-    pub(super) posterior: &'a Posterior,
-}
-
-impl<'a> OfPair<'a> {
-    pub(super) fn new(
-        plan: &'a Plan,
-        pair: &'a PairPlan,
-        (group, measured): (usize, &'a ObservablePlan),
-        posterior: &'a Posterior,
-    ) -> Result<Self, Failure> {
-        let model = NeckGrowth::new(pair, &plan.parameters, measured.control.clone())?;
-        Ok(Self { plan, pair, measured, group, model, posterior })
-    }
-
-    /// The paper's parameters, where the powder is one of the paper's.
-    pub(super) fn paper(&self) -> Option<Sintering> {
-        self.pair.material.map(|material| material.table3_sintering_at(self.pair.powder.radius_m))
-    }
-
+impl OfPair<'_> {
     /// Everything that only a pair has.
     pub(super) fn record(&self, found: &ObservableRecord) -> Result<NeckGrowthRecord, Failure> {
         let observed = &self.measured.values;
@@ -78,12 +50,6 @@ impl<'a> OfPair<'a> {
                  and the prior alone divides it between the two"
             )
         })
-    }
-
-    /// Values with the weights of their samples.
-    fn weighted(&self, value: impl Fn(&[f64]) -> f64) -> Weighted {
-        let samples = self.posterior.samples.iter().filter(|sample| sample.weight > 0.0);
-        Weighted::new(samples.map(|sample| (value(&sample.theta), sample.weight)))
     }
 
     fn paper_comparison(&self, material: Material) -> PaperComparison {
@@ -181,9 +147,4 @@ impl<'a> OfPair<'a> {
             time_s: derived(|knee| knee.time_s),
         }))
     }
-}
-
-/// A curve of the report that cannot be computed.
-pub(super) fn simulation_failure(error: &SimError) -> Failure {
-    RunError::new(format_args!("a curve of the report could not be computed: {error}")).into()
 }

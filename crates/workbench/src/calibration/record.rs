@@ -2,7 +2,7 @@
 
 use smc_calib::{BandPoint, Posterior};
 
-use super::neck_growth::OfPair;
+use super::of_pair::OfPair;
 use crate::error::{Failure, RunError};
 use crate::plan::{Plan, SimulatorPlan};
 use crate::record::{ExperimentRecord, FitError, ObservableRecord, Record, SCHEMA_VERSION};

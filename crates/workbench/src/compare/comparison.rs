@@ -1,4 +1,4 @@
-//! A comparison as data: what `compare.json` holds.
+//! `compare.json`: the comparison as data.
 
 use serde::{Deserialize, Serialize};
 use smc_calib::LeaveOneOut;
@@ -16,19 +16,19 @@ pub const SCHEMA_VERSION: u32 = 1;
 /// coalescence, the same for every material and kinetics.
 pub const PHI_RANGE: [f64; 2] = [1.0, 1.35];
 
-/// Everything that `calibrate compare` finds.
+/// `compare.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Report {
     /// [`SCHEMA_VERSION`].
     pub schema_version: u32,
-    /// What decided the result.
+    /// Everything that decides the result.
     pub plan: ReportPlan,
     /// One entry per material or experiment.
     pub comparisons: Vec<Comparison>,
 }
 
-/// What decided the result.
+/// Everything that decides the result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReportPlan {
@@ -54,13 +54,13 @@ pub struct Comparison {
     pub observations: usize,
     /// The final contact ratio where it was not calibrated.
     pub final_contact_ratio: f64,
-    /// Why it is what it is.
+    /// Reason for this value.
     pub final_contact_ratio_reason: Option<String>,
     /// One entry per kinetics.
     pub entries: Vec<Entry>,
-    /// What the data say, in plain words.
+    /// Conclusion in plain words.
     pub verdict: Vec<String>,
-    /// Where the prior or the method decides, and other reasons to be careful.
+    /// Reasons to be careful.
     pub warnings: Vec<String>,
 }
 
@@ -76,7 +76,7 @@ pub struct Entry {
     pub log_evidence_se: f64,
     /// Log evidence minus that of the best kinetics.
     pub log_bayes_factor: f64,
-    /// What that is called.
+    /// The strength of that evidence.
     pub strength: Strength,
     /// Errors of the MAP curve.
     pub error: FitError,
@@ -84,17 +84,17 @@ pub struct Entry {
     pub leave_one_out: LeaveOneOut,
     /// Observations whose predictive density was computed by calibrating again without them.
     pub refitted: Vec<usize>,
-    /// The same minus that of the best kinetics by it.
+    /// Difference of that density to the largest one.
     pub leave_one_out_difference: f64,
-    /// Spread of that difference over data sets.
+    /// Standard deviation of that difference over data sets.
     pub leave_one_out_difference_spread: f64,
-    /// Parameters with what was learnt of each \[bits\].
+    /// The parameters, with the information gained on each.
     pub informed: Vec<Informed>,
-    /// How many of them, or of their combinations where only these matter, the data inform.
+    /// Number of parameters, or of combinations where only these matter, that the data inform.
     pub informed_parameters: usize,
     /// Lag-1 autocorrelation of the MAP curve's residuals.
     pub residual_lag1: f64,
-    /// Whether these may be independent, as the likelihood takes them to be.
+    /// Whether the residuals may be independent, as the likelihood assumes.
     pub residuals_independent: bool,
     /// Effective sample size.
     pub ess: f64,
@@ -104,7 +104,7 @@ pub struct Entry {
     pub trusted: bool,
 }
 
-/// What was learnt of a parameter.
+/// Information gained on a parameter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Informed {
@@ -116,7 +116,7 @@ pub struct Informed {
     pub median: f64,
     /// 95 % interval.
     pub eti95: [f64; 2],
-    /// Whether it counts: not for C1 and delta_c where only their product matters.
+    /// Whether it counts as a parameter of its own: not C1 and delta_c where only their product matters.
     pub counts: bool,
 }
 

@@ -10,8 +10,6 @@ pub mod render;
 pub mod strength;
 mod verdict;
 
-use std::path::PathBuf;
-
 use dem_core::Kinetics;
 use smc_calib::{Parameter, Prior, PriorSpec, Problem, leave_one_out};
 
@@ -30,25 +28,6 @@ use figures::{CompareFigure, NamedCurve, Role, Width};
 /// The record of a comparison.
 pub const RECORD: &str = "compare.json";
 
-/// What to compare.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct CompareOptions {
-    /// Built-in material; all of them where there is no experiment either.
-    pub material: Option<Material>,
-    /// Own measurements.
-    pub experiment: Option<PathBuf>,
-    /// Own priors.
-    pub prior: Option<PathBuf>,
-    /// Whether the final contact ratio is calibrated too.
-    pub phi: bool,
-    /// Simulations per calibration.
-    pub samples: usize,
-    /// Seed.
-    pub seed: u64,
-    /// Whether figures have a logarithmic time axis.
-    pub log_time: bool,
-}
-
 /// The kinetics of every material or experiment, compared.
 pub struct Compared {
     /// What `compare.json` holds.
@@ -57,12 +36,19 @@ pub struct Compared {
 }
 
 impl Compared {
-    /// Makes the plans, calibrates each and compares the kinetics of each experiment.
+    /// Compares the kinetics on one experiment, or on every built-in material where `options` name none. The kinetics of
+    /// the options are not used; with `phi` the final contact ratio is calibrated too, and with `log_time` the figures
+    /// have a logarithmic time axis.
     ///
     /// # Errors
     ///
     /// As [`Calibration::run`].
-    pub fn new(options: &CompareOptions, watch: &dyn Watch) -> Result<Self, Failure> {
+    pub fn new(
+        options: &PairOptions,
+        phi: bool,
+        log_time: bool,
+        watch: &dyn Watch,
+    ) -> Result<Self, Failure> {
         let subjects = match (options.material, &options.experiment) {
             (None, None) => Material::ALL.map(Some).to_vec(),
             (material, _) => vec![material],
@@ -70,20 +56,27 @@ impl Compared {
         // All plans are made before the first one runs.
         let plans: Vec<Vec<Planned>> = subjects
             .into_iter()
-            .map(|of| Kinetics::ALL.into_iter().map(|k| planned(options, of, k)).collect())
+            .map(|material| {
+                let subject = PairOptions { material, ..options.clone() };
+                Kinetics::ALL.into_iter().map(|kinetics| planned(&subject, phi, kinetics)).collect()
+            })
             .collect::<Result<_, _>>()?;
         let experiments =
             plans.iter().filter_map(|plans| plans.first()).map(|planned| planned.plan.clone());
-        let CompareOptions { samples, seed, phi, .. } = *options;
         let mut report = Report {
             schema_version: SCHEMA_VERSION,
-            plan: ReportPlan { samples, seed, phi, experiments: experiments.collect() },
+            plan: ReportPlan {
+                samples: options.samples,
+                seed: options.seed,
+                phi,
+                experiments: experiments.collect(),
+            },
             comparisons: Vec::new(),
         };
         let mut figures = NamedFigures::new();
         for plans in &plans {
             let (comparison, mut figure) = side_by_side(plans, watch)?;
-            figure.axes.log_control = options.log_time;
+            figure.axes.log_control = log_time;
             figures.push((format!("compare-{}", comparison.name), Box::new(figure)));
             report.comparisons.push(comparison);
         }
@@ -107,24 +100,11 @@ impl Compared {
 }
 
 /// The plan of one kinetics.
-fn planned(
-    options: &CompareOptions,
-    material: Option<Material>,
-    kinetics: Kinetics,
-) -> Result<Planned, Failure> {
-    let mut planned = PairOptions {
-        material,
-        experiment: options.experiment.clone(),
-        prior: options.prior.clone(),
-        samples: options.samples,
-        seed: options.seed,
-        kinetics,
-        ..PairOptions::default()
-    }
-    .plan()?;
+fn planned(subject: &PairOptions, phi: bool, kinetics: Kinetics) -> Result<Planned, InputError> {
+    let mut planned = PairOptions { kinetics, ..subject.clone() }.plan()?;
     let name = ParameterName::Phi;
     let given = planned.plan.parameters.iter().any(|parameter| parameter.name == name.name());
-    if options.phi && !given {
+    if phi && !given {
         let [lower, upper] = PHI_RANGE;
         let prior = Prior::new(PriorSpec::Uniform { lower, upper })
             .map_err(|error| InputError::new("--phi", Mistake::OutOfRange).found(error))?;

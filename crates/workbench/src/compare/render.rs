@@ -8,7 +8,7 @@ use super::comparison::{Comparison, Entry, PHI_RANGE, Report};
 use super::strength::{Strength, bayes_factor};
 use crate::number::{significant, with_error};
 
-/// What makes the comparison fair, and what the columns are.
+/// Why the comparison is fair, and the meaning of the columns.
 fn preamble(report: &Report) -> String {
     let phi = if report.plan.phi {
         format!(
@@ -104,7 +104,7 @@ pub fn markdown(report: &Report) -> String {
     text
 }
 
-/// What the regime map sees of C1 and delta_c.
+/// The product of C1 and delta_c^2, for kinetics that depend on nothing else of the two.
 fn product(text: &mut String, comparison: &Comparison) {
     for entry in &comparison.entries {
         for one in entry.informed.iter().filter(|one| one.name.contains('*')) {

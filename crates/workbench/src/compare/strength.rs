@@ -1,4 +1,4 @@
-//! What a Bayes factor is called.
+//! Words for Bayes factors.
 
 use std::fmt;
 
@@ -11,7 +11,7 @@ use crate::number::significant;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Strength {
-    /// 2 ln K = 0: the best one itself.
+    /// 2 ln K = 0: the best kinetics itself.
     None,
     /// 2 ln K below 2 (K below 3).
     BareMention,
@@ -49,7 +49,7 @@ impl fmt::Display for Strength {
     }
 }
 
-/// A Bayes factor as a person reads it.
+/// A Bayes factor of a logarithm, rounded.
 pub(super) fn bayes_factor(log: f64) -> String {
     if log > 11.5 {
         format!("10^{:.0}", log / std::f64::consts::LN_10)

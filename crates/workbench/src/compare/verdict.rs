@@ -1,10 +1,10 @@
-//! What the numbers of a comparison mean, in words.
+//! Conclusions of a comparison in words.
 
 use super::comparison::{Comparison, Entry};
 use super::strength::{Strength, bayes_factor};
 use crate::number::significant;
 
-/// What the data support, and how strongly.
+/// Which kinetics the data support, and how strongly.
 pub(super) fn in_words(comparison: &Comparison) -> Vec<String> {
     let Some(best) = comparison.best() else { return Vec::new() };
     let rivals: Vec<&Entry> =
@@ -68,7 +68,7 @@ pub(super) fn in_words(comparison: &Comparison) -> Vec<String> {
     words
 }
 
-/// Where the prior or the method decides.
+/// Reasons to be careful: where the prior or the method decides.
 pub(super) fn warnings(comparison: &Comparison) -> Vec<String> {
     let mut warnings = Vec::new();
     let Some(best) = comparison.best() else { return warnings };

@@ -1,4 +1,4 @@
-//! The bed of one draw over time, its file, and the bands over all draws.
+//! The bed of one draw over time, as a file, and the bands over all draws.
 
 use std::fmt::Write as _;
 
@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::scene::NECKS_MEET;
 use smc_calib::Weighted;
 
-/// What is said of time.
+/// A level whose time is wanted.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Target {
@@ -19,7 +19,7 @@ pub enum Target {
 }
 
 impl Target {
-    /// What it is, in words.
+    /// Name of the quantity.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -28,7 +28,7 @@ impl Target {
         }
     }
 
-    /// The value wished for.
+    /// The level.
     #[must_use]
     pub fn value(self) -> f64 {
         match self {
@@ -37,10 +37,10 @@ impl Target {
     }
 }
 
-/// A moment of a bed.
+/// A bed at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moment {
-    /// Since heating began \[s\].
+    /// Time since heating began \[s\].
     pub time_s: f64,
     /// Relative density, NaN where the bed has no volume.
     pub relative_density: f64,
@@ -57,7 +57,7 @@ pub struct Moment {
 }
 
 impl Moment {
-    /// Of an observation, with time counted from when heating began.
+    /// From an observation, with time counted from the start of heating.
     #[must_use]
     pub fn of(sample: &Sample, heated_from_s: f64) -> Self {
         Self {
@@ -109,7 +109,7 @@ const COLUMNS: &str = "time_s,relative_density,coordination,mean_contact_ratio,n
 const END: &str = "# end";
 
 impl Curve {
-    /// As a file that says what it belongs to and that it is whole.
+    /// As a file. Its first line names what it belongs to, and its last line marks the end.
     #[must_use]
     pub fn file(&self, belongs_to: &str) -> String {
         let mut text =
@@ -123,7 +123,7 @@ impl Curve {
         text
     }
 
-    /// Reads such a file back; `None` where it belongs to something else or is not whole.
+    /// Reads such a file back; `None` where it belongs to something else or is cut off.
     #[must_use]
     pub fn parse(text: &str, belongs_to: &str) -> Option<Self> {
         let mut lines = text.lines();
@@ -167,7 +167,8 @@ impl Curve {
         None
     }
 
-    /// When a quantity first reaches a level \[s\], and another one then, by straight lines between observations.
+    /// The time \[s\] at which a quantity first reaches a level, and the value of another one at that time, both by linear
+    /// interpolation between observations.
     fn crossing(
         &self,
         of: impl Fn(&Moment) -> f64,
@@ -184,14 +185,14 @@ impl Curve {
         Some((between(from.time_s, to.time_s), between(other(from), other(to))))
     }
 
-    /// When the target is reached \[s\].
+    /// Time at which the target is reached \[s\].
     #[must_use]
     pub fn time_to(&self, target: Target) -> Option<f64> {
         self.crossing(|moment| moment.of_target(target), target.value(), |_| 0.0)
             .map(|(time, _)| time)
     }
 
-    /// When necks begin to meet on too many particles \[s\], and the target's quantity then.
+    /// Time \[s\] at which necks begin to meet on too many particles, and the target's quantity at that time.
     #[must_use]
     pub fn model_ends(&self, target: Target) -> Option<(f64, f64)> {
         self.crossing(|moment| moment.necks_meet, NECKS_MEET, |moment| moment.of_target(target))
@@ -224,7 +225,7 @@ impl Band {
 /// All draws at one time.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Point {
-    /// Since heating began \[s\].
+    /// Time since heating began \[s\].
     pub time_s: f64,
     /// Relative density; none where the bed has no volume. Draws whose bed is full by then count as 1.
     pub relative_density: Option<Band>,
@@ -288,7 +289,7 @@ pub struct TimeTo {
 }
 
 impl TimeTo {
-    /// Of times, none for draws that never get there.
+    /// From the times of all draws; none for a draw that never reaches the target.
     #[must_use]
     pub fn of(times: &[Option<f64>]) -> Self {
         let mut sorted: Vec<f64> = times.iter().map(|time| time.unwrap_or(f64::INFINITY)).collect();
@@ -346,7 +347,7 @@ mod tests {
     }
 
     #[test]
-    fn a_curve_reads_back_as_it_was_and_not_for_another_plan_or_when_cut() {
+    fn a_curve_reads_back_to_the_bit_and_is_refused_for_another_plan_or_when_cut() {
         let curve = curve(&[0.6, 0.7, 0.123_456_789_012_345_67]);
         let text = curve.file("plan 1 draw 2");
         let back = Curve::parse(&text, "plan 1 draw 2").expect("whole");
@@ -358,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn bands_hold_a_full_bed_at_one_and_count_who_left_the_model() {
+    fn a_full_bed_stays_at_density_one_and_draws_outside_the_model_are_counted() {
         let curves = [curve(&[0.6, 0.8, 1.02]), curve(&[0.6, 0.7, 0.8, 0.9])];
         let points = bands(&curves, Target::RelativeDensity(0.9));
         assert_eq!(points.len(), 4);
@@ -370,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn draws_that_never_arrive_are_later_than_all_others() {
+    fn draws_that_never_reach_the_target_count_as_later_than_all_others() {
         let some = |times: &[f64], never: usize| {
             let mut all: Vec<Option<f64>> = times.iter().copied().map(Some).collect();
             all.extend(vec![None; never]);

@@ -1,4 +1,4 @@
-//! What `densify` found, as JSON, CSV and in words.
+//! The result of a densification as JSON, CSV, figure and text.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -17,7 +17,7 @@ use figures::DensificationFigure;
 /// Version of the layout of `densify.json`.
 const SCHEMA_VERSION: u32 = 1;
 
-/// What decides the result.
+/// Everything that decides the result.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct DensifyPlan {
     /// Name of the scene.
@@ -26,7 +26,7 @@ pub struct DensifyPlan {
     pub scene: Value,
     /// Name of the calibration that the draws come from.
     pub posterior_name: String,
-    /// Tells posteriors apart: of the plan and the draws.
+    /// Fingerprint of the calibration's plan and draws.
     pub posterior_fingerprint: String,
     /// Kinetics of both.
     pub kinetics: Kinetics,
@@ -36,23 +36,23 @@ pub struct DensifyPlan {
     pub draws: usize,
     /// Seed of their choice.
     pub seed: u64,
-    /// What is said of time.
+    /// The level whose time is wanted.
     pub target: Target,
     /// Version of this program.
     pub version: String,
 }
 
-/// A draw with what became of it.
+/// A draw and its bed.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct DrawRecord {
     /// The draw.
     #[serde(flatten)]
     pub draw: Draw,
-    /// When its bed reaches the target \[s\]; none where it does not.
+    /// Time at which its bed reaches the target \[s\]; none where it does not.
     pub time_to_target_s: Option<f64>,
-    /// When the model ends \[s\].
+    /// Time at which the model ends \[s\].
     pub model_ends_s: Option<f64>,
-    /// The target's quantity then.
+    /// The target's quantity at that time.
     pub model_ends_at: Option<f64>,
     /// The target's quantity at the end of the run.
     pub last: f64,
@@ -66,7 +66,7 @@ pub struct FailedDraw {
     /// The draw.
     #[serde(flatten)]
     pub draw: Draw,
-    /// Why.
+    /// The cause.
     pub reason: String,
 }
 
@@ -86,11 +86,11 @@ pub struct Reached {
 /// Where the model ends.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ModelEnds {
-    /// Share of the particles on which necks meet, that counts as its end.
+    /// Share of the particles on which necks meet at its end.
     pub necks_meet: f64,
-    /// When \[s\].
+    /// Over all draws \[s\].
     pub time_s: TimeTo,
-    /// The median of the target's quantity then; none where no draw gets there.
+    /// Median of the target's quantity at that time; none where no draw gets there.
     pub at: Option<f64>,
     /// Draws that get there.
     pub draws: usize,
@@ -101,7 +101,7 @@ pub struct ModelEnds {
 pub struct Report {
     /// Version of the layout.
     pub schema_version: u32,
-    /// What was asked.
+    /// Everything that decides the result.
     pub plan: DensifyPlan,
     /// Names of the parameters.
     pub parameters: Vec<String>,
@@ -218,7 +218,7 @@ impl Report {
         text
     }
 
-    /// `draws.csv`: every draw with what became of it; empty cells where something does not happen.
+    /// `draws.csv`: every draw and its bed, with an empty cell for a time that is not reached.
     #[must_use]
     pub fn draws_csv(&self, units: &[&str]) -> String {
         let mut text = String::from("draw,row");
@@ -277,7 +277,7 @@ impl Report {
         }
     }
 
-    /// What a person reads.
+    /// The summary as text.
     #[must_use]
     pub fn text(&self, seconds: f64, out: &Path) -> String {
         let plan = &self.plan;

@@ -1,17 +1,17 @@
-//! How much of the spread of the densification time comes from which parameter.
+//! The share of each parameter in the spread of the densification time.
 //!
 //! The logarithm of the time is regressed, with a straight line in each, on the normal scores of the parameters (their ranks
 //! among the draws, mapped to a normal distribution). `R^2` of that regression is divided among the
 //! parameters by Shapley's rule: the share of a parameter is what it adds to `R^2`, averaged over all orders in which the
 //! parameters can be added (Lindeman, Merenda, Gold 1980; Owen, Prieur 2017). For independent parameters that is the
 //! first-order variance share of each; for correlated ones what they explain together is divided evenly, and
-//! [`alone`](Share::alone) and [`last`](Share::last) say between which bounds it could lie. What is missing from
-//! `R^2` to 1 is curvature and interaction, which no share is given for.
+//! [`alone`](Share::alone) and [`last`](Share::last) say between which bounds it could lie. The rest,
+//! `1 - R^2`, is curvature and interaction, which is not divided.
 
 use serde::Serialize;
 use smc_calib::normal;
 
-/// What one parameter has to do with the spread.
+/// The share of one parameter.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Share {
     /// The parameter.
@@ -20,18 +20,18 @@ pub struct Share {
     pub share: f64,
     /// Standard error of that (jackknife).
     pub se: f64,
-    /// What it explains by itself, together with what it is correlated with.
+    /// `R^2` of a regression on this parameter alone.
     pub alone: f64,
-    /// What it adds when all others are known.
+    /// What it adds to `R^2` of all others.
     pub last: f64,
     /// Correlation of its normal scores with the logarithm of the time.
     pub correlation: f64,
 }
 
-/// Where the spread comes from.
+/// The spread of the time and its division.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Spread {
-    /// In one sentence.
+    /// The method in one sentence.
     pub method: String,
     /// Draws used: those that reach the target.
     pub draws: usize,
@@ -39,9 +39,9 @@ pub struct Spread {
     pub sd_ln_time: f64,
     /// Share of the variance that the regression explains.
     pub r_squared: f64,
-    /// The same for draws that were left out, one at a time: what the regression is worth.
+    /// The same for draws that were left out, one at a time.
     pub r_squared_left_out: f64,
-    /// The parameters.
+    /// Shares of the parameters.
     pub shares: Vec<Share>,
 }
 
@@ -204,8 +204,8 @@ fn product(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// An orthonormal basis of what columns span (Gram and Schmidt, twice); a column that the others hold already
-/// adds nothing.
+/// An orthonormal basis of the span of columns (Gram-Schmidt, twice); a column in the span of those before it adds
+/// nothing.
 fn orthonormal(columns: &[&[f64]]) -> Vec<Vec<f64>> {
     let mut basis: Vec<Vec<f64>> = Vec::new();
     for column in columns {
@@ -309,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn too_few_draws_no_spread_and_parameters_that_do_not_vary() {
+    fn too_few_draws_or_no_spread_give_no_shares_and_a_constant_parameter_has_share_zero() {
         let mut z = columns(100);
         let time_s = time(|a, _, _| a, &z);
         assert!(divide(&names(), &z, &vec![2.0; 100]).is_none());

@@ -1,7 +1,7 @@
 //! Plan files: what `calibrate --plan FILE` reads, in TOML or JSON. `crates/workbench/docs/plan-files.md` has every
 //! field.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use smc_calib::{Noise, Parameter};
 
@@ -10,37 +10,15 @@ use super::executor::executor;
 use super::observable::observable;
 use super::pair_file::{check_all_used, check_priors, check_radii, pair};
 use super::sampler::sampler;
-use super::types::{ExecutorPlan, ExperimentPlan, Plan, SimulatorPlan};
-use super::{template, toml::toml};
+use super::template;
+use super::types::{ExecutorPlan, ExperimentPlan, Plan, Planned, SimulatorPlan, is_word};
 use crate::error::{InputError, Mistake};
 use crate::experiment::{checked_name, is_toml};
 use crate::prior_file;
 use crate::text_file;
 use crate::toml_fields::{At, Document, Fields};
 
-/// A checked plan, how its runs are executed, and the file that says the same.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Planned {
-    /// What decides the result.
-    pub plan: Plan,
-    /// How the runs are executed.
-    pub executor: ExecutorPlan,
-    /// What is allowed and yet worth saying.
-    pub warnings: Vec<String>,
-    /// The plan file, which relative names in it begin at; none for a plan of options.
-    pub path: Option<PathBuf>,
-    /// The text of the plan file.
-    pub text: String,
-}
-
 impl Planned {
-    /// A plan of options, executed by threads of this process.
-    pub(super) fn in_process(plan: Plan, warnings: Vec<String>) -> Self {
-        let text = toml(&plan);
-        let executor = ExecutorPlan::Threads { threads: None };
-        Self { plan, executor, warnings, path: None, text }.warned()
-    }
-
     /// Reads a plan file and the tables that it names.
     ///
     /// # Errors
@@ -71,22 +49,6 @@ impl Planned {
         let (plan, executor) = read_plan(path, &document.top(), &mut warnings)?;
         drop(document);
         Ok(Self { plan, executor, warnings, path: Some(path.to_owned()), text }.warned())
-    }
-
-    /// The folder that relative names in the plan begin at.
-    #[must_use]
-    pub fn folder(&self) -> &Path {
-        self.path.as_deref().map_or(Path::new("."), folder_of)
-    }
-
-    /// Adds the warning that the run itself would give, for a plan that is only printed.
-    fn warned(mut self) -> Self {
-        let (observations, parameters) = (self.plan.observations(), self.plan.parameters.len());
-        if observations < parameters {
-            self.warnings
-                .push(smc_calib::Concern::FewObservations { observations, parameters }.to_string());
-        }
-        self
     }
 }
 
@@ -127,17 +89,17 @@ fn read_plan(
             .expected("a table for each parameter")
             .help("add [parameters.NAME] with unit, distribution and its numbers"));
     };
+    let tables = some_tables(&parameters_table, "no parameters", "at least one [parameters.NAME]")?;
+    let parameters = tables
+        .iter()
+        .map(|(name, table)| parameter(&parameters_table, *name, table))
+        .collect::<Result<Vec<_>, _>>()?;
     let Some(experiments_table) = experiments_table else {
         return Err(fields
             .missing("experiments")
             .expected("at least one experiment")
             .help("add [experiments.NAME] with a simulator and observables"));
     };
-    let tables = some_tables(&parameters_table, "no parameters", "at least one [parameters.NAME]")?;
-    let parameters = tables
-        .iter()
-        .map(|(name, table)| parameter(&parameters_table, *name, table))
-        .collect::<Result<Vec<_>, _>>()?;
     let experiments =
         experiments(folder_of(path), &experiments_table, (&tables, &parameters), warnings)?;
     let commands = experiments.iter().any(|e| matches!(e.simulator, SimulatorPlan::Command(_)));
@@ -247,13 +209,6 @@ fn experiment(
         simulator: SimulatorPlan::Command(call),
         observables,
     })
-}
-
-/// Whether a parameter, experiment or observable can be called so: the name goes into file names and placeholders.
-pub(super) fn is_word(name: &str) -> bool {
-    let begins = name.starts_with(|c: char| c.is_ascii_alphabetic());
-    let rest = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
-    begins && rest && name.len() <= 64
 }
 
 fn check_word(fields: &Fields<'_>, at: At<&str>, what: &str) -> Result<(), InputError> {

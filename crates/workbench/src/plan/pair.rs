@@ -6,8 +6,11 @@ use std::path::PathBuf;
 use dem_core::{Kinetics, PairScene, SolverKind, SolverSettings, choose_solver};
 use smc_calib::{FixedSigma, Noise, Settings};
 
-use super::Planned;
-use super::types::{ExperimentPlan, ObservablePlan, PairPlan, Plan, SimulatorPlan, SolverPlan};
+use super::toml::toml;
+use super::types::{
+    ExecutorPlan, ExperimentPlan, ObservablePlan, PairPlan, Plan, Planned, SimulatorPlan,
+    SolverPlan, is_word,
+};
 use crate::error::{InputError, Mistake};
 use crate::experiment::Experiment;
 use crate::material::Material;
@@ -56,7 +59,7 @@ impl Default for PairOptions {
             window_s: None,
             kinetics: Kinetics::ThreeStage,
             solver: None,
-            tolerance: DEFAULT_TOLERANCE,
+            tolerance: SolverPlan::DEFAULT_TOLERANCE,
             noise: Noise::default(),
             samples: Settings::default().samples,
             iterations: None,
@@ -65,9 +68,6 @@ impl Default for PairOptions {
         }
     }
 }
-
-/// Error of a/R allowed to a solver unless another is asked for.
-pub(super) const DEFAULT_TOLERANCE: f64 = 1e-4;
 
 impl PairOptions {
     /// Reads and checks everything that the options name.
@@ -121,7 +121,10 @@ impl PairOptions {
             design: None,
             version: env!("CARGO_PKG_VERSION").to_owned(),
         };
-        Ok(Planned::in_process(plan, experiment.warnings()))
+        let text = toml(&plan);
+        let executor = ExecutorPlan::Threads { threads: None };
+        let warnings = experiment.warnings();
+        Ok(Planned { plan, executor, warnings, path: None, text }.warned())
     }
 
     fn read_experiment(&self) -> Result<Experiment, InputError> {
@@ -230,7 +233,7 @@ pub(super) fn pair_experiment(
         noise,
         result: None,
     };
-    let name = if super::file::is_word(&experiment.name) { &experiment.name } else { "pair" };
+    let name = if is_word(&experiment.name) { &experiment.name } else { "pair" };
     Ok(ExperimentPlan {
         name: name.to_owned(),
         simulator: SimulatorPlan::Builtin(pair),

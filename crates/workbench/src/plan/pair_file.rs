@@ -7,8 +7,8 @@ use dem_core::{Kinetics, SolverKind};
 use smc_calib::{Noise, Parameter};
 
 use super::observable::{checked, noise, window};
-use super::pair::{CONTACT_RATIO, DEFAULT_TOLERANCE, PairModel, pair_experiment};
-use super::types::{ExperimentPlan, PairPlan, SimulatorPlan};
+use super::pair::{CONTACT_RATIO, PairModel, pair_experiment};
+use super::types::{ExperimentPlan, PairPlan, SimulatorPlan, SolverPlan};
 use crate::error::{InputError, Mistake, nearest};
 use crate::experiment::{BUILT_IN_NAMES, Experiment};
 use crate::material::Material;
@@ -33,7 +33,8 @@ pub(super) fn pair(
     let mut solvers = vec![("auto", None)];
     solvers.extend(SolverKind::ALL.map(|kind| (kind.name(), Some(kind))));
     let solver = fields.choice("solver", &solvers)?.and_then(|at| at.value);
-    let tolerance = fields.positive("tolerance", "1")?.map_or(DEFAULT_TOLERANCE, |at| at.value);
+    let tolerance =
+        fields.positive("tolerance", "1")?.map_or(SolverPlan::DEFAULT_TOLERANCE, |at| at.value);
     let tau_s_radius_m = fields.positive("tau_s_radius_m", "m")?.map(|at| at.value);
     let renamed = fields.table("parameters")?;
     fields.finish()?;

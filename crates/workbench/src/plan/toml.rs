@@ -5,9 +5,8 @@ use std::path::Path;
 
 use smc_calib::{FixedSigma, Noise, PriorSpec, Settings};
 
-use super::pair::DEFAULT_TOLERANCE;
 use super::sampler::settings_for;
-use super::types::{ExperimentPlan, PairPlan, Plan, SimulatorPlan};
+use super::types::{ExperimentPlan, PairPlan, Plan, SimulatorPlan, SolverPlan};
 use crate::experiment::BUILT_IN_NAMES;
 
 /// The plan file of a plan with built-in simulators. Own files are named by their whole paths, so that the text can be
@@ -91,7 +90,7 @@ fn builtin(experiment: &ExperimentPlan, pair: &PairPlan) -> String {
     if pair.solver.forced {
         let _ = writeln!(text, "solver = \"{}\"", pair.solver.name);
     }
-    if pair.solver.tolerance != DEFAULT_TOLERANCE {
+    if pair.solver.tolerance != SolverPlan::DEFAULT_TOLERANCE {
         let _ = writeln!(text, "tolerance = {:?}", pair.solver.tolerance);
     }
     if let Some(radius) = pair.tau_s_radius_m {

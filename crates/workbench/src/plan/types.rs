@@ -1,6 +1,7 @@
 //! The types of a plan.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 use campaign::slurm::SlurmSettings;
 use campaign::{Call, ResultSpec};
@@ -162,6 +163,40 @@ pub enum ExecutorPlan {
     Slurm(SlurmSettings),
 }
 
+/// A checked plan, how its runs are executed, and the file that says the same.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Planned {
+    /// What decides the result.
+    pub plan: Plan,
+    /// How the runs are executed.
+    pub executor: ExecutorPlan,
+    /// What is allowed and yet worth saying.
+    pub warnings: Vec<String>,
+    /// The plan file, which relative names in it begin at; none for a plan of options.
+    pub path: Option<PathBuf>,
+    /// The text of the plan file.
+    pub text: String,
+}
+
+impl Planned {
+    /// Adds the warning that the run itself would give, for a plan that is only printed.
+    pub(super) fn warned(mut self) -> Self {
+        let (observations, parameters) = (self.plan.observations(), self.plan.parameters.len());
+        if observations < parameters {
+            self.warnings
+                .push(smc_calib::Concern::FewObservations { observations, parameters }.to_string());
+        }
+        self
+    }
+}
+
+/// Whether a parameter, experiment or observable can be called so: the name goes into file names and placeholders.
+pub(super) fn is_word(name: &str) -> bool {
+    let begins = name.starts_with(|c: char| c.is_ascii_alphabetic());
+    let rest = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
+    begins && rest && name.len() <= 64
+}
+
 impl Plan {
     /// Names of the parameters, in order.
     #[must_use]
@@ -258,6 +293,9 @@ impl PairPlan {
 }
 
 impl SolverPlan {
+    /// Error of a/R allowed to a solver unless another is asked for.
+    pub const DEFAULT_TOLERANCE: f64 = 1e-4;
+
     /// Settings of the solver.
     #[must_use]
     pub fn settings(&self) -> SolverSettings {

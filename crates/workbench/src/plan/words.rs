@@ -5,8 +5,9 @@ use std::path::Path;
 use campaign::{Format, Interpolation};
 use smc_calib::{FixedSigma, Noise, PriorSpec};
 
-use super::file::Planned;
-use super::types::{ExecutorPlan, ExperimentPlan, ObservablePlan, PairPlan, Plan, SimulatorPlan};
+use super::types::{
+    ExecutorPlan, ExperimentPlan, ObservablePlan, PairPlan, Plan, Planned, SimulatorPlan,
+};
 use crate::number::{shown_unit, significant};
 
 /// What is understood of a file: a headline, details, and warnings.

@@ -68,7 +68,8 @@ pub fn parse(name: &str, text: &str) -> Result<Record, InputError> {
             .in_field("schema_version")
             .found(version.schema_version)
             .expected(SCHEMA_VERSION)
-            .help("it was written by another version of calibrate; run the calibration again"));
+            .help("it was written by another version of calibrate; run the calibration again")
+            .help("a material takes less than a second; the runs of a plan are kept and resumed by the version that made them"));
     }
     serde_json::from_str(text).map_err(|error| bad_json(name, text, &error))
 }

@@ -1,6 +1,7 @@
 //! Everything that a run writes beside its record: tables, samples and figures, one set for all runs.
 
 mod details;
+mod drawing;
 mod pictures;
 mod samples;
 mod summary;
@@ -8,8 +9,7 @@ mod tables;
 
 use std::fmt::Write as _;
 
-use figures::{Figure, Width};
-use rayon::prelude::*;
+use figures::Width;
 use serde::Serialize;
 use smc_calib::Posterior;
 
@@ -21,35 +21,11 @@ use crate::sample_table;
 
 pub use crate::data_table::quoted;
 pub use details::{details, understood};
+pub use drawing::{NamedFigures, draw_all};
 pub use pictures::{fit, pictures};
 pub use samples::{SampleColumns, parse_draws, parse_samples, read_draws, read_samples};
 pub use summary::{json, text};
 pub use tables::{csv, markdown};
-
-/// Figures by the names of their files.
-pub type NamedFigures = Vec<(String, Box<dyn Figure + Send + Sync>)>;
-
-/// Writes figures as PNG and SVG.
-///
-/// # Errors
-///
-/// [`RunError`] for a figure that cannot be drawn, or what `write` says.
-pub fn draw_all(
-    figures: &NamedFigures,
-    width: Width,
-    write: &WriteFile<'_>,
-) -> Result<(), RunError> {
-    figures
-        .par_iter()
-        .map(|(name, figure)| {
-            let picture = figure
-                .render(width)
-                .map_err(|error| RunError::new(format_args!("figure {name}: {error}")))?;
-            write(&format!("{name}.png"), &picture.png)?;
-            write(&format!("{name}.svg"), picture.svg.as_bytes())
-        })
-        .collect()
-}
 
 /// The text of a record, which reads back as what it was.
 ///

@@ -6,8 +6,9 @@ use figures::{
 };
 use smc_calib::{BandPoint, Coordinate, Parameter, PathParameter};
 
+use super::drawing::NamedFigures;
+use super::samples::SampleColumns;
 use super::summary::{neck_growth, paper_place};
-use super::{NamedFigures, SampleColumns};
 use crate::parameter::ParameterName;
 use crate::plan::ObservablePlan;
 use crate::record::{NeckGrowthRecord, ObservableRecord, Record};

@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 
 use smc_calib::{Coordinate, SigmaSummary};
 
-use super::quoted;
 use super::summary::{is_uninformed, neck_growth, paper_place};
+use crate::data_table::quoted;
 use crate::number::{shown_unit, significant, with_error};
 use crate::plan::SimulatorPlan;
 use crate::record::Record;

@@ -1,4 +1,4 @@
-//! What a scene came to: `scene.json`, and the summary that a person reads.
+//! `scene.json`: the record of a scene that has run, and its summary.
 
 use std::path::Path;
 
@@ -16,7 +16,7 @@ pub const NECKS_MEET: f64 = 0.05;
 /// Inertial number below which inertia is not felt.
 const INERTIA_FELT: f64 = 1e-3;
 
-/// What decides the result.
+/// Everything that decides the result.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ScenePlan {
     /// Name of the scene.
@@ -83,7 +83,7 @@ pub struct PhaseRecord {
     pub end: State,
 }
 
-/// What the run took.
+/// Work of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct WorkRecord {
     /// Steps with inertia.
@@ -107,7 +107,7 @@ pub struct WorkRecord {
 pub struct SceneRecord {
     /// [`SCHEMA_VERSION`].
     pub schema_version: u32,
-    /// What decides the result.
+    /// Everything that decides the result.
     pub plan: ScenePlan,
     /// Number of particles.
     pub particles: usize,
@@ -125,7 +125,7 @@ pub struct SceneRecord {
     pub model_ends: Option<State>,
     /// Load on a particle at the bottom over its adhesive force.
     pub load_over_adhesion: Option<f64>,
-    /// What the run took.
+    /// Work of the run.
     pub work: WorkRecord,
     /// Reasons to be careful.
     pub advice: Vec<String>,

@@ -1,4 +1,4 @@
-//! Ways to read Table 3, each held against what the paper says of its curves.
+//! Ways to read Table 3, each compared with the paper's statements on its curves.
 
 use dem_core::printed::{self, PrintedTable3};
 use dem_core::{
@@ -24,17 +24,17 @@ pub const STATED: [(Material, Quantity, f64); 8] = [
     (Material::Peek, Quantity::KneeHeight, 0.4),
 ];
 
-/// What a statement is about.
+/// The quantity of a statement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Quantity {
-    /// When stage 3 takes over \[s\].
+    /// Time of the knee \[s\].
     KneeTime,
-    /// a/R there.
+    /// Contact ratio of the knee.
     KneeHeight,
-    /// When a/R = 1 \[s\].
+    /// Time at which a/R = 1 \[s\].
     TimeToOne,
-    /// When growth ends \[s\].
+    /// Time at which growth ends \[s\].
     EndTime,
 }
 
@@ -44,7 +44,7 @@ pub enum Quantity {
 pub struct Reading {
     /// Short name.
     pub name: String,
-    /// What it takes the printed numbers for.
+    /// Its interpretation of the printed numbers.
     pub meaning: String,
     /// The SI parameters of eqs. 3 to 5 it leads to: PS, PA12, PEEK; each C1, tau_s, delta_c.
     pub sintering: [[f64; 3]; 3],

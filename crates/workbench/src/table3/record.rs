@@ -1,4 +1,4 @@
-//! The regenerated table as data: what `table3.json` holds.
+//! `table3.json`: the regenerated table as data.
 
 use dem_core::{Kinetics, Sintering, printed};
 use serde::{Deserialize, Serialize};
@@ -18,13 +18,13 @@ use crate::record::{FitError, Pair};
 /// Layout of `table3.json`.
 pub const SCHEMA_VERSION: u32 = 1;
 
-/// Everything that `calibrate table3` finds.
+/// `table3.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Report {
     /// [`SCHEMA_VERSION`].
     pub schema_version: u32,
-    /// What decided the result.
+    /// Everything that decides the result.
     pub plan: ReportPlan,
     /// One entry per material.
     pub materials: Vec<MaterialReport>,
@@ -36,7 +36,7 @@ pub struct Report {
     pub unfitted: Unfitted,
 }
 
-/// What decided the result.
+/// Everything that decides the result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReportPlan {
@@ -92,7 +92,7 @@ pub enum Form {
 pub struct Row {
     /// `c1`, `tau_s` or `delta_c`.
     pub parameter: String,
-    /// Which form.
+    /// Its form.
     pub form: Form,
     /// Unit.
     pub unit: String,
@@ -122,11 +122,11 @@ impl Row {
     }
 }
 
-/// A curve and how far it is from the measurements.
+/// A curve and its errors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NamedFit {
-    /// Which curve.
+    /// Name of the curve.
     pub curve: String,
     /// How many numbers were fitted to these data; none for a mean over many curves.
     pub fitted: Option<usize>,
@@ -134,7 +134,7 @@ pub struct NamedFit {
     pub error: FitError,
 }
 
-/// The curves that errors are given for, in order.
+/// Names of the curves, in order.
 pub const CURVES: [&str; 6] = [
     "three-stage, paper's parameters",
     "three-stage, our MAP",

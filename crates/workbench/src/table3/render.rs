@@ -37,7 +37,7 @@ number of threads; other versions of the sampler give the same numbers within th
 | `table3.md`, `table3.csv`, `table3.tex` | the table: paper, MAP, median, 95 % interval, percentile |
 | `table3.json` | everything in full precision, with Monte Carlo errors |
 | `report.md` | errors, the paper's statements, the check that was not fitted, how the table is read |
-| `figure2`, `figure4`, `figure5`, `figure6` | the figures of the paper redone (`.png`, `.svg`) |
+| `figure2`, `figure4`, `figure5`, `figure6` | the figures of the paper redone (`.svg`, `.png`; only `.svg` is kept in the repository) |
 | `pa12-r30` | the pair that was not fitted |
 | `document.tex` | a document around `table3.tex`: `pdflatex document.tex` |
 

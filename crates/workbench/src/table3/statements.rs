@@ -15,13 +15,13 @@ use crate::model::NeckGrowth;
 pub struct Statement {
     /// Name of the material.
     pub material: String,
-    /// What it is about.
+    /// The quantity.
     pub quantity: String,
     /// Unit; empty for a ratio.
     pub unit: String,
     /// The paper's words.
     pub words: String,
-    /// The number in them; none where the paper gives none.
+    /// The number in these words; none where the paper gives none.
     pub stated: Option<f64>,
     /// With the paper's parameters, through the map of Table 3.
     pub paper_parameters: Option<f64>,

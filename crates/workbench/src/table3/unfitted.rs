@@ -27,7 +27,7 @@ pub const EXPERIMENT: &str = "pa12-r30";
 /// Times of the curve in the figure.
 const GRID: usize = 201;
 
-/// The prediction and how it fared.
+/// The prediction beside the measurements.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Unfitted {
@@ -45,13 +45,13 @@ pub struct Unfitted {
     pub curve_coverage90: f64,
     /// Errors of the posterior mean curve.
     pub error: FitError,
-    /// Where the largest one is \[s\].
+    /// Time of the largest error \[s\].
     pub largest_at_s: f64,
     /// Errors of the posterior mean curve where tau_s is *not* transferred.
     pub error_without_transfer: FitError,
     /// Errors of the same curve on the pair that was fitted.
     pub error_of_fit: FitError,
-    /// Median of the noise standard deviation that the fitted pair taught.
+    /// Median of the noise standard deviation of the fitted pair.
     pub sigma: f64,
     /// tau_s transferred to the predicted pair: 2.5 %, 50 % and 97.5 % quantile \[s\].
     pub tau_s_predicted: [f64; 3],

@@ -1,0 +1,47 @@
+//! One pair of a plan under its posterior.
+
+use dem_core::Sintering;
+use smc_calib::{Posterior, SimError, Weighted};
+
+use crate::error::{Failure, RunError};
+use crate::model::NeckGrowth;
+use crate::plan::{ObservablePlan, PairPlan, Plan};
+
+/// One pair of a plan, its model and its posterior.
+pub(super) struct OfPair<'a> {
+    pub(super) plan: &'a Plan,
+    pub(super) pair: &'a PairPlan,
+    pub(super) measured: &'a ObservablePlan,
+    /// Place of the observable among those of the plan.
+    pub(super) group: usize,
+    pub(super) model: NeckGrowth,
+    pub(super) posterior: &'a Posterior,
+}
+
+impl<'a> OfPair<'a> {
+    pub(super) fn new(
+        plan: &'a Plan,
+        pair: &'a PairPlan,
+        (group, measured): (usize, &'a ObservablePlan),
+        posterior: &'a Posterior,
+    ) -> Result<Self, Failure> {
+        let model = NeckGrowth::new(pair, &plan.parameters, measured.control.clone())?;
+        Ok(Self { plan, pair, measured, group, model, posterior })
+    }
+
+    /// The paper's parameters, where the powder is one of the paper's.
+    pub(super) fn paper(&self) -> Option<Sintering> {
+        self.pair.material.map(|material| material.table3_sintering_at(self.pair.powder.radius_m))
+    }
+
+    /// Values with the weights of their samples.
+    pub(super) fn weighted(&self, value: impl Fn(&[f64]) -> f64) -> Weighted {
+        let samples = self.posterior.samples.iter().filter(|sample| sample.weight > 0.0);
+        Weighted::new(samples.map(|sample| (value(&sample.theta), sample.weight)))
+    }
+}
+
+/// A curve of the report that cannot be computed.
+pub(super) fn simulation_failure(error: &SimError) -> Failure {
+    RunError::new(format_args!("a curve of the report could not be computed: {error}")).into()
+}
