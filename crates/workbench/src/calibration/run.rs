@@ -332,10 +332,8 @@ fn on_event<'a>(plan: &'a Plan, watch: &'a dyn Watch) -> impl FnMut(Event) + Sen
                 watch.note(&format!("{}: {words}", place(number)));
             }
         }
-        Event::Retried { number, kind } => {
-            if noted.insert(format!("lost: {kind}")) {
-                watch.note(&format!("{}: {kind}; it is run again", place(number)));
-            }
+        Event::Retried { number, kind } if noted.insert(format!("lost: {kind}")) => {
+            watch.note(&format!("{}: {kind}; it is run again", place(number)));
         }
         Event::Note(words) => watch.note(&words),
         _ => {}
