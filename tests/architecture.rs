@@ -176,7 +176,7 @@ impl Imports {
                 }
             }
             _ => {
-                let child = [module, &[first.clone()]].concat();
+                let child = [module, std::slice::from_ref(first)].concat();
                 self.files.get(&child)?;
             }
         }

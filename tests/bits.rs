@@ -93,7 +93,7 @@ fn machine() -> String {
 #[test]
 fn the_numbers_are_the_same_bits_as_before() {
     if machine() != MACHINE {
-        println!("SKIPPED: this is another kind of machine ({}), with bits of its own", machine());
+        eprintln!("SKIPPED: this is another kind of machine ({}), with bits of its own", machine());
         return;
     }
     let sandbox = Sandbox::new();
