@@ -1,5 +1,4 @@
-//! The calibration workbench as a library: input files, plans, calibration, records, reports. It has no command line and
-//! prints nothing.
+#![doc = include_str!("../README.md")]
 
 pub mod calibration;
 pub mod check;

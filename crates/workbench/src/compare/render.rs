@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use smc_calib::trust::limits::INFORMED_BITS;
+use smc_calib::trust::limits::{INFORMED_BITS, KHAT_LIMIT};
 
 use super::comparison::{Comparison, Entry, PHI_RANGE, Report};
 use super::strength::{Strength, bayes_factor};
@@ -26,7 +26,7 @@ fn preamble(report: &Report) -> String {
          to this one, with the words of Kass and Raftery (J. Am. Stat. Assoc. 90 (1995) 773); RMSE that of the MAP curve; elpd \
          the leave-one-out log predictive density (PSIS-LOO: Vehtari, Gelman, Gabry, Stat. Comput. 27 (2017) 1413), its \
          difference to the best with the spread over data sets, and the largest Pareto k-hat of its observations; \
-         importance weights are trustworthy below 0.7, and observations above that were left out by calibrating again \
+         importance weights are trustworthy below {KHAT_LIMIT}, and observations above that were left out by calibrating again \
          without them (in brackets: how many). A parameter is informed from {INFORMED_BITS} bits.\n"
     )
 }

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use smc_calib::sbc::{Band, Outcome, counts, coverage_score};
 use smc_calib::trust::khat_holds;
+use smc_calib::trust::limits::KHAT_LIMIT;
 
 /// Ranks of one quantity.
 #[derive(Debug, Clone, PartialEq)]
@@ -131,7 +132,7 @@ impl Ranks {
     /// The tables as Markdown.
     pub fn markdown(&self, seconds: f64, threads: usize) -> String {
         let mut text = format!(
-            "# Simulation-based calibration\n\n{}.\n\nWall time {seconds:.0} s on {threads} threads (a shared machine). k-hat above 0.7 \
+            "# Simulation-based calibration\n\n{}.\n\nWall time {seconds:.0} s on {threads} threads (a shared machine). k-hat above {KHAT_LIMIT} \
              in {} data sets; median effective sample size {:.0}.\n\n\
              | ranked | p | inside the simultaneous 95 % band |\n|---|---:|---|\n",
             self.title, self.high_khat, self.median_ess
