@@ -281,3 +281,18 @@ fn sample_tables_of_grain_learning_are_run_as_they_stand_and_written_again() {
     let found = file["parameters"][0]["in_si"]["mean"].as_f64().expect("a number");
     assert!((found - mean).abs() < 1e-9, "{found} for {mean}");
 }
+
+/// Until version 0.1.0 the runs lay in the folder itself, and the results in `report/`.
+#[test]
+fn a_run_in_the_layout_of_an_older_version_is_refused_with_a_sentence_and_left_alone() {
+    let sandbox = line(24, "0");
+    sandbox.write("old/campaign.json", "{\"format\":1}");
+    sandbox.write("old/report/posterior.json", "{\"schema_version\":1}");
+    let before = sandbox.snapshot();
+    for command in
+        ["--resume old", "status old", "export old", "--plan line.toml --out old", "inspect old"]
+    {
+        sandbox.run(command).refused(&["older version", "--out"]);
+    }
+    assert_eq!(sandbox.snapshot(), before);
+}

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use campaign::{Contents, Outcome, Task};
 use smc_calib::{Likelihood, Observer, Posterior, SimError, Simulator, StageRecord};
 
-use crate::calibration::{Stored, groups, read_stored, refused, sample};
+use crate::calibration::{Stored, groups, read_stored, refuse_older_layout, refused, sample};
 use crate::error::{Failure, InputError, Mistake};
 use crate::model::NeckGrowth;
 use crate::output::{self, CAMPAIGN};
@@ -37,6 +37,7 @@ pub struct Exported {
 ///
 /// [`Failure::Input`] for a folder without runs of programs, or a place that cannot be written.
 pub fn export(dir: &Path, out: Option<&Path>) -> Result<Exported, Failure> {
+    refuse_older_layout(dir)?;
     let contents = campaign::contents(&dir.join(CAMPAIGN)).map_err(|error| refused(dir, error))?;
     let stored = read_stored(dir)?;
     let plan = &stored.plan;

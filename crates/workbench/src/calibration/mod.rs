@@ -20,7 +20,7 @@ use crate::simulator::Experiments;
 use crate::watch::Watch;
 
 pub use run::{Finished, RunOptions, Timings, resume, run};
-pub(crate) use store::{Stored, read_stored, refused};
+pub(crate) use store::{Stored, read_stored, refuse_older_layout, refused};
 
 /// A finished calibration: the record, and the samples behind it.
 #[derive(Debug, Clone, PartialEq)]

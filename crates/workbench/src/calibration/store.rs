@@ -131,8 +131,8 @@ fn exists(dir: &Path) -> InputError {
     }
 }
 
-/// Runs of earlier versions lay in the folder itself.
-fn refuse_older_layout(dir: &Path) -> Result<(), InputError> {
+/// Refuses a run of an earlier version, whose runs lie in the folder itself.
+pub(crate) fn refuse_older_layout(dir: &Path) -> Result<(), InputError> {
     if !dir.join("campaign.json").is_file() || dir.join(CAMPAIGN).is_dir() {
         return Ok(());
     }
