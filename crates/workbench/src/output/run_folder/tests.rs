@@ -1,5 +1,3 @@
-use std::fs::File;
-
 use super::*;
 use crate::output::check_file;
 use crate::record::FILE_NAME;
