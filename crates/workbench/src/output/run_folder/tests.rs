@@ -139,7 +139,7 @@ fn folders_of_killed_runs_are_removed_when_old_and_ignored_before() {
     for (path, is_old) in [(&dead, true), (&recent, false), (&living, true), (&other, true)] {
         fs::create_dir(path).expect("made");
         if is_old {
-            File::open(path).and_then(|file| file.set_modified(old)).expect("aged");
+            std::fs::File::open(path).and_then(|file| file.set_modified(old)).expect("aged");
         }
     }
     assert_eq!(run(&target, "1", &[]), Published::New);
