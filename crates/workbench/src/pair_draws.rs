@@ -71,32 +71,27 @@ impl PairDraws {
     }
 
     /// Number of draws.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.columns.first().map_or(0, Vec::len)
     }
 
     /// Whether there are no draws.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
     /// The parameters of a draw \[SI\], in order.
-    #[must_use]
     pub fn theta(&self, row: usize) -> Vec<f64> {
         self.columns.iter().map(|column| column[row]).collect()
     }
 
     /// A parameter of the model in a draw, where it was calibrated.
-    #[must_use]
     pub fn value(&self, name: ParameterName, row: usize) -> Option<f64> {
         self.model.place(name).map(|place| self.columns[place][row])
     }
 
     /// The sintering parameters of a draw at the calibrated radius; `unused` gives C1 and delta_c where the kinetics do
     /// not use them.
-    #[must_use]
     pub fn sintering(&self, row: usize, unused: Sintering) -> Sintering {
         let calibrated = self.model.sintering(&self.theta(row));
         match self.kinetics.uses_c1_delta_c() {

@@ -210,7 +210,6 @@ fn contact_after(
 
 impl Prediction {
     /// As text.
-    #[must_use]
     pub fn text(&self) -> String {
         let elsewhere = if self.radius_m == self.calibrated_radius_m {
             String::new()
@@ -248,7 +247,6 @@ impl Prediction {
     }
 
     /// As CSV, a row per prediction.
-    #[must_use]
     pub fn csv(&self) -> String {
         let mut text = String::from(
             "predicted,given,unit,median,eti50_lower,eti50_upper,eti90_lower,eti90_upper,eti95_lower,eti95_upper,draws_never\n",

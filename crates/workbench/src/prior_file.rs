@@ -113,7 +113,6 @@ impl PriorFile {
     }
 
     /// The prior of a parameter, if the file gives one.
-    #[must_use]
     pub fn get(&self, parameter: ParameterName) -> Option<&Prior> {
         match parameter {
             ParameterName::C1 => self.c1.as_ref(),

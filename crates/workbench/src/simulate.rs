@@ -261,7 +261,6 @@ fn refused(error: SolveError) -> Failure {
 
 impl Simulated {
     /// The pair, the solver and what happens when, as text.
-    #[must_use]
     pub fn text(&self) -> String {
         let Self { request, events, curve } = self;
         let Request { experiment, scene, sintering, kinetics, .. } = request;
@@ -324,7 +323,6 @@ impl Simulated {
     }
 
     /// The curve as CSV.
-    #[must_use]
     pub fn csv(&self) -> String {
         let curve = &self.curve;
         let mut csv = String::from("time_s,overlap_m,plastic_overlap_m,contact_ratio\n");

@@ -135,7 +135,6 @@ fn duration(seconds: f64) -> String {
 }
 
 /// A status in words.
-#[must_use]
 pub fn text(dir: &Path, status: &Status) -> String {
     let mut text = String::new();
     let name = dir.display();

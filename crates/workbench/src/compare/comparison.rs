@@ -137,13 +137,11 @@ impl Comparison {
     }
 
     /// Whether phi was calibrated.
-    #[must_use]
     pub fn with_phi(&self) -> bool {
         self.entries.iter().all(|e| e.informed.iter().any(|informed| informed.name == "phi"))
     }
 
     /// The entry with the largest evidence.
-    #[must_use]
     pub fn best(&self) -> Option<&Entry> {
         self.entries.iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
     }

@@ -25,7 +25,6 @@ pub enum Strength {
 
 impl Strength {
     /// Of a positive log Bayes factor.
-    #[must_use]
     pub fn of(log_bayes_factor: f64) -> Self {
         match 2.0 * log_bayes_factor {
             x if x <= 0.0 => Self::None,

@@ -56,10 +56,6 @@ impl Wanted<'_> {
 
     /// The beds of all draws, in their order: those of earlier work, in the work folder or in the folder `published`,
     /// and the others.
-    ///
-    /// # Errors
-    ///
-    /// [`Failure`] for a scene without a bed, where all beds fail, or where the job is asked to stop.
     pub(super) fn beds(
         &self,
         published: &Path,

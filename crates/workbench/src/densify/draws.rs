@@ -25,10 +25,6 @@ pub struct Draw {
 ///
 /// Systematic sampling along the quantity that decides: each draw is as likely as any other to be taken, and the
 /// quantiles of densification times scatter far less than those of draws taken at random.
-///
-/// # Errors
-///
-/// [`InputError`] for more draws than there are.
 pub(super) fn choose(
     calibrated: &PairDraws,
     count: usize,

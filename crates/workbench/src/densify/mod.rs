@@ -120,19 +120,16 @@ impl DensifyJob {
     }
 
     /// Reasons to be careful that are known before anything is computed.
-    #[must_use]
     pub fn advice(&self) -> &[String] {
         &self.advice
     }
 
     /// Folder of the results.
-    #[must_use]
     pub fn out(&self) -> &Path {
         self.folder.path()
     }
 
     /// What would be done, as text.
-    #[must_use]
     pub fn describe(&self) -> String {
         let plan = &self.plan;
         let mut lines = vec![format!(

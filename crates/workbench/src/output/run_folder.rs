@@ -96,7 +96,6 @@ impl RunFolder {
     }
 
     /// The folder, with links resolved.
-    #[must_use]
     pub fn path(&self) -> &Path {
         &self.target
     }
@@ -206,7 +205,6 @@ pub struct Staging {
 
 impl Staging {
     /// The hidden folder, to write the files into.
-    #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }

@@ -13,7 +13,6 @@ use crate::experiment::BUILT_IN_NAMES;
 /// kept anywhere.
 ///
 /// Commands and designs are left out: a plan with such comes from a plan file, which is the text.
-#[must_use]
 pub fn toml(plan: &Plan) -> String {
     let mut text = format!("name = {}\ntitle = {}\n", quoted(&plan.name), quoted(&plan.title));
     for (key, value) in [("source", &plan.source), ("prior_source", &plan.prior_source)] {

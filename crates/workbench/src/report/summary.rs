@@ -33,7 +33,6 @@ pub(super) fn neck_growth(record: &Record) -> Option<&NeckGrowthRecord> {
 }
 
 /// The summary as text, about ten lines. `seconds` is how long the inference took, where it has just run.
-#[must_use]
 pub fn text(record: &Record, seconds: Option<f64>, out: Option<&Path>) -> String {
     let mut text = headline(record, seconds);
     if !record.is_posterior {

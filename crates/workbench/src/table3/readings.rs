@@ -109,10 +109,6 @@ const READINGS: [(&str, &str, Read); 6] = [
 ];
 
 /// All readings, the worst first and ours last.
-///
-/// # Errors
-///
-/// None in practice: built-in experiments are held by tests.
 pub fn all() -> Result<Vec<Reading>, InputError> {
     READINGS
         .iter()

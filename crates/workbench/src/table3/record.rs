@@ -110,13 +110,11 @@ pub struct Row {
 
 impl Row {
     /// Posterior median.
-    #[must_use]
     pub fn median(&self) -> f64 {
         10f64.powf(self.log10.median)
     }
 
     /// 95 % interval.
-    #[must_use]
     pub fn eti95(&self) -> [f64; 2] {
         self.log10.eti95.map(|end| 10f64.powf(end))
     }
@@ -146,10 +144,6 @@ pub const CURVES: [&str; 6] = [
 
 impl Report {
     /// From calibrated materials.
-    ///
-    /// # Errors
-    ///
-    /// [`Failure`] for a curve that cannot be computed.
     pub fn new(
         samples: usize,
         seed: u64,
@@ -271,7 +265,6 @@ fn fits(one: &Calibrated, pair: Pair<'_>, model: &NeckGrowth) -> Result<Vec<Name
 
 impl MaterialReport {
     /// The errors of a curve of [`CURVES`].
-    #[must_use]
     pub fn fit(&self, curve: &str) -> Option<&FitError> {
         self.fits.iter().find(|fit| fit.curve == curve).map(|fit| &fit.error)
     }

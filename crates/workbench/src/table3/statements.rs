@@ -139,10 +139,6 @@ const CLAIMS: [Claim; 9] = [
 ];
 
 /// Every statement, in the order of the paper.
-///
-/// # Errors
-///
-/// [`Failure::Input`] for a plan without a scene.
 pub fn all(calibrated: &[Calibrated]) -> Result<Vec<Statement>, Failure> {
     let mut statements = Vec::new();
     for claim in &CLAIMS {

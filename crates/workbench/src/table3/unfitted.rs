@@ -78,10 +78,6 @@ pub struct Point {
 }
 
 /// The prediction and its figure.
-///
-/// # Errors
-///
-/// [`Failure`] for a curve that cannot be computed.
 pub fn predict(
     calibrated: &[Calibrated],
     watch: &dyn Watch,
