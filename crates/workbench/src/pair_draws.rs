@@ -2,36 +2,24 @@
 
 use std::path::Path;
 
-use dem_core::{Kinetics, PairScene, PairSpec, Powder, SceneError, Sintering};
-use smc_calib::Parameter;
+use dem_core::{PairScene, PairSpec, Powder, SceneError, Sintering};
 
-use crate::error::{Failure, RunError};
+use crate::error::Failure;
 use crate::model::NeckGrowth;
 use crate::parameter::ParameterName;
-use crate::record;
+use crate::plan::PairPlan;
+use crate::record::{self, Record};
 use crate::report::read_draws;
 
 /// Equally weighted draws of a posterior, and the pair that it was calibrated on.
 #[derive(Debug, Clone)]
 pub struct PairDraws {
-    /// Name of the calibration.
-    pub name: String,
-    /// Heading.
-    pub title: String,
-    /// Its whole plan as JSON.
-    pub plan: String,
-    /// Law of neck growth.
-    pub kinetics: Kinetics,
-    /// The powder of the calibrated pair.
-    pub powder: Powder,
-    /// Final contact ratio phi; where phi is calibrated, what it would have been.
-    pub final_contact_ratio: f64,
-    /// The calibrated parameters.
-    pub parameters: Vec<Parameter>,
-    /// Their values \[SI\], a column for each.
+    /// The calibration.
+    pub record: Record,
+    /// The pair that it was calibrated on.
+    pub pair: PairPlan,
+    /// Values of the parameters \[SI\], a column for each.
     pub columns: Vec<Vec<f64>>,
-    /// Whether the posterior can be trusted fully.
-    pub trusted: bool,
     /// Reasons to be careful.
     pub advice: Vec<String>,
     model: NeckGrowth,
@@ -45,7 +33,7 @@ impl PairDraws {
     /// [`Failure::Input`] for files that are missing, damaged or not of one pair.
     pub fn read(path: &Path) -> Result<Self, Failure> {
         let record = record::read(path)?;
-        let pair = record.pair()?.plan;
+        let pair = record.pair()?.plan.clone();
         let file = record::locate(path);
         let folder = file.parent().unwrap_or(Path::new("."));
         let columns = read_draws(&record, folder).map_err(|error| {
@@ -55,19 +43,7 @@ impl PairDraws {
         if !record.is_posterior {
             advice.insert(0, "the draws are not of a posterior: the noise was tuned".to_owned());
         }
-        Ok(Self {
-            name: record.plan.name.clone(),
-            title: record.plan.title.clone(),
-            plan: serde_json::to_string(&record.plan).map_err(RunError::new)?,
-            kinetics: pair.kinetics,
-            powder: pair.powder,
-            final_contact_ratio: pair.final_contact_ratio,
-            parameters: record.plan.parameters.clone(),
-            columns,
-            trusted: record.trust.converged(),
-            advice,
-            model: NeckGrowth::of(&record.plan)?,
-        })
+        Ok(Self { model: NeckGrowth::of(&record.plan)?, record, pair, columns, advice })
     }
 
     /// Number of draws.
@@ -94,7 +70,7 @@ impl PairDraws {
     /// not use them.
     pub fn sintering(&self, row: usize, unused: Sintering) -> Sintering {
         let calibrated = self.model.sintering(&self.theta(row));
-        match self.kinetics.uses_c1_delta_c() {
+        match self.pair.kinetics.uses_c1_delta_c() {
             true => calibrated,
             false => Sintering { tau_s: calibrated.tau_s, ..unused },
         }
@@ -105,8 +81,8 @@ impl PairDraws {
     /// # Errors
     ///
     /// [`SceneError`] for a radius that the model cannot take.
-    pub fn pair(&self, row: usize, radius_m: f64) -> Result<PairScene, SceneError> {
-        let phi = self.value(ParameterName::Phi, row).unwrap_or(self.final_contact_ratio);
-        PairSpec::new(Powder { radius_m, ..self.powder }, phi).build()
+    pub fn pair_of(&self, row: usize, radius_m: f64) -> Result<PairScene, SceneError> {
+        let phi = self.value(ParameterName::Phi, row).unwrap_or(self.pair.final_contact_ratio);
+        PairSpec::new(Powder { radius_m, ..self.pair.powder }, phi).build()
     }
 }

@@ -103,9 +103,9 @@ impl Wanted<'_> {
         Bed {
             draw,
             growing: Growing {
-                kinetics: self.calibrated.kinetics,
+                kinetics: self.calibrated.pair.kinetics,
                 sintering: self.calibrated.sintering(row, scene),
-                calibrated_radius_m: self.calibrated.powder.radius_m,
+                calibrated_radius_m: self.calibrated.pair.powder.radius_m,
             },
             phi: self.calibrated.value(ParameterName::Phi, row),
         }

@@ -76,17 +76,35 @@ impl Moment {
         }
     }
 
+    /// From the numbers of a line, in the order of [`COLUMNS`].
+    fn of_numbers(numbers: [f64; 8]) -> Self {
+        let [time_s, relative_density, coordination, mean_contact_ratio, rest @ ..] = numbers;
+        let [necks_meet, mean, largest, inertial_number] = rest;
+        let driving = [mean, largest];
+        Self {
+            time_s,
+            relative_density,
+            coordination,
+            mean_contact_ratio,
+            necks_meet,
+            driving,
+            inertial_number,
+        }
+    }
+
     fn numbers(&self) -> [f64; 8] {
-        let [mean, largest] = self.driving;
+        let Self { time_s, relative_density, coordination, mean_contact_ratio, necks_meet, .. } =
+            *self;
+        let ([mean, largest], inertial_number) = (self.driving, self.inertial_number);
         [
-            self.time_s,
-            self.relative_density,
-            self.coordination,
-            self.mean_contact_ratio,
-            self.necks_meet,
+            time_s,
+            relative_density,
+            coordination,
+            mean_contact_ratio,
+            necks_meet,
             mean,
             largest,
-            self.inertial_number,
+            inertial_number,
         ]
     }
 }
@@ -135,28 +153,7 @@ impl Curve {
             }
             let numbers: Vec<f64> =
                 line.split(',').map(|cell| cell.parse().ok()).collect::<Option<_>>()?;
-            let [
-                time_s,
-                relative_density,
-                coordination,
-                mean_contact_ratio,
-                necks_meet,
-                mean,
-                largest,
-                inertial_number,
-            ] = *numbers.as_slice()
-            else {
-                return None;
-            };
-            moments.push(Moment {
-                time_s,
-                relative_density,
-                coordination,
-                mean_contact_ratio,
-                necks_meet,
-                driving: [mean, largest],
-                inertial_number,
-            });
+            moments.push(Moment::of_numbers(numbers.try_into().ok()?));
         }
         None
     }
