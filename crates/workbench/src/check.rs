@@ -128,7 +128,6 @@ fn of_table(table: &ObservationTable) -> String {
 }
 
 /// The warning that the prior decides, where there are fewer points than parameters.
-#[must_use]
 pub fn few_points(table: &ObservationTable, parameters: usize) -> Option<String> {
     let points = table.len();
     (points < parameters).then(|| {

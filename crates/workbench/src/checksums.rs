@@ -18,10 +18,6 @@ pub const FILE_NAME: &str = "SHA256SUMS";
 const LARGEST_BYTES: u64 = 2 << 30;
 
 /// Writes files that are read again, and their sums.
-///
-/// # Errors
-///
-/// Those of `write`.
 pub fn write_all(files: &[(&str, String)], write: &WriteFile<'_>) -> Result<(), RunError> {
     let mut sums = String::new();
     for (name, text) in files {
@@ -33,11 +29,6 @@ pub fn write_all(files: &[(&str, String)], write: &WriteFile<'_>) -> Result<(), 
 
 /// Reads a file of a run by `parse` (given its name and text), and compares it with the `SHA256SUMS` beside it, where
 /// that lists it.
-///
-/// # Errors
-///
-/// [`InputError`] as [`text_file::read`] and `parse`, which say the place, and for a file that reads well but is not
-/// what was written.
 pub fn read_as<T>(
     path: &Path,
     parse: impl FnOnce(&str, &str) -> Result<T, InputError>,

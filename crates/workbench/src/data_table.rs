@@ -66,19 +66,16 @@ impl<'t> DataTable<'t> {
     }
 
     /// Names of the columns, in order.
-    #[must_use]
     pub fn columns(&self) -> &[String] {
         self.table.names()
     }
 
     /// Line of the names, from 1.
-    #[must_use]
     pub fn names_line(&self) -> usize {
         self.table.names_line().unwrap_or(1)
     }
 
     /// Line of a row, from 1.
-    #[must_use]
     pub fn line_of(&self, row: usize) -> usize {
         self.table.line(row).unwrap_or_else(|| self.names_line())
     }
@@ -122,7 +119,6 @@ impl<'t> DataTable<'t> {
     }
 
     /// A mistake in a cell, with the cell's text as what was found.
-    #[must_use]
     pub fn mistake_in(&self, row: usize, column: &str, mistake: Mistake) -> InputError {
         let text = self.table.place(column).ok().and_then(|place| {
             let row = self.rows().nth(row)?;
@@ -203,7 +199,6 @@ fn refused(name: &str, error: &TableError) -> InputError {
 }
 
 /// Text as a cell of a CSV table, in quotes where it needs them.
-#[must_use]
 pub fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", text.replace('"', "\"\""))

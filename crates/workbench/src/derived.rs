@@ -1,13 +1,12 @@
 //! Quantities that follow from the parameters, under the posterior, with Monte Carlo errors.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use smc_calib::Posterior;
 
 use smc_calib::Weighted;
 
 /// Median and 95 % interval of a quantity, and how far the next seed may be from them.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Estimate {
     /// Posterior probability that the quantity exists (a knee, a time at which a height is reached); the rest is
     /// conditional on it.

@@ -73,6 +73,7 @@ pub enum Mistake {
 /// );
 /// ```
 #[derive(Debug, Clone, PartialEq, Error)]
+#[must_use]
 pub struct InputError {
     /// The kind of mistake.
     pub mistake: Mistake,
@@ -92,7 +93,6 @@ pub struct InputError {
 
 impl InputError {
     /// An error in a file or an option, with nothing else known yet.
-    #[must_use]
     pub fn new(source_name: impl AsRef<str>, mistake: Mistake) -> Self {
         Self {
             mistake,
@@ -106,49 +106,42 @@ impl InputError {
     }
 
     /// At a line, from 1.
-    #[must_use]
     pub fn at_line(mut self, line: usize) -> Self {
         self.line = Some(line);
         self
     }
 
     /// In a column of a table.
-    #[must_use]
     pub fn in_column(mut self, name: impl fmt::Display) -> Self {
         self.field = Some(format!("column {name}").into());
         self
     }
 
     /// In a field of a TOML or JSON file.
-    #[must_use]
     pub fn in_field(mut self, name: impl fmt::Display) -> Self {
         self.field = Some(format!("field {name}").into());
         self
     }
 
     /// What was seen, as it is to be shown.
-    #[must_use]
     pub fn found(mut self, found: impl fmt::Display) -> Self {
         self.found = Some(shortened(&found.to_string()).into());
         self
     }
 
     /// What was expected.
-    #[must_use]
     pub fn expected(mut self, expected: impl fmt::Display) -> Self {
         self.expected = Some(expected.to_string().into());
         self
     }
 
     /// What to do about it; may be said several times.
-    #[must_use]
     pub fn help(mut self, help: impl fmt::Display) -> Self {
         self.help.push(help.to_string());
         self
     }
 
     /// What to do about it, if there is something to say.
-    #[must_use]
     pub fn help_if(self, help: Option<impl fmt::Display>) -> Self {
         match help {
             Some(help) => self.help(help),
@@ -157,7 +150,6 @@ impl InputError {
     }
 
     /// Offers the choice most like a misspelt name, if one is near enough.
-    #[must_use]
     pub fn did_you_mean<'a>(self, name: &str, choices: impl IntoIterator<Item = &'a str>) -> Self {
         self.help_if(nearest(name, choices).map(|near| format!("did you mean {near}?")))
     }
@@ -198,6 +190,7 @@ impl fmt::Display for InputError {
 
 /// A run that could not succeed although its input was right.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[must_use]
 pub struct RunError {
     /// What happened.
     pub cause: String,
@@ -207,13 +200,11 @@ pub struct RunError {
 
 impl RunError {
     /// A failed run with its cause.
-    #[must_use]
     pub fn new(cause: impl fmt::Display) -> Self {
         Self { cause: cause.to_string(), help: Vec::new() }
     }
 
     /// What to try; may be said several times.
-    #[must_use]
     pub fn help(mut self, help: impl fmt::Display) -> Self {
         self.help.push(help.to_string());
         self
@@ -256,7 +247,6 @@ pub enum Failure {
 impl Failure {
     /// The exit code. The one place where it is decided, but for the command line itself, where clap
     /// says 2 for a mistake as well.
-    #[must_use]
     pub fn code(&self) -> u8 {
         match self {
             Self::Input(_) | Self::InputReported => 2,
@@ -279,7 +269,6 @@ impl From<std::io::Error> for Failure {
 }
 
 /// The choice most like a misspelt name, if one is near enough.
-#[must_use]
 pub fn nearest<'a>(name: &str, choices: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let lower = name.to_lowercase();
     choices

@@ -295,7 +295,6 @@ impl Experiment {
 
     /// The window that [`observations`](Self::observations) keeps, as a plan records it: an end that was
     /// left open is that of the table.
-    #[must_use]
     pub fn fitted_window(&self, window_s: Option<[f64; 2]>) -> Option<[f64; 2]> {
         let last = self.table.span_s()[1];
         window_s
@@ -304,7 +303,6 @@ impl Experiment {
     }
 
     /// Values that are allowed but probably a mistake, in words.
-    #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         let largest = self.table.contact_ratio.iter().copied().fold(0.0, f64::max);
@@ -327,13 +325,11 @@ impl Experiment {
 }
 
 /// Two equal spheres merged at constant volume: `2^(1/3)`.
-#[must_use]
 pub fn full_coalescence() -> f64 {
     2f64.cbrt()
 }
 
 /// Whether a file is TOML, by its name.
-#[must_use]
 pub fn is_toml(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"))
 }

@@ -11,10 +11,6 @@ use crate::model::NeckGrowth;
 /// around the last observation, then golden-section search in the best bracket, to 1e-10 in ln tau_s.
 ///
 /// None without an observation after t = 0, where every tau_s fits alike.
-///
-/// # Errors
-///
-/// [`SimError`] where no curve can be computed.
 pub fn best_tau_s(model: &NeckGrowth, observed: &[f64]) -> Result<Option<f64>, SimError> {
     if model.times_s().last().is_none_or(|last| *last <= 0.0) {
         return Ok(None);
@@ -23,10 +19,6 @@ pub fn best_tau_s(model: &NeckGrowth, observed: &[f64]) -> Result<Option<f64>, S
 }
 
 /// The same for other kinetics whose only parameter is tau_s (`pokluda`).
-///
-/// # Errors
-///
-/// As [`best_tau_s`].
 pub fn best_tau_s_of(
     kinetics: Kinetics,
     model: &NeckGrowth,

@@ -28,19 +28,16 @@ impl Material {
     pub const NAMES: [&'static str; 3] = ["ps", "pa12", "peek"];
 
     /// The name a user types.
-    #[must_use]
     pub fn name(self) -> &'static str {
         Self::NAMES[self as usize]
     }
 
     /// The material of a name.
-    #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|material| material.name() == name)
     }
 
     /// The name for a heading.
-    #[must_use]
     pub fn title(self) -> &'static str {
         match self {
             Self::Ps => "PS (polystyrene)",
@@ -50,7 +47,6 @@ impl Material {
     }
 
     /// R, E and gamma of Table 1, the density of Table 2.
-    #[must_use]
     pub fn powder(self) -> Powder {
         match self {
             Self::Ps => paper::PS,
@@ -60,7 +56,6 @@ impl Material {
     }
 
     /// Name of the built-in experiment that the material is calibrated on.
-    #[must_use]
     pub fn experiment_name(self) -> &'static str {
         match self {
             Self::Ps => "ps-r30",
@@ -70,7 +65,6 @@ impl Material {
     }
 
     /// The paper's result as printed in Table 3.
-    #[must_use]
     pub fn table3(self) -> PrintedTable3 {
         match self {
             Self::Ps => paper::PS_TABLE3,
@@ -80,13 +74,11 @@ impl Material {
     }
 
     /// The paper's result in SI, through [`printed::from_printed`] at the radius of Table 1.
-    #[must_use]
     pub fn table3_sintering(self) -> Sintering {
         printed::from_printed(&self.table3(), self.powder().radius_m)
     }
 
     /// The same for a pair of another radius \[m\]: tau_s is proportional to it.
-    #[must_use]
     pub fn table3_sintering_at(self, radius_m: f64) -> Sintering {
         self.table3_sintering().at_radius(self.powder().radius_m, radius_m)
     }

@@ -65,37 +65,31 @@ impl NeckGrowth {
     }
 
     /// The same model at other times \[s\], sorted and not negative.
-    #[must_use]
     pub fn at_times(&self, times_s: Vec<f64>) -> Self {
         Self { times_s, ..self.clone() }
     }
 
     /// The same model with other kinetics. Parameters that these do not use are ignored.
-    #[must_use]
     pub fn with_kinetics(&self, kinetics: Kinetics) -> Self {
         Self { kinetics, ..self.clone() }
     }
 
     /// The observation times \[s\].
-    #[must_use]
     pub fn times_s(&self) -> &[f64] {
         &self.times_s
     }
 
     /// Place of one of the model's parameters in a parameter vector, where it is calibrated.
-    #[must_use]
     pub fn place(&self, parameter: ParameterName) -> Option<usize> {
         self.places[parameter as usize]
     }
 
     /// The model's parameter at a place of a parameter vector.
-    #[must_use]
     pub fn name(&self, place: usize) -> Option<ParameterName> {
         ParameterName::ALL.into_iter().find(|parameter| self.place(*parameter) == Some(place))
     }
 
     /// Sintering parameters at a parameter vector; those that are not calibrated are 1.
-    #[must_use]
     pub fn sintering(&self, theta: &[f64]) -> Sintering {
         let value = |name| self.place(name).map_or(1.0, |place| theta[place]);
         Sintering {

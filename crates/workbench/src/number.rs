@@ -1,13 +1,11 @@
 //! Numbers and their units as a person reads them.
 
 /// The unit to print after a number; empty for pure numbers.
-#[must_use]
 pub fn shown_unit(unit: &str) -> &str {
     if unit == "1" { "" } else { unit }
 }
 
 /// `digits` significant digits: plain from 0.001 up to 10 000, else with a power of ten (`2.14e-4`).
-#[must_use]
 pub fn significant(value: f64, digits: usize) -> String {
     let digits = digits.max(1);
     if value == 0.0 || !value.is_finite() {
@@ -29,7 +27,6 @@ pub fn significant(value: f64, digits: usize) -> String {
 
 /// A number with as many decimals as show the first two digits of its standard error (`86.3368` with an error of
 /// 0.0012), and at least `least`.
-#[must_use]
 pub fn with_error(value: f64, error: f64, least: usize) -> String {
     let decimals = if error > 0.0 && error.is_finite() {
         (1.0 - error.log10().floor()).clamp(0.0, 9.0) as usize
@@ -40,7 +37,6 @@ pub fn with_error(value: f64, error: f64, least: usize) -> String {
 }
 
 /// A percentile in words: `1st percentile`, `22nd percentile`, `below the 1st percentile`.
-#[must_use]
 pub fn percentile(value: f64) -> String {
     if value < 0.5 {
         return "below the 1st percentile".to_owned();

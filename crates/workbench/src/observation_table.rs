@@ -72,19 +72,16 @@ impl ObservationTable {
     }
 
     /// Number of observations.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.time_s.len()
     }
 
     /// Whether there are no observations, as in a window between two of them.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.time_s.is_empty()
     }
 
     /// First and last time \[s\].
-    #[must_use]
     pub fn span_s(&self) -> [f64; 2] {
         match (self.time_s.first(), self.time_s.last()) {
             (Some(&first), Some(&last)) => [first, last],
@@ -93,7 +90,6 @@ impl ObservationTable {
     }
 
     /// The observations with `start <= time <= end`; there may be none.
-    #[must_use]
     pub fn within(&self, [start, end]: [f64; 2]) -> Self {
         let keep: Vec<bool> = self.time_s.iter().map(|&t| start <= t && t <= end).collect();
         let kept = |values: &Vec<f64>| {
@@ -107,7 +103,6 @@ impl ObservationTable {
     }
 
     /// The table as CSV that [`parse`](Self::parse) reads to the same numbers.
-    #[must_use]
     pub fn to_csv(&self) -> String {
         let mut csv = String::from("time_s,contact_ratio");
         csv.push_str(if self.sigma.is_some() { ",sigma\n" } else { "\n" });

@@ -2,36 +2,24 @@
 
 use std::path::Path;
 
-use dem_core::{Kinetics, PairScene, PairSpec, Powder, SceneError, Sintering};
-use smc_calib::Parameter;
+use dem_core::{PairScene, PairSpec, Powder, SceneError, Sintering};
 
-use crate::error::{Failure, RunError};
+use crate::error::Failure;
 use crate::model::NeckGrowth;
 use crate::parameter::ParameterName;
-use crate::record;
+use crate::plan::PairPlan;
+use crate::record::{self, Record};
 use crate::report::read_draws;
 
 /// Equally weighted draws of a posterior, and the pair that it was calibrated on.
 #[derive(Debug, Clone)]
 pub struct PairDraws {
-    /// Name of the calibration.
-    pub name: String,
-    /// Heading.
-    pub title: String,
-    /// Its whole plan as JSON.
-    pub plan: String,
-    /// Law of neck growth.
-    pub kinetics: Kinetics,
-    /// The powder of the calibrated pair.
-    pub powder: Powder,
-    /// Final contact ratio phi; where phi is calibrated, what it would have been.
-    pub final_contact_ratio: f64,
-    /// The calibrated parameters.
-    pub parameters: Vec<Parameter>,
-    /// Their values \[SI\], a column for each.
+    /// The calibration.
+    pub record: Record,
+    /// The pair that it was calibrated on.
+    pub pair: PairPlan,
+    /// Values of the parameters \[SI\], a column for each.
     pub columns: Vec<Vec<f64>>,
-    /// Whether the posterior can be trusted fully.
-    pub trusted: bool,
     /// Reasons to be careful.
     pub advice: Vec<String>,
     model: NeckGrowth,
@@ -45,7 +33,7 @@ impl PairDraws {
     /// [`Failure::Input`] for files that are missing, damaged or not of one pair.
     pub fn read(path: &Path) -> Result<Self, Failure> {
         let record = record::read(path)?;
-        let pair = record.pair()?.plan;
+        let pair = record.pair()?.plan.clone();
         let file = record::locate(path);
         let folder = file.parent().unwrap_or(Path::new("."));
         let columns = read_draws(&record, folder).map_err(|error| {
@@ -55,51 +43,34 @@ impl PairDraws {
         if !record.is_posterior {
             advice.insert(0, "the draws are not of a posterior: the noise was tuned".to_owned());
         }
-        Ok(Self {
-            name: record.plan.name.clone(),
-            title: record.plan.title.clone(),
-            plan: serde_json::to_string(&record.plan).map_err(RunError::new)?,
-            kinetics: pair.kinetics,
-            powder: pair.powder,
-            final_contact_ratio: pair.final_contact_ratio,
-            parameters: record.plan.parameters.clone(),
-            columns,
-            trusted: record.trust.converged(),
-            advice,
-            model: NeckGrowth::of(&record.plan)?,
-        })
+        Ok(Self { model: NeckGrowth::of(&record.plan)?, record, pair, columns, advice })
     }
 
     /// Number of draws.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.columns.first().map_or(0, Vec::len)
     }
 
     /// Whether there are no draws.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
     /// The parameters of a draw \[SI\], in order.
-    #[must_use]
     pub fn theta(&self, row: usize) -> Vec<f64> {
         self.columns.iter().map(|column| column[row]).collect()
     }
 
     /// A parameter of the model in a draw, where it was calibrated.
-    #[must_use]
     pub fn value(&self, name: ParameterName, row: usize) -> Option<f64> {
         self.model.place(name).map(|place| self.columns[place][row])
     }
 
     /// The sintering parameters of a draw at the calibrated radius; `unused` gives C1 and delta_c where the kinetics do
     /// not use them.
-    #[must_use]
     pub fn sintering(&self, row: usize, unused: Sintering) -> Sintering {
         let calibrated = self.model.sintering(&self.theta(row));
-        match self.kinetics.uses_c1_delta_c() {
+        match self.pair.kinetics.uses_c1_delta_c() {
             true => calibrated,
             false => Sintering { tau_s: calibrated.tau_s, ..unused },
         }
@@ -110,8 +81,8 @@ impl PairDraws {
     /// # Errors
     ///
     /// [`SceneError`] for a radius that the model cannot take.
-    pub fn pair(&self, row: usize, radius_m: f64) -> Result<PairScene, SceneError> {
-        let phi = self.value(ParameterName::Phi, row).unwrap_or(self.final_contact_ratio);
-        PairSpec::new(Powder { radius_m, ..self.powder }, phi).build()
+    pub fn pair_of(&self, row: usize, radius_m: f64) -> Result<PairScene, SceneError> {
+        let phi = self.value(ParameterName::Phi, row).unwrap_or(self.pair.final_contact_ratio);
+        PairSpec::new(Powder { radius_m, ..self.pair.powder }, phi).build()
     }
 }

@@ -23,7 +23,6 @@ impl ParameterName {
     pub const ALL: [Self; 4] = [Self::C1, Self::TauS, Self::DeltaC, Self::Phi];
 
     /// Name in files.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::C1 => "c1",
@@ -34,7 +33,6 @@ impl ParameterName {
     }
 
     /// SI unit; `1` for phi.
-    #[must_use]
     pub fn unit(self) -> &'static str {
         match self {
             Self::C1 => "1/(Pa s)",
@@ -45,13 +43,11 @@ impl ParameterName {
     }
 
     /// The parameter of a name.
-    #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|parameter| parameter.name() == name)
     }
 
     /// Whether a curve under these kinetics depends on it; phi always bounds the curve and need not be calibrated.
-    #[must_use]
     pub fn is_used_by(self, kinetics: Kinetics) -> bool {
         match self {
             Self::C1 | Self::DeltaC => kinetics.uses_c1_delta_c(),

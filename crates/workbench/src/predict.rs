@@ -119,8 +119,9 @@ pub fn predict(
             .help("calibrate predict --posterior results/pa12 --contact-ratio 0.9")
             .into());
     }
-    let kinetics = calibrated.kinetics;
-    let calibrated_radius_m = calibrated.powder.radius_m;
+    let PairDraws { record, pair, .. } = calibrated;
+    let kinetics = pair.kinetics;
+    let calibrated_radius_m = pair.powder.radius_m;
     let radius_m = radius_m.unwrap_or(calibrated_radius_m);
     let pairs = pairs(calibrated, radius_m)?;
     let sintering = targets
@@ -150,13 +151,13 @@ pub fn predict(
         }
     }
     Ok(Prediction {
-        name: calibrated.name.clone(),
-        title: calibrated.title.clone(),
+        name: record.plan.name.clone(),
+        title: record.plan.title.clone(),
         kinetics,
         radius_m,
         calibrated_radius_m,
-        final_contact_ratio: calibrated.final_contact_ratio,
-        trusted: calibrated.trusted,
+        final_contact_ratio: pair.final_contact_ratio,
+        trusted: record.trust.converged(),
         sintering,
         after: contact_after(&pairs, kinetics, after_s)?,
         advice,
@@ -169,10 +170,10 @@ fn pairs(calibrated: &PairDraws, radius_m: f64) -> Result<Vec<(PairScene, Sinter
     (0..calibrated.len())
         .map(|row| {
             let scene = calibrated
-                .pair(row, radius_m)
+                .pair_of(row, radius_m)
                 .map_err(|error| InputError::new("--radius-m", Mistake::OutOfRange).found(error))?;
             let sintering = calibrated.sintering(row, unused);
-            Ok((scene, sintering.at_radius(calibrated.powder.radius_m, radius_m)))
+            Ok((scene, sintering.at_radius(calibrated.pair.powder.radius_m, radius_m)))
         })
         .collect()
 }
@@ -210,7 +211,6 @@ fn contact_after(
 
 impl Prediction {
     /// As text.
-    #[must_use]
     pub fn text(&self) -> String {
         let elsewhere = if self.radius_m == self.calibrated_radius_m {
             String::new()
@@ -248,7 +248,6 @@ impl Prediction {
     }
 
     /// As CSV, a row per prediction.
-    #[must_use]
     pub fn csv(&self) -> String {
         let mut text = String::from(
             "predicted,given,unit,median,eti50_lower,eti50_upper,eti90_lower,eti90_upper,eti95_lower,eti95_upper,draws_never\n",

@@ -24,6 +24,7 @@
 use std::path::Path;
 
 use dem_core::Kinetics;
+use serde_json::json;
 use smc_calib::{Parameter, Prior, PriorError, PriorSpec};
 
 use crate::error::{InputError, Mistake};
@@ -113,7 +114,6 @@ impl PriorFile {
     }
 
     /// The prior of a parameter, if the file gives one.
-    #[must_use]
     pub fn get(&self, parameter: ParameterName) -> Option<&Prior> {
         match parameter {
             ParameterName::C1 => self.c1.as_ref(),
@@ -169,40 +169,14 @@ fn missing(file: &str, parameter: ParameterName) -> InputError {
         .help(format_args!("add {name} = {{ distribution = \"log-uniform\", {example} }}"))
 }
 
-/// A family of priors.
-#[derive(Debug, Clone, Copy)]
-enum Distribution {
-    LogUniform,
-    Uniform,
-    LogNormal,
-    Normal,
-    TruncatedNormal,
-}
-
-/// The families by the names that a user types, in the order of the variants.
-const DISTRIBUTIONS: [(&str, Distribution); 5] = [
-    ("log-uniform", Distribution::LogUniform),
-    ("uniform", Distribution::Uniform),
-    ("log-normal", Distribution::LogNormal),
-    ("normal", Distribution::Normal),
-    ("truncated-normal", Distribution::TruncatedNormal),
+/// The families of priors by the names that a user types, each with the numbers that it is given by.
+pub(crate) const DISTRIBUTIONS: [(&str, &[&str]); 5] = [
+    ("log-uniform", &["lower", "upper"]),
+    ("uniform", &["lower", "upper"]),
+    ("log-normal", &["median", "sd_log10"]),
+    ("normal", &["mean", "sd"]),
+    ("truncated-normal", &["mean", "sd", "lower", "upper"]),
 ];
-
-impl Distribution {
-    fn name(self) -> &'static str {
-        DISTRIBUTIONS[self as usize].0
-    }
-
-    /// The fields that decide it.
-    fn given_by(self) -> &'static str {
-        match self {
-            Self::LogUniform | Self::Uniform => "lower and upper",
-            Self::LogNormal => "median and sd_log10",
-            Self::Normal => "mean and sd",
-            Self::TruncatedNormal => "mean, sd, lower and upper",
-        }
-    }
-}
 
 fn prior(parameter: ParameterName, fields: &Fields<'_>) -> Result<Prior, InputError> {
     let prior = any_prior(fields)?;
@@ -212,40 +186,27 @@ fn prior(parameter: ParameterName, fields: &Fields<'_>) -> Result<Prior, InputEr
 
 /// A prior of any parameter. Fields of the table that belong to something else must have been asked for before.
 pub(crate) fn any_prior(fields: &Fields<'_>) -> Result<Prior, InputError> {
-    let Some(At { value: distribution, .. }) = fields.choice("distribution", &DISTRIBUTIONS)?
-    else {
-        let names = DISTRIBUTIONS.map(|(name, _)| name).join(", ");
+    let names = DISTRIBUTIONS.map(|(name, _)| name);
+    let families = DISTRIBUTIONS.map(|family| (family.0, family));
+    let Some(At { value: (name, keys), .. }) = fields.choice("distribution", &families)? else {
         return Err(fields
             .missing("distribution")
-            .expected(format_args!("one of {names}"))
+            .expected(format_args!("one of {}", names.join(", ")))
             .help("add distribution = \"log-uniform\""));
     };
-    let number = |key: &'static str| {
-        fields.number(key)?.map(|at| at.value).ok_or_else(|| {
-            let (name, given_by) = (distribution.name(), distribution.given_by());
-            let expected = format!("a number, as {name} is given by {given_by}");
-            fields.missing(key).expected(expected)
-        })
-    };
-    let spec = match distribution {
-        Distribution::LogUniform => {
-            PriorSpec::LogUniform { lower: number("lower")?, upper: number("upper")? }
-        }
-        Distribution::Uniform => {
-            PriorSpec::Uniform { lower: number("lower")?, upper: number("upper")? }
-        }
-        Distribution::LogNormal => {
-            PriorSpec::LogNormal { median: number("median")?, sd_log10: number("sd_log10")? }
-        }
-        Distribution::Normal => PriorSpec::Normal { mean: number("mean")?, sd: number("sd")? },
-        Distribution::TruncatedNormal => PriorSpec::TruncatedNormal {
-            mean: number("mean")?,
-            sd: number("sd")?,
-            lower: number("lower")?,
-            upper: number("upper")?,
-        },
-    };
+    let mut spec = serde_json::Map::from_iter([("kind".to_owned(), json!(name))]);
+    for &key in keys {
+        let Some(number) = fields.number(key)? else {
+            let (last, others) = keys.split_last().unwrap_or((&"", &[]));
+            let given_by = format!("{} and {last}", others.join(", "));
+            let expected = format_args!("a number, as {name} is given by {given_by}");
+            return Err(fields.missing(key).expected(expected));
+        };
+        spec.insert(key.to_owned(), json!(number.value));
+    }
     fields.finish()?;
+    let spec = serde_json::from_value(spec.into())
+        .map_err(|error| fields.table_error(Mistake::WrongType).found(error))?;
     Prior::new(spec).map_err(|error| refused(fields, &error))
 }
 

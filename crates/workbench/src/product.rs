@@ -12,7 +12,6 @@ use smc_calib::Weighted;
 const PRIOR_POINTS: usize = 512;
 
 /// Posterior of the product, for kinetics that use C1 and delta_c and do not separate them.
-#[must_use]
 pub fn summary(plan: &Plan, pair: &PairPlan, posterior: &Posterior) -> Option<ProductSummary> {
     let kinetics = pair.kinetics;
     if !kinetics.uses_c1_delta_c() || kinetics.separates_c1_from_delta_c() {

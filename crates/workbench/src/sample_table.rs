@@ -126,14 +126,12 @@ impl SampleTable {
     }
 
     /// Line of a row, from 1.
-    #[must_use]
     pub fn line_of(&self, row: usize) -> usize {
         self.lines.get(row).copied().unwrap_or(1)
     }
 }
 
 /// Parameter sets as GrainLearning writes them, with all digits, so that they read back to the same numbers.
-#[must_use]
 pub fn write<'a>(
     title: &str,
     parameters: &[String],

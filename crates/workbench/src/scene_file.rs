@@ -78,7 +78,6 @@ impl SceneInput {
     }
 
     /// The scene's name as that of a folder.
-    #[must_use]
     pub fn folder_name(&self) -> String {
         let plain: String = self
             .file
@@ -91,7 +90,6 @@ impl SceneInput {
     }
 
     /// The scene in words, a line for each part.
-    #[must_use]
     pub fn describe(&self) -> Vec<String> {
         let (file, outline) = (&self.file, &self.outline);
         let mut lines = vec![format!(
@@ -158,7 +156,6 @@ impl SceneInput {
 }
 
 /// A bed that cannot be made as the file says.
-#[must_use]
 pub fn refused(place: &str, error: &BedError) -> InputError {
     match error {
         BedError::File { place: at, message } => {
@@ -182,7 +179,6 @@ pub fn refused(place: &str, error: &BedError) -> InputError {
 }
 
 /// A run that ended early, with what is `kept` of it: a mistake of the scene, or a failed run.
-#[must_use]
 pub fn failed(place: &str, error: &BedError, kept: Option<&str>) -> Failure {
     match error {
         BedError::NoBalance { .. } => {

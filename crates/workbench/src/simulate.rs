@@ -261,7 +261,6 @@ fn refused(error: SolveError) -> Failure {
 
 impl Simulated {
     /// The pair, the solver and what happens when, as text.
-    #[must_use]
     pub fn text(&self) -> String {
         let Self { request, events, curve } = self;
         let Request { experiment, scene, sintering, kinetics, .. } = request;
@@ -324,7 +323,6 @@ impl Simulated {
     }
 
     /// The curve as CSV.
-    #[must_use]
     pub fn csv(&self) -> String {
         let curve = &self.curve;
         let mut csv = String::from("time_s,overlap_m,plastic_overlap_m,contact_ratio\n");
@@ -350,7 +348,6 @@ impl Simulated {
     pub fn json(&self) -> Result<String, RunError> {
         let Self { request, events, curve } = self;
         let Request { experiment, scene, kinetics, sintering, settings, reason, .. } = request;
-        let powder = scene.powder();
         let printed =
             kinetics.uses_c1_delta_c().then(|| printed::to_printed(sintering, scene.radius_m())).map(
                 |printed| json!({"c1": printed.c1, "tau_s": printed.tau_s, "delta_c": printed.delta_c}),
@@ -358,12 +355,7 @@ impl Simulated {
         let value = json!({
             "experiment": experiment.name,
             "material": experiment.material.map(Material::name),
-            "powder": {
-                "radius_m": powder.radius_m,
-                "youngs_modulus_pa": powder.youngs_modulus_pa,
-                "surface_tension_n_per_m": powder.surface_tension_n_per_m,
-                "density_kg_per_m3": powder.density_kg_per_m3,
-            },
+            "powder": scene.powder(),
             "final_contact_ratio": scene.final_contact_ratio(),
             "kinetics": kinetics.name(),
             "sintering": {"c1": sintering.c1, "tau_s": sintering.tau_s, "delta_c": sintering.delta_c},

@@ -13,7 +13,7 @@ use crate::output::CAMPAIGN;
 use crate::record::{self, FILE_NAME};
 
 /// How far a run is.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 pub struct Status {
     name: String,
     /// `running`, `stopped` or `done`.
@@ -64,17 +64,9 @@ fn computed_here(record: &record::Record) -> Status {
     Status {
         name: record.plan.name.clone(),
         state: "done",
-        driver: None,
-        total: 0,
-        finished: 0,
-        failed: 0,
-        failed_by_cause: BTreeMap::new(),
-        running: 0,
-        queued: 0,
         stages: record.stages.len() as u64,
-        seconds_per_run: None,
-        seconds_left: None,
         reported: true,
+        ..Status::default()
     }
 }
 
@@ -135,7 +127,6 @@ fn duration(seconds: f64) -> String {
 }
 
 /// A status in words.
-#[must_use]
 pub fn text(dir: &Path, status: &Status) -> String {
     let mut text = String::new();
     let name = dir.display();

@@ -75,7 +75,6 @@ pub fn verify(record: &Record) -> Result<Verification, Failure> {
 
 impl Verification {
     /// The numbers side by side.
-    #[must_use]
     pub fn text(&self) -> String {
         let mut text = format!(
             "quadrature ({} evaluations, settled to {}):\n",

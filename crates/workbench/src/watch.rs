@@ -9,35 +9,25 @@ pub trait Watch: Sync {
     fn stop(&self) -> &Stop;
 
     /// Work begins: `total` pieces of `what`, `done` of which were done before.
-    fn begin(&self, total: u64, done: u64, what: &'static str) {
-        let _ = (total, done, what);
-    }
+    fn begin(&self, _total: u64, _done: u64, _what: &'static str) {}
 
     /// One more piece of work is done.
     fn advance(&self) {}
 
     /// What the work is at just now.
-    fn now(&self, what: &str) {
-        let _ = what;
-    }
+    fn now(&self, _what: &str) {}
 
     /// A stage of the sampler has ended.
-    fn stage(&self, record: &StageRecord) {
-        let _ = record;
-    }
+    fn stage(&self, _record: &StageRecord) {}
 
     /// The work that [`begin`](Self::begin) announced has ended.
     fn end(&self) {}
 
     /// Something worth knowing that does not put the result in doubt.
-    fn note(&self, message: &str) {
-        let _ = message;
-    }
+    fn note(&self, _message: &str) {}
 
     /// Something that may put the result in doubt.
-    fn warn(&self, message: &str) {
-        let _ = message;
-    }
+    fn warn(&self, _message: &str) {}
 }
 
 /// Watches nothing and never stops a job.

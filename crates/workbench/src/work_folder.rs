@@ -24,7 +24,6 @@ pub struct WorkFolder {
 }
 
 /// A number that tells plans apart (FNV-1a of its text).
-#[must_use]
 pub fn fingerprint(text: &str) -> u64 {
     text.bytes().fold(0xcbf2_9ce4_8422_2325, |sum, byte| {
         (sum ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
@@ -33,10 +32,6 @@ pub fn fingerprint(text: &str) -> u64 {
 
 impl WorkFolder {
     /// Opens or makes the folder for a plan.
-    ///
-    /// # Errors
-    ///
-    /// [`Failure::Run`] where it cannot be made, or where another process is at work in it.
     pub fn open(folder: &RunFolder, plan: &str) -> Result<Self, Failure> {
         let prefix = format!(".{}.work-", folder.name());
         let path = folder.parent().join(format!("{prefix}{:016x}", fingerprint(plan)));
@@ -63,22 +58,16 @@ impl WorkFolder {
     }
 
     /// Path of the folder.
-    #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
     /// A file of earlier work, if it is there.
-    #[must_use]
     pub fn get(&self, name: &str) -> Option<Vec<u8>> {
         fs::read(self.path.join(name)).ok()
     }
 
     /// Writes a file whole: aside, then renamed.
-    ///
-    /// # Errors
-    ///
-    /// [`RunError`] where it cannot be written.
     pub fn put(&self, name: &str, contents: &[u8]) -> Result<(), RunError> {
         write_file(&self.path.join(name), contents)
     }
@@ -90,7 +79,6 @@ impl WorkFolder {
     }
 
     /// Folders of unfinished work of other plans for the same results.
-    #[must_use]
     pub fn others(&self) -> Vec<PathBuf> {
         let Some(parent) = self.path.parent() else { return Vec::new() };
         let Ok(entries) = fs::read_dir(parent) else { return Vec::new() };

@@ -26,10 +26,6 @@ impl<T: Send + 'static> Worker<T> {
     }
 
     /// The next message; none once the job is asked to stop.
-    ///
-    /// # Errors
-    ///
-    /// [`RunError`] where the thread has ended, although a message was still awaited.
     pub(crate) fn next(&self, watch: &dyn Watch) -> Result<Option<T>, RunError> {
         while !watch.stop().asked() {
             match self.receive.recv_timeout(LOOK_EVERY) {

@@ -222,11 +222,7 @@ fn say(args: &CalibrateArgs, terminal: &Terminal, finished: Finished) -> Result<
     terminal.announce(published, out);
     terminal.advise(&record.advice);
     terminal.print(args.json, || match args.json {
-        true => {
-            let mut text = report::json(record, Some(out)).map_err(RunError::new)?;
-            text.push('\n');
-            Ok(text)
-        }
+        true => Ok(report::json(record, Some(out))?),
         false => Ok(report::text(record, Some(timings.inference_seconds), Some(out))),
     })?;
     Ok(finished)

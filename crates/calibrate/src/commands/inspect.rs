@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use workbench::error::{Failure, RunError};
+use workbench::error::Failure;
 use workbench::{record, report};
 
 use crate::terminal;
@@ -23,10 +23,9 @@ pub(crate) struct InspectArgs {
 pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
     let record = record::read(&args.file)?;
     let text = if args.json {
-        report::json(&record, None).map_err(RunError::new)?
+        report::json(&record, None)?
     } else {
-        let summary = report::text(&record, None, None);
-        format!("{summary}\n{}", report::details(&record).trim_end())
+        format!("{}\n{}\n", report::text(&record, None, None), report::details(&record).trim_end())
     };
-    terminal::write(format!("{text}\n").as_bytes())
+    terminal::write(text.as_bytes())
 }

@@ -1,6 +1,6 @@
 //! `compare.json`: the comparison as data.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use smc_calib::LeaveOneOut;
 use smc_calib::trust::limits::INFORMED_BITS;
 
@@ -17,8 +17,7 @@ pub const SCHEMA_VERSION: u32 = 1;
 pub const PHI_RANGE: [f64; 2] = [1.0, 1.35];
 
 /// `compare.json`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Report {
     /// [`SCHEMA_VERSION`].
     pub schema_version: u32,
@@ -29,8 +28,7 @@ pub struct Report {
 }
 
 /// Everything that decides the result.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ReportPlan {
     /// Simulations per calibration.
     pub samples: usize,
@@ -43,8 +41,7 @@ pub struct ReportPlan {
 }
 
 /// The kinetics on one experiment.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
     /// Name of the run.
     pub name: String,
@@ -65,8 +62,7 @@ pub struct Comparison {
 }
 
 /// One kinetics.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Entry {
     /// Its name.
     pub kinetics: String,
@@ -105,8 +101,7 @@ pub struct Entry {
 }
 
 /// Information gained on a parameter.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Informed {
     /// The parameter, or `c1 * delta_c^2`.
     pub name: String,
@@ -137,13 +132,11 @@ impl Comparison {
     }
 
     /// Whether phi was calibrated.
-    #[must_use]
     pub fn with_phi(&self) -> bool {
         self.entries.iter().all(|e| e.informed.iter().any(|informed| informed.name == "phi"))
     }
 
     /// The entry with the largest evidence.
-    #[must_use]
     pub fn best(&self) -> Option<&Entry> {
         self.entries.iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
     }

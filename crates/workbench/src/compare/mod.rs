@@ -4,10 +4,10 @@
 //! prior. Their evidences, errors and leave-one-out predictive densities are put side by side ([`comparison`]),
 //! judged and rendered ([`render`]).
 
-pub mod comparison;
+mod comparison;
 mod refit;
 pub mod render;
-pub mod strength;
+mod strength;
 mod verdict;
 
 use dem_core::Kinetics;

@@ -59,7 +59,6 @@ fn what_is_informed(entry: &Entry) -> String {
 }
 
 /// All comparisons as Markdown.
-#[must_use]
 pub fn markdown(report: &Report) -> String {
     let mut text = String::from("# Kinetics compared\n\n");
     text.push_str(&preamble(report));
@@ -124,7 +123,6 @@ fn product(text: &mut String, comparison: &Comparison) {
 }
 
 /// All comparisons as CSV, in full precision.
-#[must_use]
 pub fn csv(report: &Report) -> String {
     let mut text = String::from(
         "experiment,kinetics,log_evidence,log_evidence_se,log_bayes_factor,strength,rmse,max_error,elpd,elpd_mc_se,elpd_spread,elpd_difference,elpd_difference_spread,effective_parameters,loo_khat,loo_refitted,informed_parameters,ess,khat\n",
@@ -161,7 +159,6 @@ pub fn csv(report: &Report) -> String {
 }
 
 /// One comparison for the terminal.
-#[must_use]
 pub fn terminal(comparison: &Comparison) -> String {
     let mut text = format!("{}: {} observations\n", comparison.title, comparison.observations);
     let _ = writeln!(

@@ -2,13 +2,13 @@
 
 use std::fmt;
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::number::significant;
 
 /// Evidence against a model whose Bayes factor to the best one is 1 to K: the scale of R.E. Kass and A.E. Raftery,
 /// "Bayes factors", J. Am. Stat. Assoc. 90 (1995) 773, after H. Jeffreys, "Theory of Probability" (1961).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Strength {
     /// 2 ln K = 0: the best kinetics itself.
@@ -25,7 +25,6 @@ pub enum Strength {
 
 impl Strength {
     /// Of a positive log Bayes factor.
-    #[must_use]
     pub fn of(log_bayes_factor: f64) -> Self {
         match 2.0 * log_bayes_factor {
             x if x <= 0.0 => Self::None,

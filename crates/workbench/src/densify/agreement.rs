@@ -73,7 +73,7 @@ pub(super) fn heated(input: &SceneInput) -> Result<(), InputError> {
 /// Reasons to be careful with beds of another powder than the calibrated one.
 pub(super) fn advice(calibrated: &PairDraws, input: &SceneInput) -> Vec<String> {
     let mut advice = calibrated.advice.clone();
-    let (powder, material) = (&calibrated.powder, &input.file.material);
+    let (powder, material) = (&calibrated.pair.powder, &input.file.material);
     for (what, unit, scene, calibrated) in [
         ("Young's modulus", "Pa", material.youngs_modulus_pa, powder.youngs_modulus_pa),
         (
@@ -91,7 +91,7 @@ pub(super) fn advice(calibrated: &PairDraws, input: &SceneInput) -> Vec<String> 
             ));
         }
     }
-    let (phi, fitted) = (material.final_contact_ratio, calibrated.final_contact_ratio);
+    let (phi, fitted) = (material.final_contact_ratio, calibrated.pair.final_contact_ratio);
     if calibrated.value(ParameterName::Phi, 0).is_none() && (phi / fitted - 1.0).abs() > 1e-3 {
         advice.push(format!(
             "contacts of the scene grow up to a/R = {}, those of the calibrated pair up to {}",

@@ -56,10 +56,6 @@ impl Wanted<'_> {
 
     /// The beds of all draws, in their order: those of earlier work, in the work folder or in the folder `published`,
     /// and the others.
-    ///
-    /// # Errors
-    ///
-    /// [`Failure`] for a scene without a bed, where all beds fail, or where the job is asked to stop.
     pub(super) fn beds(
         &self,
         published: &Path,
@@ -107,9 +103,9 @@ impl Wanted<'_> {
         Bed {
             draw,
             growing: Growing {
-                kinetics: self.calibrated.kinetics,
+                kinetics: self.calibrated.pair.kinetics,
                 sintering: self.calibrated.sintering(row, scene),
-                calibrated_radius_m: self.calibrated.powder.radius_m,
+                calibrated_radius_m: self.calibrated.pair.powder.radius_m,
             },
             phi: self.calibrated.value(ParameterName::Phi, row),
         }

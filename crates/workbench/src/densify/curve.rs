@@ -20,7 +20,6 @@ pub enum Target {
 
 impl Target {
     /// Name of the quantity.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::RelativeDensity(_) => "relative density",
@@ -29,7 +28,6 @@ impl Target {
     }
 
     /// The level.
-    #[must_use]
     pub fn value(self) -> f64 {
         match self {
             Self::RelativeDensity(value) | Self::ContactRatio(value) => value,
@@ -58,7 +56,6 @@ pub struct Moment {
 
 impl Moment {
     /// From an observation, with time counted from the start of heating.
-    #[must_use]
     pub fn of(sample: &Sample, heated_from_s: f64) -> Self {
         Self {
             time_s: sample.time_s - heated_from_s,
@@ -72,7 +69,6 @@ impl Moment {
     }
 
     /// The target's quantity.
-    #[must_use]
     pub fn of_target(&self, target: Target) -> f64 {
         match target {
             Target::RelativeDensity(_) => self.relative_density,
@@ -80,17 +76,35 @@ impl Moment {
         }
     }
 
+    /// From the numbers of a line, in the order of [`COLUMNS`].
+    fn of_numbers(numbers: [f64; 8]) -> Self {
+        let [time_s, relative_density, coordination, mean_contact_ratio, rest @ ..] = numbers;
+        let [necks_meet, mean, largest, inertial_number] = rest;
+        let driving = [mean, largest];
+        Self {
+            time_s,
+            relative_density,
+            coordination,
+            mean_contact_ratio,
+            necks_meet,
+            driving,
+            inertial_number,
+        }
+    }
+
     fn numbers(&self) -> [f64; 8] {
-        let [mean, largest] = self.driving;
+        let Self { time_s, relative_density, coordination, mean_contact_ratio, necks_meet, .. } =
+            *self;
+        let ([mean, largest], inertial_number) = (self.driving, self.inertial_number);
         [
-            self.time_s,
-            self.relative_density,
-            self.coordination,
-            self.mean_contact_ratio,
-            self.necks_meet,
+            time_s,
+            relative_density,
+            coordination,
+            mean_contact_ratio,
+            necks_meet,
             mean,
             largest,
-            self.inertial_number,
+            inertial_number,
         ]
     }
 }
@@ -110,7 +124,6 @@ const END: &str = "# end";
 
 impl Curve {
     /// As a file. Its first line names what it belongs to, and its last line marks the end.
-    #[must_use]
     pub fn file(&self, belongs_to: &str) -> String {
         let mut text =
             format!("# {belongs_to}\n# error_estimate {:e}\n{COLUMNS}\n", self.error_estimate);
@@ -124,7 +137,6 @@ impl Curve {
     }
 
     /// Reads such a file back; `None` where it belongs to something else or is cut off.
-    #[must_use]
     pub fn parse(text: &str, belongs_to: &str) -> Option<Self> {
         let mut lines = text.lines();
         if lines.next()?.strip_prefix("# ")? != belongs_to {
@@ -141,28 +153,7 @@ impl Curve {
             }
             let numbers: Vec<f64> =
                 line.split(',').map(|cell| cell.parse().ok()).collect::<Option<_>>()?;
-            let [
-                time_s,
-                relative_density,
-                coordination,
-                mean_contact_ratio,
-                necks_meet,
-                mean,
-                largest,
-                inertial_number,
-            ] = *numbers.as_slice()
-            else {
-                return None;
-            };
-            moments.push(Moment {
-                time_s,
-                relative_density,
-                coordination,
-                mean_contact_ratio,
-                necks_meet,
-                driving: [mean, largest],
-                inertial_number,
-            });
+            moments.push(Moment::of_numbers(numbers.try_into().ok()?));
         }
         None
     }
@@ -186,14 +177,12 @@ impl Curve {
     }
 
     /// Time at which the target is reached \[s\].
-    #[must_use]
     pub fn time_to(&self, target: Target) -> Option<f64> {
         self.crossing(|moment| moment.of_target(target), target.value(), |_| 0.0)
             .map(|(time, _)| time)
     }
 
     /// Time \[s\] at which necks begin to meet on too many particles, and the target's quantity at that time.
-    #[must_use]
     pub fn model_ends(&self, target: Target) -> Option<(f64, f64)> {
         self.crossing(|moment| moment.necks_meet, NECKS_MEET, |moment| moment.of_target(target))
     }
@@ -237,7 +226,6 @@ pub struct Point {
 
 impl Point {
     /// The band of the target's quantity.
-    #[must_use]
     pub fn of_target(&self, target: Target) -> Option<Band> {
         match target {
             Target::RelativeDensity(_) => self.relative_density,
@@ -247,7 +235,6 @@ impl Point {
 }
 
 /// Bands at the observation times of the scene.
-#[must_use]
 pub(super) fn bands(curves: &[Curve], target: Target) -> Vec<Point> {
     let Some(longest) = curves.iter().max_by_key(|curve| curve.moments.len()) else {
         return Vec::new();
@@ -290,7 +277,6 @@ pub struct TimeTo {
 
 impl TimeTo {
     /// From the times of all draws; none for a draw that never reaches the target.
-    #[must_use]
     pub fn of(times: &[Option<f64>]) -> Self {
         let mut sorted: Vec<f64> = times.iter().map(|time| time.unwrap_or(f64::INFINITY)).collect();
         sorted.sort_by(f64::total_cmp);

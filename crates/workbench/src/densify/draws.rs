@@ -25,10 +25,6 @@ pub struct Draw {
 ///
 /// Systematic sampling along the quantity that decides: each draw is as likely as any other to be taken, and the
 /// quantiles of densification times scatter far less than those of draws taken at random.
-///
-/// # Errors
-///
-/// [`InputError`] for more draws than there are.
 pub(super) fn choose(
     calibrated: &PairDraws,
     count: usize,
@@ -44,9 +40,10 @@ pub(super) fn choose(
     let mut order: Vec<(f64, usize)> = (0..rows)
         .map(|row| {
             let sintering = calibrated.sintering(row, unused);
-            let time = calibrated.pair(row, calibrated.powder.radius_m).ok().and_then(|pair| {
-                time_to_contact_ratio(&pair, calibrated.kinetics, &sintering, ORDER_BY)
-            });
+            let time =
+                calibrated.pair_of(row, calibrated.pair.powder.radius_m).ok().and_then(|pair| {
+                    time_to_contact_ratio(&pair, calibrated.pair.kinetics, &sintering, ORDER_BY)
+                });
             (time.unwrap_or(f64::INFINITY), row)
         })
         .collect();

@@ -84,18 +84,20 @@ impl DensifyJob {
         let calibrated = PairDraws::read(&options.posterior)?;
         let input = scene_file::read(&options.scene)?;
         let target = agreement::target(options.target, &input)?;
-        let kinetics = calibrated.kinetics;
+        let posterior = &calibrated.record.plan;
+        let kinetics = calibrated.pair.kinetics;
         let sintering = agreement::sintering(&options.posterior, kinetics, &input)?.clone();
         agreement::heated(&input)?;
         let draws = draws::choose(&calibrated, options.draws, options.seed)?;
-        let identity = format!("{}\n{:?}", calibrated.plan, calibrated.columns);
+        let of_posterior = serde_json::to_string(posterior).map_err(RunError::new)?;
+        let identity = format!("{of_posterior}\n{:?}", calibrated.columns);
         let plan = DensifyPlan {
             scene_name: input.file.name.clone(),
             scene: input.identity()?,
-            posterior_name: calibrated.name.clone(),
+            posterior_name: posterior.name.clone(),
             posterior_fingerprint: format!("{:016x}", fingerprint(&identity)),
             kinetics,
-            calibrated_radius_m: calibrated.powder.radius_m,
+            calibrated_radius_m: calibrated.pair.powder.radius_m,
             draws: options.draws,
             seed: options.seed,
             target,
@@ -105,7 +107,7 @@ impl DensifyJob {
             "scene": plan.scene, "posterior": plan.posterior_fingerprint, "draws": plan.draws,
             "seed": plan.seed, "version": plan.version,
         });
-        let default = format!("{}-{}", input.folder_name(), calibrated.name);
+        let default = format!("{}-{}", input.folder_name(), posterior.name);
         let out = options.out.clone().unwrap_or_else(|| Path::new("results").join(default));
         Ok(Self {
             advice: agreement::advice(&calibrated, &input),
@@ -120,19 +122,16 @@ impl DensifyJob {
     }
 
     /// Reasons to be careful that are known before anything is computed.
-    #[must_use]
     pub fn advice(&self) -> &[String] {
         &self.advice
     }
 
     /// Folder of the results.
-    #[must_use]
     pub fn out(&self) -> &Path {
         self.folder.path()
     }
 
     /// What would be done, as text.
-    #[must_use]
     pub fn describe(&self) -> String {
         let plan = &self.plan;
         let mut lines = vec![format!(
@@ -141,7 +140,7 @@ impl DensifyJob {
         )];
         lines.extend(self.input.describe().iter().map(|line| format!("  {line}")));
         let names: Vec<&str> =
-            self.calibrated.parameters.iter().map(|parameter| parameter.name.as_str()).collect();
+            self.calibrated.record.plan.parameters.iter().map(|p| p.name.as_str()).collect();
         let radius_um = significant(1e6 * plan.calibrated_radius_m, 4);
         let (quantity, level) = (plan.target.name(), significant(plan.target.value(), 3));
         lines.push(format!(
@@ -178,7 +177,7 @@ impl DensifyJob {
         let beds = wanted.beds(&self.out().join("series"), &work, threads, watch)?;
         let seconds = start.elapsed().as_secs_f64();
         let (computed, failed) = divide(&self.draws, beds);
-        let calibrated = &self.calibrated.parameters;
+        let calibrated = &self.calibrated.record.plan.parameters;
         let parameters = calibrated.iter().map(|parameter| parameter.name.clone()).collect();
         let report =
             Report::new(self.plan.clone(), parameters, &computed, failed, self.advice.clone());

@@ -123,7 +123,6 @@ pub struct Report {
 
 impl Report {
     /// From the curves of all draws that have one.
-    #[must_use]
     pub fn new(
         plan: DensifyPlan,
         parameters: Vec<String>,
@@ -192,7 +191,6 @@ impl Report {
     }
 
     /// `densify.csv`: the bands over time.
-    #[must_use]
     pub fn curve_csv(&self) -> String {
         let mut text = String::from("time_s");
         for quantity in ["relative_density", "mean_contact_ratio"] {
@@ -219,7 +217,6 @@ impl Report {
     }
 
     /// `draws.csv`: every draw and its bed, with an empty cell for a time that is not reached.
-    #[must_use]
     pub fn draws_csv(&self, units: &[&str]) -> String {
         let mut text = String::from("draw,row");
         for (name, unit) in self.parameters.iter().zip(units) {
@@ -248,7 +245,6 @@ impl Report {
     }
 
     /// The fan chart.
-    #[must_use]
     pub fn figure(&self) -> DensificationFigure {
         let target = self.plan.target;
         let bands: Vec<_> =
@@ -278,7 +274,6 @@ impl Report {
     }
 
     /// The summary as text.
-    #[must_use]
     pub fn text(&self, seconds: f64, out: &Path) -> String {
         let plan = &self.plan;
         let mut lines = vec![format!(

@@ -51,7 +51,6 @@ const METHOD: &str = "linear regression of ln(time) on the normal scores of the 
 
 /// Divides the spread of times among parameters, one column of values each; `None` for fewer than four draws
 /// per coefficient, or where nothing spreads.
-#[must_use]
 pub(super) fn divide(names: &[String], columns: &[Vec<f64>], time_s: &[f64]) -> Option<Spread> {
     let n = time_s.len();
     if n < 4 * (columns.len() + 1) {

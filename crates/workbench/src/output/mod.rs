@@ -20,7 +20,6 @@ pub const CAMPAIGN: &str = "campaign";
 pub type WriteFile<'a> = dyn Fn(&str, &[u8]) -> Result<(), RunError> + Sync + 'a;
 
 /// Adds the remedy to an error of results that could not be written.
-#[must_use]
 pub fn make_room(error: RunError) -> RunError {
     error.help("make room on the disk, or choose another folder with --out")
 }

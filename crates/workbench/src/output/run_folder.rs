@@ -96,7 +96,6 @@ impl RunFolder {
     }
 
     /// The folder, with links resolved.
-    #[must_use]
     pub fn path(&self) -> &Path {
         &self.target
     }
@@ -146,13 +145,7 @@ impl RunFolder {
     ///
     /// [`RunError`] where it cannot be made.
     pub fn stage(&self) -> Result<Staging, RunError> {
-        let failed = |error: io::Error| {
-            RunError::new(format_args!(
-                "{}: cannot be written: {}",
-                self.target.display(),
-                plain(&error)
-            ))
-        };
+        let failed = |error| failed(&self.target, "cannot be written", &error);
         fs::create_dir_all(self.parent()).map_err(failed)?;
         self.remove_stale();
         let path = self.parent().join(format!(".{}.tmp-{}", self.name(), std::process::id()));
@@ -206,7 +199,6 @@ pub struct Staging {
 
 impl Staging {
     /// The hidden folder, to write the files into.
-    #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -244,9 +236,7 @@ impl Staging {
             }
         }
         let path = dir.join(format!("{prefix}{}", std::process::id()));
-        fs::create_dir(&path).map_err(|error| {
-            RunError::new(format_args!("{}: cannot be written: {}", dir.display(), plain(&error)))
-        })?;
+        fs::create_dir(&path).map_err(|error| failed(dir, "cannot be written", &error))?;
         Ok(Self { folder: RunFolder { target: dir.to_owned(), record }, path })
     }
 
@@ -277,13 +267,7 @@ impl Staging {
             flush_names(target);
             Ok(())
         };
-        put().map_err(|error| {
-            RunError::new(format_args!(
-                "{}: results cannot be put into place: {}",
-                target.display(),
-                plain(&error)
-            ))
-        })?;
+        put().map_err(|error| failed(target, "results cannot be put into place", &error))?;
         Ok(published)
     }
 
@@ -294,13 +278,7 @@ impl Staging {
     /// [`RunError`]; the old results are then still in place, or under the name that the message says.
     pub fn publish(self) -> Result<Published, RunError> {
         let RunFolder { target, record } = &self.folder;
-        let failed = |error: io::Error| {
-            RunError::new(format_args!(
-                "{}: cannot be put into place: {}",
-                target.display(),
-                plain(&error)
-            ))
-        };
+        let failed = |error| failed(target, "cannot be put into place", &error);
         let new_plan = recorded_plan(&self.path, record).map_err(|why| {
             RunError::new(format_args!("{}: nothing to publish: {why}", target.display()))
         })?;
@@ -348,6 +326,10 @@ impl Drop for Staging {
             let _ = fs::remove_dir_all(&self.path);
         }
     }
+}
+
+fn failed(folder: &Path, what: &str, error: &io::Error) -> RunError {
+    RunError::new(format_args!("{}: {what}: {}", folder.display(), plain(error)))
 }
 
 /// The plan in the record of a run; the error says why the folder is not that of a run.

@@ -176,7 +176,6 @@ impl PairOptions {
 
 /// Settings for a number of simulations of the built-in simulator, with the search for the MAP: a curve of one pair
 /// takes microseconds.
-#[must_use]
 pub fn sampler_for(samples: usize) -> Settings {
     let map_simulations = Settings::default().map_simulations;
     Settings { map_simulations, ..Settings::for_budget(samples) }

@@ -8,12 +8,12 @@ use smc_calib::{FixedSigma, Noise, PriorSpec, Settings};
 use super::sampler::settings_for;
 use super::types::{ExperimentPlan, PairPlan, Plan, SimulatorPlan, SolverPlan};
 use crate::experiment::BUILT_IN_NAMES;
+use crate::prior_file::DISTRIBUTIONS;
 
 /// The plan file of a plan with built-in simulators. Own files are named by their whole paths, so that the text can be
 /// kept anywhere.
 ///
 /// Commands and designs are left out: a plan with such comes from a plan file, which is the text.
-#[must_use]
 pub fn toml(plan: &Plan) -> String {
     let mut text = format!("name = {}\ntitle = {}\n", quoted(&plan.name), quoted(&plan.title));
     for (key, value) in [("source", &plan.source), ("prior_source", &plan.prior_source)] {
@@ -41,25 +41,14 @@ fn quoted(text: &str) -> String {
 }
 
 fn prior(spec: &PriorSpec) -> String {
-    let (name, numbers) = match *spec {
-        PriorSpec::LogUniform { lower, upper } => {
-            ("log-uniform", vec![("lower", lower), ("upper", upper)])
+    let spec = serde_json::to_value(spec).unwrap_or_default();
+    let family = DISTRIBUTIONS.iter().find(|(name, _)| spec["kind"] == *name);
+    let mut text = String::new();
+    for (name, keys) in family {
+        let _ = writeln!(text, "distribution = \"{name}\"");
+        for key in *keys {
+            let _ = writeln!(text, "{key} = {:?}", spec[key].as_f64().unwrap_or(f64::NAN));
         }
-        PriorSpec::Uniform { lower, upper } => {
-            ("uniform", vec![("lower", lower), ("upper", upper)])
-        }
-        PriorSpec::LogNormal { median, sd_log10 } => {
-            ("log-normal", vec![("median", median), ("sd_log10", sd_log10)])
-        }
-        PriorSpec::Normal { mean, sd } => ("normal", vec![("mean", mean), ("sd", sd)]),
-        PriorSpec::TruncatedNormal { mean, sd, lower, upper } => (
-            "truncated-normal",
-            vec![("mean", mean), ("sd", sd), ("lower", lower), ("upper", upper)],
-        ),
-    };
-    let mut text = format!("distribution = \"{name}\"\n");
-    for (key, value) in numbers {
-        let _ = writeln!(text, "{key} = {value:?}");
     }
     text
 }

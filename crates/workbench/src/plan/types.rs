@@ -199,7 +199,6 @@ pub(super) fn is_word(name: &str) -> bool {
 
 impl Plan {
     /// Names of the parameters, in order.
-    #[must_use]
     pub fn parameter_names(&self) -> Vec<String> {
         self.parameters.iter().map(|parameter| parameter.name.clone()).collect()
     }
@@ -243,7 +242,6 @@ impl Plan {
     }
 
     /// Label of an observable in tables and file names: with its experiment where there are several.
-    #[must_use]
     pub fn label(&self, experiment: &ExperimentPlan, observable: &ObservablePlan) -> String {
         if self.experiments.len() > 1 {
             format!("{}.{}", experiment.name, observable.name)
@@ -253,13 +251,11 @@ impl Plan {
     }
 
     /// Number of measured values.
-    #[must_use]
     pub fn observations(&self) -> usize {
         self.observables().map(|(_, observable)| observable.values.len()).sum()
     }
 
     /// Number of parameter sets that are simulated.
-    #[must_use]
     pub fn budget(&self) -> usize {
         self.design.as_ref().map_or(self.sampler.samples, |design| design.sets.len())
     }
@@ -267,7 +263,6 @@ impl Plan {
 
 impl ExperimentPlan {
     /// Number of simulated values of one parameter set.
-    #[must_use]
     pub fn width(&self) -> usize {
         self.observables.iter().map(|observable| observable.values.len()).sum()
     }
@@ -286,7 +281,6 @@ impl PairPlan {
     }
 
     /// Name of the calibrated parameter that stands for one of the model's.
-    #[must_use]
     pub fn calibrated(&self, parameter: ParameterName) -> &str {
         self.parameters.get(&parameter).map_or(parameter.name(), String::as_str)
     }
@@ -297,7 +291,6 @@ impl SolverPlan {
     pub const DEFAULT_TOLERANCE: f64 = 1e-4;
 
     /// Settings of the solver.
-    #[must_use]
     pub fn settings(&self) -> SolverSettings {
         SolverSettings { tolerance: self.tolerance, ..SolverSettings::of(self.name) }
     }
@@ -324,7 +317,6 @@ impl ObservablePlan {
 
 impl ExecutorPlan {
     /// Name of the kind of executor, as in a plan file.
-    #[must_use]
     pub fn kind(&self) -> &'static str {
         match self {
             Self::Threads { .. } => "threads",

@@ -22,7 +22,6 @@ pub struct Understood {
 }
 
 /// A plan as `calibrate check` prints it.
-#[must_use]
 pub fn understood(planned: &Planned) -> Understood {
     let plan = &planned.plan;
     let (experiments, parameters) = (plan.experiments.len(), plan.parameters.len());
@@ -47,7 +46,6 @@ fn runs(plan: &Plan) -> usize {
 }
 
 /// The text that `--dry-run` prints.
-#[must_use]
 pub fn dry_run(planned: &Planned, out: &Path) -> String {
     let mut text = format!("plan: {} ({})\n", planned.plan.title, planned.plan.name);
     for line in lines(&planned.plan, &planned.executor) {
@@ -183,7 +181,6 @@ fn executor_in_words(executor: &ExecutorPlan) -> String {
 }
 
 /// A noise model on one line.
-#[must_use]
 pub fn noise_in_words(noise: &Noise) -> String {
     match noise {
         Noise::Inferred { nu0, s0 } => {
@@ -203,7 +200,6 @@ pub fn noise_in_words(noise: &Noise) -> String {
 }
 
 /// A prior on one line.
-#[must_use]
 pub fn prior_in_words(prior: &PriorSpec) -> String {
     match *prior {
         PriorSpec::Uniform { lower, upper } => {

@@ -115,7 +115,6 @@ pub struct FitError {
 
 impl FitError {
     /// Of a curve at the observation times.
-    #[must_use]
     pub fn of(observed: &[f64], curve: &[f64]) -> Self {
         let residuals = observed.iter().zip(curve).map(|(o, c)| o - c);
         let sum: f64 = residuals.clone().map(|r| r * r).sum();

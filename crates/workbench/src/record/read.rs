@@ -15,7 +15,6 @@ pub const SCHEMA_VERSION: u32 = 2;
 pub const FILE_NAME: &str = "posterior.json";
 
 /// The file that a path means: itself, or the one in the folder that it names.
-#[must_use]
 pub fn locate(path: &Path) -> PathBuf {
     if path.is_dir() { path.join(FILE_NAME) } else { path.to_owned() }
 }

@@ -10,7 +10,6 @@ use crate::plan::Understood;
 use crate::record::Record;
 
 /// What `calibrate check` says of a posterior.
-#[must_use]
 pub fn understood(record: &Record) -> Understood {
     let trusted = if record.trust.converged() { "to be trusted" } else { "not to be trusted" };
     Understood {
@@ -24,7 +23,6 @@ pub fn understood(record: &Record) -> Understood {
 }
 
 /// The tables that `calibrate inspect` prints below the summary.
-#[must_use]
 pub fn details(record: &Record) -> String {
     let mut text = parameter_table(&record.parameters);
     for (_, found) in record.observables() {

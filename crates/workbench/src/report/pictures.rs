@@ -18,7 +18,6 @@ const PRIOR_POINTS: usize = 161;
 
 /// The figures by name of file: `corner`, `recursion`, `convergence`, and for every observable with two points or more
 /// `fit` and `residuals`, with its label behind where there are several.
-#[must_use]
 pub fn pictures(record: &Record, samples: &SampleColumns, log_control: bool) -> NamedFigures {
     let mut figures: NamedFigures = vec![
         ("corner".to_owned(), Box::new(corner(record, samples))),
@@ -57,7 +56,6 @@ pub fn pictures(record: &Record, samples: &SampleColumns, log_control: bool) -> 
 }
 
 /// The fit of a run with one pair; none for other runs.
-#[must_use]
 pub fn fit(record: &Record, log_control: bool) -> Option<FitFigure> {
     let pair = record.pair().ok()?;
     Some(fit_of_pair(record.plan.title.clone(), pair.measured, pair.neck_growth, log_control))

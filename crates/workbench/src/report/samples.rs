@@ -22,7 +22,6 @@ pub struct SampleColumns {
 
 impl SampleColumns {
     /// The columns of a posterior.
-    #[must_use]
     pub fn of(posterior: &Posterior) -> Self {
         let samples = &posterior.samples;
         let column = |d: usize| samples.iter().map(|sample| sample.theta[d]).collect();
@@ -35,7 +34,6 @@ impl SampleColumns {
 
 /// Every simulated sample with its weight: parameters in SI, normal scores, log likelihood (empty where the
 /// simulation failed), weight, stage and sub-net.
-#[must_use]
 pub(super) fn samples_csv(posterior: &Posterior) -> String {
     let mut text = header(&posterior.parameters);
     text.push_str(",log_likelihood,weight,stage,replicate\n");

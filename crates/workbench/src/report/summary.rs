@@ -3,12 +3,12 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use serde::Serialize;
-use smc_calib::{
-    Concern, EffectiveSampleSize, Evidence, Failure, ParameterSummary, SigmaSummary, Trust,
-};
+use serde_json::{Value, json};
+use smc_calib::{Concern, ParameterSummary};
 
+use crate::error::RunError;
 use crate::number::{percentile, shown_unit, significant};
+use crate::output::pretty;
 use crate::plan::{ObservablePlan, SimulatorPlan};
 use crate::record::{
     FitError, KneeSummary, NeckGrowthRecord, ObservableRecord, PaperComparison, PrintedParameter,
@@ -33,7 +33,6 @@ pub(super) fn neck_growth(record: &Record) -> Option<&NeckGrowthRecord> {
 }
 
 /// The summary as text, about ten lines. `seconds` is how long the inference took, where it has just run.
-#[must_use]
 pub fn text(record: &Record, seconds: Option<f64>, out: Option<&Path>) -> String {
     let mut text = headline(record, seconds);
     if !record.is_posterior {
@@ -198,71 +197,37 @@ fn knee_line(knee: &KneeSummary) -> String {
 }
 
 /// The summary as JSON: the same facts for a program to read.
-#[derive(Debug, Serialize)]
-struct Short<'a> {
-    name: &'a str,
-    is_posterior: bool,
-    trusted: bool,
-    trust: &'a Trust,
-    parameters: &'a [ParameterSummary],
-    observables: Vec<ShortObservable<'a>>,
-    neck_growth: Option<ShortNeckGrowth<'a>>,
-    log_evidence: &'a Evidence,
-    ess: &'a EffectiveSampleSize,
-    khat: f64,
-    failures: &'a [Failure],
-    advice: &'a [String],
-    out: Option<String>,
-}
-
-#[derive(Debug, Serialize)]
-struct ShortObservable<'a> {
-    label: &'a str,
-    sigma: &'a Option<SigmaSummary>,
-    map_error: FitError,
-}
-
-#[derive(Debug, Serialize)]
-struct ShortNeckGrowth<'a> {
-    printed: &'a [PrintedParameter],
-    paper: &'a Option<PaperComparison>,
-    product: &'a Option<ProductSummary>,
-    fit: &'a crate::record::Fit,
-    knee: &'a Option<KneeSummary>,
-}
-
-/// The summary as JSON.
 ///
 /// # Errors
 ///
-/// None in practice: the summary is plain data.
-pub fn json(record: &Record, out: Option<&Path>) -> Result<String, serde_json::Error> {
-    serde_json::to_string_pretty(&Short {
-        name: &record.plan.name,
-        is_posterior: record.is_posterior,
-        trusted: record.trust.converged(),
-        trust: &record.trust,
-        parameters: &record.parameters,
-        observables: record
-            .observables()
-            .map(|(_, found)| ShortObservable {
-                label: &found.label,
-                sigma: &found.sigma,
-                map_error: found.map_error,
-            })
-            .collect(),
-        neck_growth: neck_growth(record).map(|neck| ShortNeckGrowth {
-            printed: &neck.printed,
-            paper: &neck.paper,
-            product: &neck.product,
-            fit: &neck.fit,
-            knee: &neck.knee,
-        }),
-        log_evidence: &record.log_evidence,
-        ess: &record.ess,
-        khat: record.khat,
-        failures: &record.failures,
-        advice: &record.advice,
-        out: out.map(|path| path.display().to_string()),
-    })
+/// [`RunError`] for a number that JSON cannot hold.
+pub fn json(record: &Record, out: Option<&Path>) -> Result<String, RunError> {
+    let observables: Vec<Value> = record
+        .observables()
+        .map(|(_, found)| json!({"label": found.label, "sigma": found.sigma, "map_error": found.map_error}))
+        .collect();
+    let neck_growth = neck_growth(record).map(|neck| {
+        json!({
+            "printed": neck.printed,
+            "paper": neck.paper,
+            "product": neck.product,
+            "fit": neck.fit,
+            "knee": neck.knee,
+        })
+    });
+    pretty(&json!({
+        "name": record.plan.name,
+        "is_posterior": record.is_posterior,
+        "trusted": record.trust.converged(),
+        "trust": record.trust,
+        "parameters": record.parameters,
+        "observables": observables,
+        "neck_growth": neck_growth,
+        "log_evidence": record.log_evidence,
+        "ess": record.ess,
+        "khat": record.khat,
+        "failures": record.failures,
+        "advice": record.advice,
+        "out": out.map(|path| path.display().to_string()),
+    }))
 }

@@ -111,7 +111,6 @@ fn sigma_row(parameter: String, unit: &str, sigma: &SigmaSummary) -> Row {
 }
 
 /// The posterior as a Markdown table.
-#[must_use]
 pub fn markdown(record: &Record) -> String {
     let plan = &record.plan;
     let mut text = format!("# {}\n\n", plan.title);
@@ -230,7 +229,6 @@ fn observables_markdown(record: &Record) -> String {
 }
 
 /// The posterior table as CSV, in full precision.
-#[must_use]
 pub fn csv(record: &Record) -> String {
     let mut text = String::from(
         "parameter,unit,form,map,median,eti95_lower,eti95_upper,mean,sd,mean_sd_coordinate,information_gain_bits,paper,paper_percentile\n",

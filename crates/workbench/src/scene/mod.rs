@@ -67,19 +67,16 @@ impl SceneJob {
     }
 
     /// What decides the result.
-    #[must_use]
     pub fn plan(&self) -> &ScenePlan {
         &self.plan
     }
 
     /// Folder of the results.
-    #[must_use]
     pub fn out(&self) -> &Path {
         self.folder.path()
     }
 
     /// What would be done, as text.
-    #[must_use]
     pub fn describe(&self) -> String {
         let mut lines = vec![format!("scene: {}", self.plan.name)];
         lines.extend(self.input.describe().iter().map(|line| format!("  {line}")));

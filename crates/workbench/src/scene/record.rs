@@ -180,7 +180,6 @@ impl SceneRecord {
     }
 
     /// The summary as text. `seconds` is how long the run took, `out` the folder of the results.
-    #[must_use]
     pub fn text(&self, seconds: f64, out: &Path) -> String {
         let mut lines = vec![format!(
             "{}: {} particles, {} observations, in {} s",

@@ -20,10 +20,6 @@ pub struct Calibrated {
 
 impl Calibrated {
     /// Calibrates a material on its own measurements with its own priors, `samples` simulations and a seed.
-    ///
-    /// # Errors
-    ///
-    /// As [`Calibration::run`].
     pub fn new(
         material: Material,
         kinetics: Kinetics,
@@ -42,10 +38,6 @@ impl Calibrated {
     }
 
     /// The pair as it was planned, measured and found.
-    ///
-    /// # Errors
-    ///
-    /// None in practice: a material is one pair.
     pub fn pair(&self) -> Result<Pair<'_>, InputError> {
         self.calibration.record.pair()
     }

@@ -13,10 +13,6 @@ use figures::{FitFigure, RegimeMapFigure};
 const POINTS: usize = 241;
 
 /// Figure 2: eqs. 3 to 5 at the MAP of the `regime-map` kinetics, with p1 and p2, and the measurements.
-///
-/// # Errors
-///
-/// [`Failure::Input`] for a plan that this version does not know.
 pub fn regime_map(one: &Calibrated) -> Result<RegimeMapFigure, Failure> {
     let pair = one.pair()?;
     let map = NeckGrowth::of(&one.calibration.record.plan)?
@@ -50,7 +46,6 @@ pub fn regime_map(one: &Calibrated) -> Result<RegimeMapFigure, Failure> {
 }
 
 /// Figures 4, 5 and 6: measurements, posterior bands, MAP, the paper's curve and the best Frenkel curve.
-#[must_use]
 pub fn sintering_curve(one: &Calibrated) -> Option<(&'static str, FitFigure)> {
     let name = match one.material {
         Material::Ps => "figure4",

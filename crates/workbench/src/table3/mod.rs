@@ -12,12 +12,12 @@
 //! The same seed gives the same bytes; only `README.md` also names the revision of the source.
 
 mod calibrated;
-pub mod figures;
-pub mod readings;
-pub mod record;
+mod figures;
+mod readings;
+mod record;
 pub mod render;
-pub mod statements;
-pub mod unfitted;
+mod statements;
+mod unfitted;
 
 use dem_core::Kinetics;
 

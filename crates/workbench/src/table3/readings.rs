@@ -5,7 +5,7 @@ use dem_core::{
     Kinetics, PairScene, PairSpec, Sintering, SolverKind, SolverSettings, contact_ratios, knee,
     time_to_contact_ratio,
 };
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::error::{InputError, Mistake};
 use crate::experiment::Experiment;
@@ -25,8 +25,7 @@ pub const STATED: [(Material, Quantity, f64); 8] = [
 ];
 
 /// The quantity of a statement.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// Time of the knee \[s\].
     KneeTime,
@@ -38,9 +37,21 @@ pub enum Quantity {
     EndTime,
 }
 
+impl Quantity {
+    /// Its value on a three-stage curve; none for a time that never comes.
+    pub fn of(self, scene: &PairScene, sintering: &Sintering) -> Option<f64> {
+        let time = |target| time_to_contact_ratio(scene, Kinetics::ThreeStage, sintering, target);
+        match self {
+            Self::KneeTime => Some(knee(scene, sintering).time_s),
+            Self::KneeHeight => Some(knee(scene, sintering).contact_ratio),
+            Self::TimeToOne => time(1.0),
+            Self::EndTime => time(scene.final_contact_ratio()),
+        }
+    }
+}
+
 /// A way to read Table 3.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Reading {
     /// Short name.
     pub name: String,
@@ -109,10 +120,6 @@ const READINGS: [(&str, &str, Read); 6] = [
 ];
 
 /// All readings, the worst first and ours last.
-///
-/// # Errors
-///
-/// None in practice: built-in experiments are held by tests.
 pub fn all() -> Result<Vec<Reading>, InputError> {
     READINGS
         .iter()
@@ -121,7 +128,9 @@ pub fn all() -> Result<Vec<Reading>, InputError> {
                 Material::ALL.map(|material| read(&material.table3(), material.powder().radius_m));
             let mut values = Vec::new();
             for (material, quantity, _) in STATED {
-                values.push(value(material, &sintering[material as usize], quantity)?);
+                let scene = scene(&Experiment::of_material(material)?)?;
+                let value = quantity.of(&scene, &sintering[material as usize]);
+                values.push(value.unwrap_or(f64::INFINITY));
             }
             let squares: f64 = values
                 .iter()
@@ -164,20 +173,6 @@ fn rmse(material: Material, sintering: &Sintering) -> Result<f64, InputError> {
     )
     .map_err(|error| InputError::new("Table 3", Mistake::OutOfRange).found(error))?;
     Ok(FitError::of(&observed.contact_ratio, &curve).rmse)
-}
-
-fn value(material: Material, sintering: &Sintering, quantity: Quantity) -> Result<f64, InputError> {
-    let scene = scene(&Experiment::of_material(material)?)?;
-    let time = |target| {
-        time_to_contact_ratio(&scene, Kinetics::ThreeStage, sintering, target)
-            .unwrap_or(f64::INFINITY)
-    };
-    Ok(match quantity {
-        Quantity::KneeTime => knee(&scene, sintering).time_s,
-        Quantity::KneeHeight => knee(&scene, sintering).contact_ratio,
-        Quantity::TimeToOne => time(1.0),
-        Quantity::EndTime => time(scene.final_contact_ratio()),
-    })
 }
 
 #[cfg(test)]

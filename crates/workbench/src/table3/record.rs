@@ -1,7 +1,7 @@
 //! `table3.json`: the regenerated table as data.
 
 use dem_core::{Kinetics, Sintering, printed};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use smc_calib::{Posterior, SimError};
 
 use super::calibrated::Calibrated;
@@ -19,8 +19,7 @@ use crate::record::{FitError, Pair};
 pub const SCHEMA_VERSION: u32 = 1;
 
 /// `table3.json`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Report {
     /// [`SCHEMA_VERSION`].
     pub schema_version: u32,
@@ -37,8 +36,7 @@ pub struct Report {
 }
 
 /// Everything that decides the result.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ReportPlan {
     /// Simulations per calibration.
     pub samples: usize,
@@ -49,8 +47,7 @@ pub struct ReportPlan {
 }
 
 /// One material.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MaterialReport {
     /// Name.
     pub name: String,
@@ -77,7 +74,7 @@ pub struct MaterialReport {
 }
 
 /// The two forms of a parameter.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Form {
     /// As printed in Table 3.
@@ -87,8 +84,7 @@ pub enum Form {
 }
 
 /// One line of the table.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Row {
     /// `c1`, `tau_s` or `delta_c`.
     pub parameter: String,
@@ -110,21 +106,18 @@ pub struct Row {
 
 impl Row {
     /// Posterior median.
-    #[must_use]
     pub fn median(&self) -> f64 {
         10f64.powf(self.log10.median)
     }
 
     /// 95 % interval.
-    #[must_use]
     pub fn eti95(&self) -> [f64; 2] {
         self.log10.eti95.map(|end| 10f64.powf(end))
     }
 }
 
 /// A curve and its errors.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct NamedFit {
     /// Name of the curve.
     pub curve: String,
@@ -146,10 +139,6 @@ pub const CURVES: [&str; 6] = [
 
 impl Report {
     /// From calibrated materials.
-    ///
-    /// # Errors
-    ///
-    /// [`Failure`] for a curve that cannot be computed.
     pub fn new(
         samples: usize,
         seed: u64,
@@ -271,7 +260,6 @@ fn fits(one: &Calibrated, pair: Pair<'_>, model: &NeckGrowth) -> Result<Vec<Name
 
 impl MaterialReport {
     /// The errors of a curve of [`CURVES`].
-    #[must_use]
     pub fn fit(&self, curve: &str) -> Option<&FitError> {
         self.fits.iter().find(|fit| fit.curve == curve).map(|fit| &fit.error)
     }

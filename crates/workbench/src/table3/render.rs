@@ -19,7 +19,6 @@ pub const DOCUMENT: &str = "\
 ";
 
 /// `README.md`: what the folder holds, the command that made it, and the revision.
-#[must_use]
 pub fn readme(plan: &ReportPlan, revision: &str) -> String {
     format!(
         "# Table 3, regenerated
@@ -74,7 +73,6 @@ fn uninformed(material: &MaterialReport) -> Vec<&Row> {
 }
 
 /// The table as Markdown.
-#[must_use]
 pub fn table_markdown(report: &Report) -> String {
     let mut text = String::from(
         "# Table 3, regenerated\n\n\
@@ -124,7 +122,6 @@ pub fn table_markdown(report: &Report) -> String {
 }
 
 /// The table as CSV, in full precision.
-#[must_use]
 pub fn table_csv(report: &Report) -> String {
     let mut text = String::from(
         "material,parameter,form,unit,paper,map,median,eti95_lower,eti95_upper,paper_percentile,information_gain_bits\n",
@@ -160,7 +157,6 @@ fn tex_number(value: f64) -> String {
 }
 
 /// The table as a LaTeX `tabular`, to be `\input` where it is wanted; no package is needed.
-#[must_use]
 pub fn table_latex(report: &Report) -> String {
     let mut text = String::from(
         "% C1, tau_s and delta_c: the paper's Table 3 beside the posterior. \\input this file; no package is needed.\n\
@@ -203,7 +199,6 @@ pub fn table_latex(report: &Report) -> String {
 }
 
 /// Errors, statements, the check that was not fitted, and the readings, as Markdown.
-#[must_use]
 pub fn report_markdown(report: &Report) -> String {
     let mut text = String::from("# What Table 3 is worth\n\n");
     errors(&mut text, report);
@@ -248,7 +243,6 @@ fn errors(text: &mut String, report: &Report) {
 }
 
 /// What three stages gain over one parameter, in a sentence.
-#[must_use]
 pub fn accuracy(material: &MaterialReport) -> String {
     let rmse = |curve: &str| material.fit(curve).map_or(f64::NAN, |error| error.rmse);
     let [paper, map, _, frenkel, pokluda, frenkel_paper] = CURVES.map(rmse);
@@ -419,7 +413,6 @@ fn readings(text: &mut String, report: &Report) {
 }
 
 /// The table for the terminal.
-#[must_use]
 pub fn terminal(report: &Report) -> String {
     let mut text = String::new();
     for material in &report.materials {

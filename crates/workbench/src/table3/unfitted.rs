@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use dem_core::Sintering;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use smc_calib::{Draw, Posterior, SimError, normal};
 
 use super::calibrated::Calibrated;
@@ -28,8 +28,7 @@ pub const EXPERIMENT: &str = "pa12-r30";
 const GRID: usize = 201;
 
 /// The prediction beside the measurements.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Unfitted {
     /// The experiment that was fitted.
     pub fitted: String,
@@ -62,8 +61,7 @@ pub struct Unfitted {
 }
 
 /// One measurement of the predicted pair.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Point {
     /// Time \[s\].
     pub time_s: f64,
@@ -78,10 +76,6 @@ pub struct Point {
 }
 
 /// The prediction and its figure.
-///
-/// # Errors
-///
-/// [`Failure`] for a curve that cannot be computed.
 pub fn predict(
     calibrated: &[Calibrated],
     watch: &dyn Watch,
