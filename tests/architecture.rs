@@ -1,4 +1,6 @@
 //! The rooms of the house: which crate may use which, no import cycle in any, and nothing too long to hold.
+//!
+//! A module that hands on what its files define (`pub use`) does not import them by that; whoever uses the name does.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

@@ -10,6 +10,7 @@ use workbench::error::nearest;
 use workbench::experiment::checked_phi;
 use workbench::material::Material;
 use workbench::observation_table::LARGEST_CONTACT_RATIO;
+use workbench::plan::{SAMPLES, SolverPlan};
 
 use crate::terminal::OnInterrupt;
 
@@ -109,7 +110,7 @@ pub(crate) fn final_contact_ratio(text: &str) -> Result<f64, String> {
 /// The largest error of a/R that a solver may make.
 pub(crate) fn tolerance(text: &str) -> Result<f64, String> {
     let value = number(text)?;
-    if (1e-12..=0.1).contains(&value) {
+    if SolverPlan::TOLERANCES.contains(&value) {
         Ok(value)
     } else {
         Err("expected an error of a/R between 1e-12 and 0.1".to_owned())
@@ -131,7 +132,7 @@ fn count(text: &str, range: std::ops::RangeInclusive<usize>) -> Result<usize, St
 
 /// A number of simulations: at least two sub-nets of eight points each, as fewer have no standard error.
 pub(crate) fn samples(text: &str) -> Result<usize, String> {
-    count(text, 16..=100_000_000)
+    count(text, SAMPLES)
 }
 
 /// A number of adaptive stages.

@@ -370,14 +370,18 @@ fn check_window(
     Ok(())
 }
 
+/// Whether a character can stand in the name of a run.
+pub(crate) fn is_plain(c: char) -> bool {
+    c.is_alphanumeric() || matches!(c, '-' | '_' | '.' | '+')
+}
+
 /// Checks a name, which becomes that of a folder.
 pub(crate) fn checked_name(
     fields: &Fields<'_>,
     name: &str,
     line: usize,
 ) -> Result<String, InputError> {
-    let plain = name.chars().all(|c| c.is_alphanumeric() || matches!(c, '-' | '_' | '.' | '+'));
-    if plain && !name.starts_with('.') && name.len() <= 100 {
+    if name.chars().all(is_plain) && !name.starts_with('.') && name.len() <= 100 {
         return Ok(name.to_owned());
     }
     Err(fields

@@ -14,6 +14,7 @@ use crate::error::{Failure, InputError, Mistake};
 use crate::model::NeckGrowth;
 use crate::output::{self, CAMPAIGN};
 use crate::plan::Plan;
+use crate::record::FILE_NAME;
 use crate::report::quoted;
 use crate::sample_table;
 use crate::simulator::{cause, models, run_number, sample_of, stored};
@@ -38,6 +39,13 @@ pub struct Exported {
 /// [`Failure::Input`] for a folder without runs of programs, or a place that cannot be written.
 pub fn export(dir: &Path, out: Option<&Path>) -> Result<Exported, Failure> {
     refuse_older_layout(dir)?;
+    if dir.join(FILE_NAME).is_file() && !dir.join(CAMPAIGN).is_dir() {
+        let name = dir.display();
+        return Err(InputError::new(name.to_string(), Mistake::Conflict)
+            .found("a finished run that was computed in this program, without runs of others")
+            .help(format_args!("all its samples with their weights are in {name}/samples.csv"))
+            .into());
+    }
     let contents = campaign::contents(&dir.join(CAMPAIGN)).map_err(|error| refused(dir, error))?;
     let stored = read_stored(dir)?;
     let plan = &stored.plan;
@@ -123,7 +131,8 @@ impl<'a> Replay<'a> {
     /// The posterior of the stages that are complete; none before the first.
     fn posterior(&self) -> Option<Posterior> {
         let mut complete = StopAfter { stages: usize::MAX, seen: 0 };
-        let all = sample(&self.stored.plan, self, &mut complete);
+        let groups = groups(&self.stored.plan).ok()?;
+        let all = sample(&self.stored.plan, groups.clone(), self, &mut complete);
         if let Ok(posterior) = all {
             return Some(posterior);
         }
@@ -131,7 +140,7 @@ impl<'a> Replay<'a> {
         if again.stages == 0 {
             return None;
         }
-        sample(&self.stored.plan, self, &mut again).ok()
+        sample(&self.stored.plan, groups, self, &mut again).ok()
     }
 }
 

@@ -12,12 +12,24 @@ use crate::number::significant;
 use crate::output::CAMPAIGN;
 use crate::record::{self, FILE_NAME};
 
+/// Whether a run goes on.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+enum State {
+    /// A driver has it.
+    Running,
+    /// It can be taken up again.
+    #[default]
+    Stopped,
+    /// Its results are written.
+    Done,
+}
+
 /// How far a run is.
 #[derive(Debug, Default, Serialize)]
 pub struct Status {
     name: String,
-    /// `running`, `stopped` or `done`.
-    state: &'static str,
+    state: State,
     /// Who runs it, if anybody does.
     driver: Option<String>,
     /// Runs that the plan asks for.
@@ -63,7 +75,7 @@ fn read_stored_or_refuse(dir: &Path) -> Result<Stored, Failure> {
 fn computed_here(record: &record::Record) -> Status {
     Status {
         name: record.plan.name.clone(),
-        state: "done",
+        state: State::Done,
         stages: record.stages.len() as u64,
         reported: true,
         ..Status::default()
@@ -98,9 +110,9 @@ fn status(dir: &Path, stored: &Stored, campaign: &campaign::Status) -> Status {
     Status {
         name: plan.name.clone(),
         state: match (&driver, reported) {
-            (Some(_), _) => "running",
-            (None, true) => "done",
-            (None, false) => "stopped",
+            (Some(_), _) => State::Running,
+            (None, true) => State::Done,
+            (None, false) => State::Stopped,
         },
         driver,
         total,
@@ -131,8 +143,8 @@ pub fn text(dir: &Path, status: &Status) -> String {
     let mut text = String::new();
     let name = dir.display();
     let _ = match (status.state, &status.driver) {
-        ("running", Some(driver)) => writeln!(text, "{}: running, by {driver}", status.name),
-        ("done", _) => writeln!(text, "{}: done, results in {name}/", status.name),
+        (State::Running, Some(driver)) => writeln!(text, "{}: running, by {driver}", status.name),
+        (State::Done, _) => writeln!(text, "{}: done, results in {name}/", status.name),
         _ => writeln!(text, "{}: stopped; go on with: calibrate --resume {name}", status.name),
     };
     if status.total > 0 {

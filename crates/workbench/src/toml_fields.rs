@@ -286,6 +286,11 @@ impl<'d> Fields<'d> {
             .map(|(name, _)| line_of(self.text, name.span().start))
     }
 
+    /// Name of the file.
+    pub(crate) fn file_name(&self) -> &str {
+        self.name
+    }
+
     /// The line that the table begins on.
     pub(crate) fn line(&self) -> Option<usize> {
         self.line

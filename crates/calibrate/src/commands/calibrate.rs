@@ -35,7 +35,8 @@ pub(crate) struct CalibrateArgs {
     #[arg(long, value_name = "FILE", conflicts_with_all = NOT_WITH_A_PLAN, help_heading = "What to calibrate")]
     plan: Option<PathBuf>,
 
-    /// Go on with a run of a plan that was interrupted, from its folder; nothing that finished is run again
+    /// Go on with the runs of a plan's programs after an interruption, from their folder; nothing that finished is run
+    /// again. Plans with built-in simulators alone are computed in one go, and begun anew
     #[arg(long, value_name = "DIR", conflicts_with_all = NOT_WITH_A_PLAN, conflicts_with_all = ["out", "dry_run"], help_heading = "What to calibrate")]
     resume: Option<PathBuf>,
 
@@ -207,7 +208,7 @@ fn program() -> Result<String, RunError> {
 fn dry_run(args: &CalibrateArgs, planned: &Planned, out: &Path) -> Result<(), Failure> {
     let text = match (args.json, args.toml) {
         (true, _) => pretty(&planned.plan)?,
-        (_, true) => planned.text.clone(),
+        (_, true) => planned.toml()?,
         _ => plan::dry_run(planned, out),
     };
     terminal::write(text.as_bytes())?;

@@ -28,17 +28,17 @@ pub(crate) struct ValidateArgs {
     #[arg(short, long, value_name = "FILE", requires = "experiment")]
     prior: Option<PathBuf>,
 
-    /// A plan file (.toml or .json) of one pair with the built-in simulator
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["material", "experiment", "prior"])]
+    /// A plan file (.toml or .json) of one pair with the built-in simulator and inferred noise
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["material", "experiment", "prior", "samples"])]
     plan: Option<PathBuf>,
 
     /// Number of data sets that are made and calibrated
     #[arg(long, value_name = "N", default_value_t = 2000, value_parser = arguments::data_sets)]
     data_sets: usize,
 
-    /// Simulations per calibration; by default those of the main job
-    #[arg(short = 'n', long, value_name = "N", default_value_t = 16_384, value_parser = arguments::samples_of_many)]
-    samples: usize,
+    /// Simulations per calibration [default: 16384, or the plan's]
+    #[arg(short = 'n', long, value_name = "N", value_parser = arguments::samples_of_many)]
+    samples: Option<usize>,
 
     /// Seed of the data sets and of the calibrations
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -56,7 +56,7 @@ pub(crate) struct ValidateArgs {
 /// Runs the command.
 pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
     let planned = args.planned()?;
-    let size = Size { data_sets: args.data_sets, samples: args.samples, seed: args.seed };
+    let size = Size { data_sets: args.data_sets, seed: args.seed };
     let terminal = Terminal::new(false, OnInterrupt::Detach);
     let pool = pool(args.threads)?;
     let start = Instant::now();
@@ -76,11 +76,13 @@ impl ValidateArgs {
             return Planned::read(file);
         }
         let by_default = self.experiment.is_none().then_some(Material::Ps);
+        let default = PairOptions::default();
         let options = PairOptions {
             material: self.material.or(by_default),
             experiment: self.experiment.clone(),
             prior: self.prior.clone(),
-            ..PairOptions::default()
+            samples: self.samples.unwrap_or(default.samples),
+            ..default
         };
         options.plan()
     }

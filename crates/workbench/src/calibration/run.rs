@@ -14,8 +14,9 @@ use campaign::{Campaign, Damage, Event, Executor, ExecutorError, Local};
 use serde::Serialize;
 use smc_calib::Posterior;
 
+use super::record;
+use super::sampling::{Calibration, Stages, failure, groups, sample};
 use super::store::{self, Stored, refused};
-use super::{Calibration, Stages, failure, record, sample};
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::output::{Published, RunFolder, Staging, make_room, pool, pretty};
 use crate::plan::{ExecutorPlan, Plan, Planned};
@@ -201,9 +202,10 @@ impl Driver<'_> {
             on_event: Box::new(on_event(plan, self.watch)),
         };
         let experiments = Experiments::new(plan, Some(runner), self.watch)?;
+        let groups = groups(plan)?;
         let pool = pool(options.threads)?;
         let mut stages = Stages::new(self.watch, Some(self.campaign));
-        let sampled = pool.install(|| sample(plan, &experiments, &mut stages));
+        let sampled = pool.install(|| sample(plan, groups, &experiments, &mut stages));
         self.watch.end();
         let Stages { failed, seconds: stage_seconds, .. } = stages;
         if let Some(error) = failed {

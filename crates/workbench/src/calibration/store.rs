@@ -217,6 +217,11 @@ pub(super) fn same(was: &Plan, is: &Plan) -> bool {
 /// Where two plans differ first: the field, and both values. The version of the program is no part of this.
 fn difference(was: &Plan, is: &Plan) -> Option<(String, String, String)> {
     let was = Plan { version: is.version.clone(), ..was.clone() };
+    let (before, now) = (was.sampler.samples, is.sampler.samples);
+    if before != now {
+        // Other settings of the sampler follow from it.
+        return Some(("sampler.samples".to_owned(), before.to_string(), now.to_string()));
+    }
     let tree = |plan: &Plan| serde_json::to_value(plan).unwrap_or(Value::Null);
     first_difference("", &tree(&was), &tree(is))
 }

@@ -3,6 +3,7 @@
 use super::comparison::{Comparison, Entry};
 use super::strength::{Strength, bayes_factor};
 use crate::number::significant;
+use smc_calib::trust::limits::EVIDENCE_ERRORS;
 
 /// Which kinetics the data support, and how strongly.
 pub(super) fn in_words(comparison: &Comparison) -> Vec<String> {
@@ -85,7 +86,7 @@ pub(super) fn warnings(comparison: &Comparison) -> Vec<String> {
         }
         let difference = -entry.log_bayes_factor;
         let error = entry.log_evidence_se.hypot(best.log_evidence_se);
-        if difference < 3.0 * error {
+        if difference < EVIDENCE_ERRORS * error {
             warnings.push(format!(
                 "{} against {}: the evidences differ by {}, no more than their Monte Carlo error {} allows to tell",
                 best.kinetics,

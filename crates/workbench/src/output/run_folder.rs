@@ -19,6 +19,7 @@ use std::time::Duration;
 use campaign::durable;
 use serde_json::Value;
 
+use super::CAMPAIGN;
 use super::exchange::exchange;
 use super::file::{plain, unwritable};
 use crate::error::{InputError, Mistake, RunError};
@@ -84,6 +85,11 @@ impl RunFolder {
                 .help("choose another with --out"));
         }
         let folder = Self { target, record };
+        if folder.target.join(CAMPAIGN).is_dir() {
+            return Err(InputError::new(&name, Mistake::NotOurs)
+                .found("a folder that holds the runs of programs, which are not made again for nothing")
+                .help("choose another folder with --out, or move this one away"));
+        }
         if folder.occupied().map_err(|error| unwritable(&folder.target, &error))? {
             recorded_plan(&folder.target, record).map_err(|why| {
                 InputError::new(&name, Mistake::NotOurs)

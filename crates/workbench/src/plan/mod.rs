@@ -16,13 +16,12 @@ mod toml;
 mod types;
 mod words;
 
-pub use self::toml::toml;
 pub use file::looks_like_a_plan;
 pub use pair::{PairOptions, sampler_for};
 pub(crate) use template::with_folder;
 pub use types::{
-    Design, ExecutorPlan, ExperimentPlan, ObservablePlan, PairPlan, Plan, Planned, SimulatorPlan,
-    SolverPlan,
+    Design, ExecutorPlan, ExperimentPlan, ObservablePlan, PairPlan, Plan, Planned, SAMPLES,
+    SimulatorPlan, SolverPlan,
 };
 pub(crate) use words::short;
 pub use words::{Understood, dry_run, noise_in_words, prior_in_words, understood};

@@ -33,8 +33,15 @@ pub(super) fn pair(
     let mut solvers = vec![("auto", None)];
     solvers.extend(SolverKind::ALL.map(|kind| (kind.name(), Some(kind))));
     let solver = fields.choice("solver", &solvers)?.and_then(|at| at.value);
-    let tolerance =
-        fields.positive("tolerance", "1")?.map_or(SolverPlan::DEFAULT_TOLERANCE, |at| at.value);
+    let tolerance = match fields.number("tolerance")? {
+        Some(At { value, line }) if !SolverPlan::TOLERANCES.contains(&value) => {
+            return Err(fields
+                .error("tolerance", line, Mistake::OutOfRange)
+                .found(value)
+                .expected("an error of a/R between 1e-12 and 0.1"));
+        }
+        tolerance => tolerance.map_or(SolverPlan::DEFAULT_TOLERANCE, |at| at.value),
+    };
     let tau_s_radius_m = fields.positive("tau_s_radius_m", "m")?.map(|at| at.value);
     let renamed = fields.table("parameters")?;
     fields.finish()?;
@@ -49,7 +56,15 @@ pub(super) fn pair(
         check_needed(pair, fields, parameters)?;
     }
     for observable in &plan.observables {
-        checked(observable).map_err(|error| error.in_field(fields.path_of("experiment")))?;
+        checked(observable).map_err(|error| {
+            let table = observable.table.clone();
+            let place = observables.unwrap_or(fields);
+            let line = place.line().unwrap_or(1);
+            InputError { source_name: place.file_name().into(), ..error }
+                .at_line(line)
+                .in_field(place.path_of("contact_ratio.noise"))
+                .help(format_args!("the measurements are in {table}; choose noise inferred or fixed, or a table with a column sigma"))
+        })?;
     }
     Ok(plan)
 }

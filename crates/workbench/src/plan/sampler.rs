@@ -4,7 +4,7 @@ use std::path::Path;
 
 use smc_calib::{Parameter, Settings};
 
-use super::types::Design;
+use super::types::{Design, SAMPLES};
 use crate::error::{InputError, Mistake};
 use crate::sample_table::SampleTable;
 use crate::toml_fields::{At, Fields};
@@ -30,7 +30,7 @@ pub(super) fn sampler(
     let Some(fields) = fields else {
         return Ok((settings_for(default_samples), None));
     };
-    let samples = fields.whole("samples", 16, 1 << 27)?;
+    let samples = fields.whole("samples", *SAMPLES.start() as u64, *SAMPLES.end() as u64)?;
     let mut settings =
         settings_for(samples.as_ref().map_or(default_samples, |at| at.value as usize));
     let counts: [(_, &mut usize, _, _); 7] = [
@@ -69,7 +69,15 @@ pub(super) fn sampler(
     if let Some(at) = fields.whole("seed", 0, u64::MAX)? {
         settings.seed = at.value;
     }
-    settings.ess_target = fields.positive("ess", "1")?.map(|at| at.value);
+    settings.ess_target = match fields.number("ess")? {
+        Some(At { value, line }) if value < 1.0 => {
+            return Err(fields
+                .error("ess", line, Mistake::OutOfRange)
+                .found(value)
+                .expected("a number of at least 1"));
+        }
+        ess => ess.map(|at| at.value),
+    };
     settings.mean_se_target = fields.positive("mean_se", "1")?.map(|at| at.value);
     if let Some(at) = fields.choice("surrogate", &[("on", true), ("off", false)])? {
         settings.surrogate = at.value;

@@ -7,15 +7,17 @@ use smc_calib::{FixedSigma, Noise, PriorSpec, Settings};
 
 use super::sampler::settings_for;
 use super::types::{ExperimentPlan, PairPlan, Plan, SimulatorPlan, SolverPlan};
-use crate::experiment::BUILT_IN_NAMES;
+use crate::experiment::{BUILT_IN_NAMES, is_plain};
 use crate::prior_file::DISTRIBUTIONS;
 
 /// The plan file of a plan with built-in simulators. Own files are named by their whole paths, so that the text can be
 /// kept anywhere.
 ///
 /// Commands and designs are left out: a plan with such comes from a plan file, which is the text.
-pub fn toml(plan: &Plan) -> String {
-    let mut text = format!("name = {}\ntitle = {}\n", quoted(&plan.name), quoted(&plan.title));
+pub(super) fn toml(plan: &Plan) -> String {
+    // A plan file's name holds no blanks; that of a table may.
+    let name = plan.name.replace(|c: char| !is_plain(c), "-");
+    let mut text = format!("name = {}\ntitle = {}\n", quoted(&name), quoted(&plan.title));
     for (key, value) in [("source", &plan.source), ("prior_source", &plan.prior_source)] {
         if let Some(value) = value {
             let _ = writeln!(text, "{key} = {}", quoted(value));

@@ -1,6 +1,7 @@
 //! The types of a plan.
 
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use campaign::slurm::SlurmSettings;
@@ -179,6 +180,22 @@ pub struct Planned {
 }
 
 impl Planned {
+    /// The plan file that does the same; relative names in the text of a plan file begin at its folder.
+    ///
+    /// # Errors
+    ///
+    /// [`InputError`] for a plan in JSON, which is a plan file already.
+    pub fn toml(&self) -> Result<String, InputError> {
+        match &self.path {
+            Some(path) if path.extension().is_some_and(|end| end.eq_ignore_ascii_case("json")) => {
+                Err(InputError::new(path.display().to_string(), Mistake::Conflict)
+                    .found("a plan in JSON, which is a plan file already")
+                    .help("leave out --toml"))
+            }
+            _ => Ok(self.text.clone()),
+        }
+    }
+
     /// Adds the warning that the run itself would give, for a plan that is only printed.
     pub(super) fn warned(mut self) -> Self {
         let (observations, parameters) = (self.plan.observations(), self.plan.parameters.len());
@@ -286,9 +303,15 @@ impl PairPlan {
     }
 }
 
+/// Numbers of simulations that can be asked for: at least two sub-nets of eight points each, as fewer have no standard
+/// error.
+pub const SAMPLES: RangeInclusive<usize> = 16..=100_000_000;
+
 impl SolverPlan {
     /// Error of a/R allowed to a solver unless another is asked for.
     pub const DEFAULT_TOLERANCE: f64 = 1e-4;
+    /// Errors of a/R that can be allowed to a solver.
+    pub const TOLERANCES: RangeInclusive<f64> = 1e-12..=0.1;
 
     /// Settings of the solver.
     pub fn settings(&self) -> SolverSettings {

@@ -208,6 +208,7 @@ pub fn json(record: &Record, out: Option<&Path>) -> Result<String, RunError> {
         .collect();
     let neck_growth = neck_growth(record).map(|neck| {
         json!({
+            "kinetics": record.pair().ok().map(|pair| pair.plan.kinetics),
             "printed": neck.printed,
             "paper": neck.paper,
             "product": neck.product,

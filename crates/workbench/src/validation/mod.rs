@@ -1,4 +1,4 @@
-//! Simulation-based calibration of a plan with a built-in simulator.
+//! Simulation-based calibration of a plan of one pair with the built-in simulator.
 //!
 //! Data sets are drawn from the priors and the noise model at the plan's own observation times, calibrated with the
 //! same model and sampler as the main job, and the truth is ranked within each posterior ([`smc_calib::sbc`]).
@@ -26,8 +26,6 @@ pub use ranks::{Ranks, Verdict};
 pub struct Size {
     /// Number of data sets that are made and calibrated.
     pub data_sets: usize,
-    /// Simulations per calibration.
-    pub samples: usize,
     /// Seed of the data sets and of the calibrations.
     pub seed: u64,
 }
@@ -36,7 +34,7 @@ pub struct Size {
 ///
 /// # Errors
 ///
-/// [`Failure::Input`] for a plan whose noise is not inferred; [`Failure::Run`] for a calibration that fails.
+/// [`Failure::Input`] for a plan of anything but one pair, or whose noise is not inferred; [`Failure::Run`] for a calibration that fails.
 pub fn study(plan: &Plan, size: Size, watch: &dyn Watch) -> Result<Ranks, Failure> {
     let (_, measured) = plan.pair()?;
     let Noise::Inferred { nu0, s0 } = measured.noise else {
@@ -48,18 +46,13 @@ pub fn study(plan: &Plan, size: Size, watch: &dyn Watch) -> Result<Ranks, Failur
             .into());
     };
     let times = &measured.control;
-    watch.begin((size.data_sets * size.samples) as u64, 0, "simulations");
+    watch.begin((size.data_sets * plan.sampler.samples) as u64, 0, "simulations");
     let study = Study {
         simulator: &Experiments::new(plan, None, watch)?,
         parameters: plan.parameters.clone(),
         control: times.clone(),
         noise: (nu0, s0),
-        settings: Settings {
-            samples: size.samples,
-            seed: size.seed,
-            draws: 1024,
-            ..plan.sampler.clone()
-        },
+        settings: Settings { seed: size.seed, draws: 1024, ..plan.sampler.clone() },
         data_sets: size.data_sets,
     };
     let outcomes = sbc::run(&study);
@@ -69,7 +62,8 @@ pub fn study(plan: &Plan, size: Size, watch: &dyn Watch) -> Result<Ranks, Failur
         error => RunError::new(error).into(),
     })?;
     let parameters: Vec<&str> = study.parameters.iter().map(|p| p.name.as_str()).collect();
-    let Size { data_sets, samples, seed } = size;
+    let Size { data_sets, seed } = size;
+    let samples = plan.sampler.samples;
     Ok(Ranks::new(
         format!(
             "{}, {data_sets} data sets at {} observation times, {samples} simulations each, seed {seed}",
@@ -111,9 +105,10 @@ mod tests {
 
     #[test]
     fn a_small_study_of_the_shipped_sampler_passes() {
-        let options = PairOptions { material: Some(Material::Ps), ..PairOptions::default() };
+        let options =
+            PairOptions { material: Some(Material::Ps), samples: 4096, ..PairOptions::default() };
         let plan = options.plan().expect("a plan").plan;
-        let size = Size { data_sets: 120, samples: 4096, seed: 7 };
+        let size = Size { data_sets: 120, seed: 7 };
         let ranks = study(&plan, size, &Unwatched::default()).expect("runs");
         assert_eq!(ranks.ranked.len(), 9);
         for ranked in &ranks.ranked {
