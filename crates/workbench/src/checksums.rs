@@ -12,13 +12,13 @@ use crate::output::WriteFile;
 use crate::text_file;
 
 /// Name of the file.
-pub const FILE_NAME: &str = "SHA256SUMS";
+pub(crate) const FILE_NAME: &str = "SHA256SUMS";
 
 /// Largest file of a run that is read again \[bytes\]: some millions of samples.
 const LARGEST_BYTES: u64 = 2 << 30;
 
 /// Writes files that are read again, and their sums.
-pub fn write_all(files: &[(&str, String)], write: &WriteFile<'_>) -> Result<(), RunError> {
+pub(crate) fn write_all(files: &[(&str, String)], write: &WriteFile<'_>) -> Result<(), RunError> {
     let mut sums = String::new();
     for (name, text) in files {
         write(name, text.as_bytes())?;
@@ -29,7 +29,7 @@ pub fn write_all(files: &[(&str, String)], write: &WriteFile<'_>) -> Result<(), 
 
 /// Reads a file of a run by `parse` (given its name and text), and compares it with the `SHA256SUMS` beside it, where
 /// that lists it.
-pub fn read_as<T>(
+pub(crate) fn read_as<T>(
     path: &Path,
     parse: impl FnOnce(&str, &str) -> Result<T, InputError>,
 ) -> Result<T, InputError> {

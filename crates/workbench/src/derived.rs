@@ -20,7 +20,7 @@ pub struct Estimate {
 }
 
 /// The quantity `value` under a posterior, with its weighted samples; none where no sample has it.
-pub fn estimate(
+pub(crate) fn estimate(
     posterior: &Posterior,
     value: impl Fn(&[f64]) -> Option<f64>,
 ) -> Option<(Estimate, Weighted)> {

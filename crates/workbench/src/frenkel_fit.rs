@@ -11,7 +11,7 @@ use crate::model::NeckGrowth;
 /// around the last observation, then golden-section search in the best bracket, to 1e-10 in ln tau_s.
 ///
 /// None without an observation after t = 0, where every tau_s fits alike.
-pub fn best_tau_s(model: &NeckGrowth, observed: &[f64]) -> Result<Option<f64>, SimError> {
+pub(crate) fn best_tau_s(model: &NeckGrowth, observed: &[f64]) -> Result<Option<f64>, SimError> {
     if model.times_s().last().is_none_or(|last| *last <= 0.0) {
         return Ok(None);
     }
@@ -19,7 +19,7 @@ pub fn best_tau_s(model: &NeckGrowth, observed: &[f64]) -> Result<Option<f64>, S
 }
 
 /// The same for other kinetics whose only parameter is tau_s (`pokluda`).
-pub fn best_tau_s_of(
+pub(crate) fn best_tau_s_of(
     kinetics: Kinetics,
     model: &NeckGrowth,
     observed: &[f64],

@@ -12,7 +12,11 @@ use smc_calib::Weighted;
 const PRIOR_POINTS: usize = 512;
 
 /// Posterior of the product, for kinetics that use C1 and delta_c and do not separate them.
-pub fn summary(plan: &Plan, pair: &PairPlan, posterior: &Posterior) -> Option<ProductSummary> {
+pub(crate) fn summary(
+    plan: &Plan,
+    pair: &PairPlan,
+    posterior: &Posterior,
+) -> Option<ProductSummary> {
     let kinetics = pair.kinetics;
     if !kinetics.uses_c1_delta_c() || kinetics.separates_c1_from_delta_c() {
         return None;

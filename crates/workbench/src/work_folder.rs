@@ -16,7 +16,7 @@ const LOCK: &str = "lock";
 
 /// A folder of unfinished work, locked against other processes.
 #[derive(Debug)]
-pub struct WorkFolder {
+pub(crate) struct WorkFolder {
     path: PathBuf,
     prefix: String,
     // Held while the folder is in use; the system releases it when the process ends, however it does.
@@ -24,7 +24,7 @@ pub struct WorkFolder {
 }
 
 /// A number that tells plans apart (FNV-1a of its text).
-pub fn fingerprint(text: &str) -> u64 {
+pub(crate) fn fingerprint(text: &str) -> u64 {
     text.bytes().fold(0xcbf2_9ce4_8422_2325, |sum, byte| {
         (sum ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
     })
@@ -32,7 +32,7 @@ pub fn fingerprint(text: &str) -> u64 {
 
 impl WorkFolder {
     /// Opens or makes the folder for a plan.
-    pub fn open(folder: &RunFolder, plan: &str) -> Result<Self, Failure> {
+    pub(crate) fn open(folder: &RunFolder, plan: &str) -> Result<Self, Failure> {
         let prefix = format!(".{}.work-", folder.name());
         let path = folder.parent().join(format!("{prefix}{:016x}", fingerprint(plan)));
         let failed = |error: std::io::Error| {
@@ -57,18 +57,13 @@ impl WorkFolder {
         Ok(Self { path, prefix, _lock: lock })
     }
 
-    /// Path of the folder.
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-
     /// A file of earlier work, if it is there.
-    pub fn get(&self, name: &str) -> Option<Vec<u8>> {
+    pub(crate) fn get(&self, name: &str) -> Option<Vec<u8>> {
         fs::read(self.path.join(name)).ok()
     }
 
     /// Writes a file whole: aside, then renamed.
-    pub fn put(&self, name: &str, contents: &[u8]) -> Result<(), RunError> {
+    pub(crate) fn put(&self, name: &str, contents: &[u8]) -> Result<(), RunError> {
         write_file(&self.path.join(name), contents)
     }
 
@@ -79,7 +74,7 @@ impl WorkFolder {
     }
 
     /// Folders of unfinished work of other plans for the same results.
-    pub fn others(&self) -> Vec<PathBuf> {
+    pub(crate) fn others(&self) -> Vec<PathBuf> {
         let Some(parent) = self.path.parent() else { return Vec::new() };
         let Ok(entries) = fs::read_dir(parent) else { return Vec::new() };
         let mut others: Vec<PathBuf> = entries
@@ -93,7 +88,7 @@ impl WorkFolder {
     }
 
     /// Notes what other plans have left.
-    pub fn mention_others(&self, watch: &dyn Watch) {
+    pub(crate) fn mention_others(&self, watch: &dyn Watch) {
         for other in self.others() {
             watch.note(&format!(
                 "{}: unfinished work of another plan is kept there; delete it if it is not wanted",
@@ -103,7 +98,7 @@ impl WorkFolder {
     }
 
     /// Removes the folder: its results are published.
-    pub fn finish(self) {
+    pub(crate) fn finish(self) {
         // Best effort: what is left is hidden and of no harm.
         let _ = fs::remove_dir_all(&self.path);
     }
@@ -131,7 +126,7 @@ mod tests {
         let error = WorkFolder::open(&folder, "one").expect_err("in use");
         assert!(error.to_string().contains("another process"), "{error}");
         let two = WorkFolder::open(&folder, "two").expect("made");
-        assert_eq!((two.get("state"), two.others()), (None, vec![one.path().to_owned()]));
+        assert_eq!((two.get("state"), two.others()), (None, vec![one.path.clone()]));
         two.finish();
         drop(one);
         let again = WorkFolder::open(&folder, "one").expect("free again");

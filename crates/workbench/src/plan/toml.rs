@@ -44,7 +44,7 @@ fn prior(spec: &PriorSpec) -> String {
     let spec = serde_json::to_value(spec).unwrap_or_default();
     let family = DISTRIBUTIONS.iter().find(|(name, _)| spec["kind"] == *name);
     let mut text = String::new();
-    for (name, keys) in family {
+    if let Some((name, keys)) = family {
         let _ = writeln!(text, "distribution = \"{name}\"");
         for key in *keys {
             let _ = writeln!(text, "{key} = {:?}", spec[key].as_f64().unwrap_or(f64::NAN));
