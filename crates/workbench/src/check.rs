@@ -12,10 +12,6 @@ use crate::toml_fields::Document;
 use crate::{material::Material, record, report, scene_file, text_file};
 
 /// Checks one file, of the kind that its name and contents say.
-///
-/// # Errors
-///
-/// [`InputError`] with place, value and remedy.
 pub fn file_at(path: &Path) -> Result<Understood, InputError> {
     let extension = path.extension().map(|extension| extension.to_ascii_lowercase());
     if is_toml(path) {
@@ -191,7 +187,7 @@ fn of_priors(priors: &PriorFile) -> Understood {
         }
     }
     let mut warnings = Vec::new();
-    if priors.c1.is_none() || priors.delta_c.is_none() {
+    if [ParameterName::C1, ParameterName::DeltaC].iter().any(|name| priors.get(*name).is_none()) {
         warnings.push(format!(
             "{}: without [c1] and [delta_c] only --kinetics frenkel and pokluda can be calibrated",
             priors.file_name

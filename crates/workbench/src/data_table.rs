@@ -28,10 +28,6 @@ pub struct DataTable<'t> {
 impl<'t> DataTable<'t> {
     /// Reads a user's table: every column has a name of its own, and there are 1 to [`MOST_ROWS`] rows. `name` is what
     /// errors call it, and `example` is a table of two lines for their help.
-    ///
-    /// # Errors
-    ///
-    /// [`InputError`] with line, value and remedy.
     pub fn parse(name: &'t str, text: &'t str, example: &str) -> Result<Self, InputError> {
         let read = Self::of_format(name, text, Format::guess(text));
         let table = read.map_err(|error| match error.mistake {
@@ -56,10 +52,6 @@ impl<'t> DataTable<'t> {
     }
 
     /// Reads a table of a known format and any length, whose names are not checked.
-    ///
-    /// # Errors
-    ///
-    /// [`InputError`] with line and value.
     pub fn of_format(name: &'t str, text: &'t str, format: Format) -> Result<Self, InputError> {
         let table = Table::parse(text, format).map_err(|error| refused(name, &error))?;
         Ok(Self { name, table })

@@ -121,10 +121,6 @@ impl Experiment {
     }
 
     /// The experiment that a built-in material is calibrated on.
-    ///
-    /// # Errors
-    ///
-    /// None in practice: what is compiled in is held by a test.
     pub fn of_material(material: Material) -> Result<Self, InputError> {
         Self::built_in(material.experiment_name())
     }
@@ -165,10 +161,6 @@ impl Experiment {
     }
 
     /// Reads a description and its table.
-    ///
-    /// # Errors
-    ///
-    /// [`InputError`] with file, line, field, value and remedy.
     pub fn read(path: &Path) -> Result<Self, InputError> {
         let text = text_file::read(path)?;
         let stem = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into());
@@ -209,10 +201,6 @@ impl Experiment {
     }
 
     /// Reads a description from text; `open_table` reads the table that it names and says what it is called.
-    ///
-    /// # Errors
-    ///
-    /// [`InputError`] with file, line, field, value and remedy.
     pub fn parse(
         file: &str,
         default_name: &str,

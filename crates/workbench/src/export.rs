@@ -7,7 +7,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use campaign::{Contents, Outcome, Task};
-use smc_calib::{Likelihood, Observer, Posterior, SimError, Simulator, StageRecord};
+use smc_calib::{Likelihood, Observer, Posterior, Sample, SimError, Simulator, StageRecord};
 
 use crate::calibration::{Stored, groups, read_stored, refuse_older_layout, refused, sample};
 use crate::error::{Failure, InputError, Mistake};
@@ -68,7 +68,7 @@ pub fn export(dir: &Path, out: Option<&Path>) -> Result<Exported, Failure> {
     ] {
         output::write_file(&out.join(name), text.as_bytes())?;
     }
-    let weighted = samples.iter().filter(|sample| sample.weight.is_some()).count();
+    let weighted = samples.iter().filter(|sample| sample.judged.is_some()).count();
     Ok(Exported { out, samples: samples.len(), weighted, runs: contents.tasks.len() })
 }
 
@@ -197,9 +197,8 @@ impl Simulator for Replay<'_> {
 struct SampleSoFar<'a> {
     number: usize,
     theta: &'a [f64],
-    log_likelihood: Option<f64>,
-    weight: Option<f64>,
-    stage: Option<usize>,
+    /// What the sampler says of it, where its stage is complete.
+    judged: Option<&'a Sample>,
 }
 
 /// Every sample that is known: those of complete stages with their weights, those that were submitted after them.
@@ -208,13 +207,7 @@ fn samples<'a>(replay: &'a Replay<'_>, posterior: Option<&'a Posterior>) -> Vec<
         .map_or(&[][..], |posterior| &posterior.samples)
         .iter()
         .enumerate()
-        .map(|(number, sample)| SampleSoFar {
-            number,
-            theta: &sample.theta,
-            log_likelihood: sample.log_likelihood,
-            weight: Some(sample.weight),
-            stage: Some(sample.stage),
-        })
+        .map(|(number, sample)| SampleSoFar { number, theta: &sample.theta, judged: Some(sample) })
         .collect();
     let known = samples.len();
     let mut later: Vec<(usize, &Task)> = replay
@@ -228,9 +221,7 @@ fn samples<'a>(replay: &'a Replay<'_>, posterior: Option<&'a Posterior>) -> Vec<
     samples.extend(later.into_iter().map(|(number, task)| SampleSoFar {
         number,
         theta: &task.parameters,
-        log_likelihood: None,
-        weight: None,
-        stage: None,
+        judged: None,
     }));
     samples
 }
@@ -270,7 +261,7 @@ fn samples_csv(plan: &Plan, replay: &Replay<'_>, samples: &[SampleSoFar<'_>]) ->
             Simulated::Failed(cause) => ("failed", cause.as_str(), &[][..]),
             Simulated::Missing => ("missing", "", &[][..]),
         };
-        let log_likelihood = sample.log_likelihood.or_else(|| {
+        let log_likelihood = sample.judged.and_then(|judged| judged.log_likelihood).or_else(|| {
             let mut rest = values;
             let mut sum = 0.0;
             for likelihood in &likelihoods {
@@ -290,8 +281,8 @@ fn samples_csv(plan: &Plan, replay: &Replay<'_>, samples: &[SampleSoFar<'_>]) ->
             ",{state},{},{},{},{}",
             quoted(cause),
             or_empty(log_likelihood.map(|l| l.to_string())),
-            or_empty(sample.weight.map(|weight| format!("{weight:e}"))),
-            or_empty(sample.stage.map(|stage| stage.to_string())),
+            or_empty(sample.judged.map(|judged| format!("{:e}", judged.weight))),
+            or_empty(sample.judged.map(|judged| judged.stage.to_string())),
         );
         for place in 0..replay.observables() {
             text.push(',');

@@ -39,19 +39,11 @@ pub struct ObservationTable {
 
 impl ObservationTable {
     /// Reads a file.
-    ///
-    /// # Errors
-    ///
-    /// [`InputError`] with line, column, value and remedy.
     pub fn read(path: &Path) -> Result<Self, InputError> {
         Self::parse(&path.display().to_string(), &text_file::read(path)?)
     }
 
     /// Reads text; `name` is what errors call it.
-    ///
-    /// # Errors
-    ///
-    /// [`InputError`] with line, column, value and remedy.
     pub fn parse(name: &str, text: &str) -> Result<Self, InputError> {
         let table = DataTable::parse(name, text, SHORTEST)?;
         if let Some(unknown) = table.columns().iter().find(|name| !COLUMNS.contains(&name.as_str()))
@@ -119,10 +111,6 @@ impl ObservationTable {
 }
 
 /// A list of times \[s\] for curves: a table with the one column `time_s`, or an observation table, whose times are taken.
-///
-/// # Errors
-///
-/// [`InputError`] with line, column, value and remedy.
 pub fn parse_times(name: &str, text: &str) -> Result<Vec<f64>, InputError> {
     let table = DataTable::parse(name, text, SHORTEST)?;
     if table.columns() == ["time_s"] {

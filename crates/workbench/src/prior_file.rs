@@ -39,26 +39,12 @@ use crate::toml_fields::{At, Document, Fields};
 pub struct PriorFile {
     /// The file, or `built-in`.
     pub file_name: String,
-    /// A line for headings.
-    pub title: Option<String>,
-    /// Where the numbers come from.
-    pub source: Option<String>,
-    /// Prior of C1.
-    pub c1: Option<Prior>,
-    /// Prior of tau_s.
-    pub tau_s: Prior,
-    /// Prior of delta_c.
-    pub delta_c: Option<Prior>,
-    /// Prior of phi, where it is to be calibrated.
-    pub phi: Option<Prior>,
+    /// Priors in the order of [`ParameterName::ALL`]; that of tau_s is always there.
+    priors: [Option<Prior>; 4],
 }
 
 impl PriorFile {
     /// The default priors of a material, compiled in and read by the same code as a user's.
-    ///
-    /// # Errors
-    ///
-    /// None in practice: what is compiled in is held by a test.
     pub fn of_material(material: Material) -> Result<Self, InputError> {
         let text = match material {
             Material::Ps => include_str!("../../../priors/ps.toml"),
@@ -69,10 +55,6 @@ impl PriorFile {
     }
 
     /// Reads a file.
-    ///
-    /// # Errors
-    ///
-    /// [`InputError`] with file, line, field, value and remedy.
     pub fn read(path: &Path) -> Result<Self, InputError> {
         let name = path.display().to_string();
         let text = text_file::read(path)?;
@@ -86,41 +68,27 @@ impl PriorFile {
     }
 
     /// Reads text; `name` is what errors call it.
-    ///
-    /// # Errors
-    ///
-    /// [`InputError`] with file, line, field, value and remedy.
     pub fn parse(name: &str, text: &str) -> Result<Self, InputError> {
         let document = Document::parse(name, text)?;
         let fields = document.top();
-        let owned = |key| Ok::<_, InputError>(fields.text(key)?.map(|at| at.value.to_owned()));
-        let title = owned("title")?;
-        let source = owned("source")?;
-        let read = |parameter: ParameterName| match fields.table(parameter.name())? {
-            Some(table) => prior(parameter, &table).map(Some),
-            None => Ok(None),
-        };
-        let [c1, tau_s, delta_c, phi] = [
-            read(ParameterName::C1)?,
-            read(ParameterName::TauS)?,
-            read(ParameterName::DeltaC)?,
-            read(ParameterName::Phi)?,
-        ];
+        fields.text("title")?;
+        fields.text("source")?;
+        let mut priors = [const { None }; 4];
+        for (place, parameter) in priors.iter_mut().zip(ParameterName::ALL) {
+            if let Some(table) = fields.table(parameter.name())? {
+                *place = Some(prior(parameter, &table)?);
+            }
+        }
         fields.finish()?;
-        let Some(tau_s) = tau_s else {
+        if priors[ParameterName::TauS as usize].is_none() {
             return Err(missing(name, ParameterName::TauS));
-        };
-        Ok(Self { file_name: name.to_owned(), title, source, c1, tau_s, delta_c, phi })
+        }
+        Ok(Self { file_name: name.to_owned(), priors })
     }
 
     /// The prior of a parameter, if the file gives one.
     pub fn get(&self, parameter: ParameterName) -> Option<&Prior> {
-        match parameter {
-            ParameterName::C1 => self.c1.as_ref(),
-            ParameterName::TauS => Some(&self.tau_s),
-            ParameterName::DeltaC => self.delta_c.as_ref(),
-            ParameterName::Phi => self.phi.as_ref(),
-        }
+        self.priors[parameter as usize].as_ref()
     }
 
     /// The parameters to calibrate under these kinetics, in the order c1, tau_s, delta_c, phi.
@@ -128,29 +96,19 @@ impl PriorFile {
     /// # Errors
     ///
     /// [`InputError`] where the kinetics have a parameter that the file gives no prior for.
-    pub fn parameters(
-        &self,
-        kinetics: Kinetics,
-    ) -> Result<Vec<(ParameterName, Parameter)>, InputError> {
-        let mut parameters = Vec::new();
-        for parameter in ParameterName::ALL {
-            if !parameter.is_used_by(kinetics) {
-                continue;
-            }
-            match self.get(parameter) {
-                Some(prior) => parameters.push((
-                    parameter,
-                    Parameter::new(parameter.name(), parameter.unit(), prior.clone()),
-                )),
-                None if parameter == ParameterName::Phi => {}
-                None => {
-                    return Err(missing(&self.file_name, parameter).help(format_args!(
-                        "or choose kinetics without it: --kinetics frenkel or pokluda, not {kinetics}"
-                    )));
+    pub fn parameters(&self, kinetics: Kinetics) -> Result<Vec<Parameter>, InputError> {
+        let used =
+            ParameterName::ALL.into_iter().filter(|parameter| parameter.is_used_by(kinetics));
+        used.filter(|&parameter| parameter != ParameterName::Phi || self.get(parameter).is_some())
+            .map(|parameter| match self.get(parameter) {
+                Some(prior) => {
+                    Ok(Parameter::new(parameter.name(), parameter.unit(), prior.clone()))
                 }
-            }
-        }
-        Ok(parameters)
+                None => Err(missing(&self.file_name, parameter).help(format_args!(
+                    "or choose kinetics without it: --kinetics frenkel or pokluda, not {kinetics}"
+                ))),
+            })
+            .collect()
     }
 }
 

@@ -32,19 +32,11 @@ pub struct SampleTable {
 
 impl SampleTable {
     /// Reads a file.
-    ///
-    /// # Errors
-    ///
-    /// [`InputError`] with line, column, value and remedy.
     pub fn read(path: &Path) -> Result<Self, InputError> {
         Self::parse(&path.display().to_string(), &text_file::read(path)?)
     }
 
     /// Reads text; `name` is what errors call it.
-    ///
-    /// # Errors
-    ///
-    /// [`InputError`] with line, column, value and remedy.
     pub fn parse(name: &str, text: &str) -> Result<Self, InputError> {
         const HEADER: &str = "the first line reads: !OMP_NUM_THREADS description key NAME NAME ...";
         let without_comments: String = text

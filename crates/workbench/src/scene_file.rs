@@ -21,10 +21,6 @@ pub struct SceneInput {
 }
 
 /// Reads and checks a scene.
-///
-/// # Errors
-///
-/// [`InputError`] with file, line, field, value and remedy.
 pub fn read(path: &Path) -> Result<SceneInput, InputError> {
     let place = path.display().to_string();
     let text = text_file::read(path)?;
@@ -32,10 +28,6 @@ pub fn read(path: &Path) -> Result<SceneInput, InputError> {
 }
 
 /// As [`read`], from text.
-///
-/// # Errors
-///
-/// As [`read`].
 pub fn parse(place: String, text: &str, json: bool) -> Result<SceneInput, InputError> {
     let example = "experiments/scenes has worked examples";
     if text.trim().is_empty() {
@@ -61,10 +53,6 @@ pub fn parse(place: String, text: &str, json: bool) -> Result<SceneInput, InputE
 impl SceneInput {
     /// The scene as JSON without what does not change its numbers: the same for files that differ in comments, in
     /// the order of fields or in the work they allow.
-    ///
-    /// # Errors
-    ///
-    /// [`RunError`] for a scene that JSON cannot hold.
     pub fn identity(&self) -> Result<Value, RunError> {
         let mut file = self.file.clone();
         file.description.clear();

@@ -341,10 +341,6 @@ impl Simulated {
     }
 
     /// The curve and what happens when, as JSON.
-    ///
-    /// # Errors
-    ///
-    /// [`RunError`] for a number that JSON cannot hold.
     pub fn json(&self) -> Result<String, RunError> {
         let Self { request, events, curve } = self;
         let Request { experiment, scene, kinetics, sintering, settings, reason, .. } = request;

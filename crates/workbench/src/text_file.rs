@@ -19,10 +19,6 @@ pub fn read(path: &Path) -> Result<String, InputError> {
 }
 
 /// As [`read`], with another limit \[bytes\].
-///
-/// # Errors
-///
-/// As [`read`].
 pub fn read_up_to(path: &Path, largest: u64) -> Result<String, InputError> {
     let name = path.display().to_string();
     let unreadable = |error: std::io::Error| match error.kind() {

@@ -115,33 +115,20 @@ impl Verification {
 fn compare(record: &Record, exact: &Quadrature) -> Vec<Line> {
     let simulations = record.counters.simulations as f64;
     let factor = RUN * (REACH_SIMULATIONS / simulations).sqrt().max(1.0);
-    let allowed = |reach: f64| factor * reach + exact.error;
+    let line = |what: String, found: f64, exact_value: f64, error: f64, reach: f64| {
+        let allowed = factor * reach + exact.error;
+        Line { what, found, exact: exact_value, error, allowed }
+    };
     let mut lines = Vec::new();
     for (place, summary) in record.parameters.iter().enumerate() {
         let (mean, sd) = (exact.mean[place], exact.sd[place]);
-        let name = &summary.parameter.name;
-        let found = &summary.in_coordinate;
-        lines.push(Line {
-            what: format!("mean of {name} [sd]"),
-            found: found.mean,
-            exact: mean,
-            error: (found.mean - mean).abs() / sd,
-            allowed: allowed(REACH[0]),
-        });
-        lines.push(Line {
-            what: format!("sd of {name} [relative]"),
-            found: found.sd,
-            exact: sd,
-            error: (found.sd / sd - 1.0).abs(),
-            allowed: allowed(REACH[1]),
-        });
+        let (name, found) = (&summary.parameter.name, &summary.in_coordinate);
+        let off = (found.mean - mean).abs() / sd;
+        lines.push(line(format!("mean of {name} [sd]"), found.mean, mean, off, REACH[0]));
+        let off = (found.sd / sd - 1.0).abs();
+        lines.push(line(format!("sd of {name} [relative]"), found.sd, sd, off, REACH[1]));
     }
-    lines.push(Line {
-        what: "log evidence".to_owned(),
-        found: record.log_evidence.value,
-        exact: exact.log_evidence,
-        error: (record.log_evidence.value - exact.log_evidence).abs(),
-        allowed: allowed(REACH[2]),
-    });
+    let (found, wanted) = (record.log_evidence.value, exact.log_evidence);
+    lines.push(line("log evidence".to_owned(), found, wanted, (found - wanted).abs(), REACH[2]));
     lines
 }

@@ -57,12 +57,6 @@ impl WorkFolder {
         Ok(Self { path, prefix, _lock: lock })
     }
 
-    /// Path of the folder.
-    #[cfg(test)]
-    pub(crate) fn path(&self) -> &Path {
-        &self.path
-    }
-
     /// A file of earlier work, if it is there.
     pub(crate) fn get(&self, name: &str) -> Option<Vec<u8>> {
         fs::read(self.path.join(name)).ok()
@@ -132,7 +126,7 @@ mod tests {
         let error = WorkFolder::open(&folder, "one").expect_err("in use");
         assert!(error.to_string().contains("another process"), "{error}");
         let two = WorkFolder::open(&folder, "two").expect("made");
-        assert_eq!((two.get("state"), two.others()), (None, vec![one.path().to_owned()]));
+        assert_eq!((two.get("state"), two.others()), (None, vec![one.path.clone()]));
         two.finish();
         drop(one);
         let again = WorkFolder::open(&folder, "one").expect("free again");

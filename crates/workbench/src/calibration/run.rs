@@ -131,10 +131,6 @@ pub fn run(
 
 /// Goes on with the runs of programs in a folder. A plan that is given mends a damaged copy, and may name another
 /// executor.
-///
-/// # Errors
-///
-/// As [`run`].
 pub fn resume(
     dir: &Path,
     given: Option<&Planned>,

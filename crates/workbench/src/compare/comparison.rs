@@ -10,11 +10,11 @@ use crate::plan::Plan;
 use crate::record::{FitError, Record};
 
 /// Version of the layout of `compare.json`.
-pub(super) const SCHEMA_VERSION: u32 = 1;
+pub(crate) const SCHEMA_VERSION: u32 = 1;
 
 /// Range of the final contact ratio where it is calibrated: from no flattening at all to a little beyond full
 /// coalescence, the same for every material and kinetics.
-pub(super) const PHI_RANGE: [f64; 2] = [1.0, 1.35];
+pub(crate) const PHI_RANGE: [f64; 2] = [1.0, 1.35];
 
 /// `compare.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]

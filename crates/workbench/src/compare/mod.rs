@@ -39,10 +39,6 @@ impl Compared {
     /// Compares the kinetics on one experiment, or on every built-in material where `options` name none. The kinetics of
     /// the options are not used; with `phi` the final contact ratio is calibrated too, and with `log_time` the figures
     /// have a logarithmic time axis.
-    ///
-    /// # Errors
-    ///
-    /// As [`Calibration::run`].
     pub fn new(
         options: &PairOptions,
         phi: bool,

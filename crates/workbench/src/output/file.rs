@@ -8,10 +8,6 @@ use campaign::durable;
 use crate::error::{InputError, Mistake, RunError};
 
 /// Checks that a file can be written, without touching it.
-///
-/// # Errors
-///
-/// [`InputError`] that names it.
 pub fn check_file(path: &Path) -> Result<(), InputError> {
     if path.is_dir() {
         return Err(InputError::new(path.display().to_string(), Mistake::Unwritable)

@@ -25,10 +25,6 @@ pub fn make_room(error: RunError) -> RunError {
 }
 
 /// JSON as it is written to files.
-///
-/// # Errors
-///
-/// [`RunError`] for a value that JSON cannot hold.
 pub fn pretty(value: &impl Serialize) -> Result<String, RunError> {
     let mut text = serde_json::to_string_pretty(value).map_err(|error| {
         RunError::new(format_args!("the result cannot be written as JSON: {error}"))

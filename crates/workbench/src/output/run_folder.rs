@@ -107,10 +107,6 @@ impl RunFolder {
     }
 
     /// Whether a run is there already.
-    ///
-    /// # Errors
-    ///
-    /// Where the folder cannot be read.
     pub fn occupied(&self) -> io::Result<bool> {
         match fs::read_dir(&self.target) {
             Ok(mut entries) => Ok(entries.next().is_some()),
@@ -146,10 +142,6 @@ impl RunFolder {
     }
 
     /// Makes the hidden folder to write into, and removes those of runs that were killed.
-    ///
-    /// # Errors
-    ///
-    /// [`RunError`] where it cannot be made.
     pub fn stage(&self) -> Result<Staging, RunError> {
         let failed = |error| failed(&self.target, "cannot be written", &error);
         fs::create_dir_all(self.parent()).map_err(failed)?;
@@ -211,10 +203,6 @@ impl Staging {
 
     /// Writes a file of the results, in a folder of its own where its name has one. `shown` is how messages call the
     /// results' folder.
-    ///
-    /// # Errors
-    ///
-    /// [`RunError`] with the name of the file.
     pub fn write(&self, shown: &Path, name: &str, bytes: &[u8]) -> Result<(), RunError> {
         let path = self.path.join(name);
         path.parent()
@@ -230,10 +218,6 @@ impl Staging {
 
     /// A hidden folder in the folder of a calibration whose runs are kept there. Those of drivers that were killed are
     /// removed: the folder is this driver's alone.
-    ///
-    /// # Errors
-    ///
-    /// [`RunError`] where it cannot be made.
     pub fn beside_runs(dir: &Path, record: &'static str) -> Result<Self, RunError> {
         let prefix = ".report.tmp-";
         for entry in fs::read_dir(dir).into_iter().flatten().flatten() {

@@ -20,20 +20,12 @@ use crate::toml_fields::{At, Document, Fields};
 
 impl Planned {
     /// Reads a plan file and the tables that it names.
-    ///
-    /// # Errors
-    ///
-    /// [`InputError`] with file, line, field, value and remedy.
     pub fn read(path: &Path) -> Result<Self, InputError> {
         let text = text_file::read(path)?;
         Self::parse(path, text)
     }
 
     /// As [`read`](Self::read), with the text of the file given. Tables are looked for beside `path`.
-    ///
-    /// # Errors
-    ///
-    /// As [`read`](Self::read).
     pub fn parse(path: &Path, text: String) -> Result<Self, InputError> {
         let name = path.display().to_string();
         let json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));

@@ -71,10 +71,6 @@ impl Default for PairOptions {
 
 impl PairOptions {
     /// Reads and checks everything that the options name.
-    ///
-    /// # Errors
-    ///
-    /// [`InputError`] with place, value and remedy.
     pub fn plan(&self) -> Result<Planned, InputError> {
         let experiment = self.read_experiment()?;
         let priors = match (&self.prior, experiment.material) {
@@ -114,7 +110,7 @@ impl PairOptions {
             name: name.to_owned(),
             title: title.to_owned(),
             source: experiment.source.clone(),
-            parameters: parameters.into_iter().map(|(_, parameter)| parameter).collect(),
+            parameters: parameters,
             prior_source: Some(priors.file_name),
             experiments: vec![pair],
             sampler: self.sampler(),

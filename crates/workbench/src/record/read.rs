@@ -45,10 +45,6 @@ pub fn read(path: &Path) -> Result<Record, InputError> {
 }
 
 /// As [`read`], from text; `name` is what errors call it.
-///
-/// # Errors
-///
-/// As [`read`].
 pub fn parse(name: &str, text: &str) -> Result<Record, InputError> {
     #[derive(Deserialize)]
     struct Version {

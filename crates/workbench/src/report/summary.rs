@@ -197,10 +197,6 @@ fn knee_line(knee: &KneeSummary) -> String {
 }
 
 /// The summary as JSON: the same facts for a program to read.
-///
-/// # Errors
-///
-/// [`RunError`] for a number that JSON cannot hold.
 pub fn json(record: &Record, out: Option<&Path>) -> Result<String, RunError> {
     let observables: Vec<Value> = record
         .observables()

@@ -13,7 +13,7 @@ use figures::{FitFigure, RegimeMapFigure};
 const POINTS: usize = 241;
 
 /// Figure 2: eqs. 3 to 5 at the MAP of the `regime-map` kinetics, with p1 and p2, and the measurements.
-pub(super) fn regime_map(one: &Calibrated) -> Result<RegimeMapFigure, Failure> {
+pub(crate) fn regime_map(one: &Calibrated) -> Result<RegimeMapFigure, Failure> {
     let pair = one.pair()?;
     let map = NeckGrowth::of(&one.calibration.record.plan)?
         .sintering(&one.calibration.posterior.map.theta);
@@ -46,7 +46,7 @@ pub(super) fn regime_map(one: &Calibrated) -> Result<RegimeMapFigure, Failure> {
 }
 
 /// Figures 4, 5 and 6: measurements, posterior bands, MAP, the paper's curve and the best Frenkel curve.
-pub(super) fn sintering_curve(one: &Calibrated) -> Option<(&'static str, FitFigure)> {
+pub(crate) fn sintering_curve(one: &Calibrated) -> Option<(&'static str, FitFigure)> {
     let name = match one.material {
         Material::Ps => "figure4",
         Material::Pa12 => "figure5",

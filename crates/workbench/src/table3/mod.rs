@@ -43,10 +43,6 @@ pub struct Table3 {
 
 impl Table3 {
     /// Calibrates the materials and makes the table of them.
-    ///
-    /// # Errors
-    ///
-    /// As [`Calibration::run`](crate::calibration::Calibration::run).
     pub fn regenerate(samples: usize, seed: u64, watch: &dyn Watch) -> Result<Self, Failure> {
         let one = |material, kinetics| Calibrated::new(material, kinetics, samples, seed, watch);
         let calibrated: Vec<Calibrated> = Material::ALL

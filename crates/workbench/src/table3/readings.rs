@@ -13,7 +13,7 @@ use crate::material::Material;
 use crate::record::FitError;
 
 /// The eight numbers of section 4 that a reading must give: material, quantity, number.
-pub(super) const STATED: [(Material, Quantity, f64); 8] = [
+pub(crate) const STATED: [(Material, Quantity, f64); 8] = [
     (Material::Ps, Quantity::KneeTime, 0.03),
     (Material::Ps, Quantity::EndTime, 0.11),
     (Material::Pa12, Quantity::KneeTime, 0.4),
@@ -26,7 +26,7 @@ pub(super) const STATED: [(Material, Quantity, f64); 8] = [
 
 /// The quantity of a statement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Quantity {
+pub(crate) enum Quantity {
     /// Time of the knee \[s\].
     KneeTime,
     /// Contact ratio of the knee.
@@ -39,7 +39,7 @@ pub(super) enum Quantity {
 
 impl Quantity {
     /// Its value on a three-stage curve; none for a time that never comes.
-    pub(super) fn of(self, scene: &PairScene, sintering: &Sintering) -> Option<f64> {
+    pub(crate) fn of(self, scene: &PairScene, sintering: &Sintering) -> Option<f64> {
         let time = |target| time_to_contact_ratio(scene, Kinetics::ThreeStage, sintering, target);
         match self {
             Self::KneeTime => Some(knee(scene, sintering).time_s),
@@ -120,7 +120,7 @@ const READINGS: [(&str, &str, Read); 6] = [
 ];
 
 /// All readings, the worst first and ours last.
-pub(super) fn all() -> Result<Vec<Reading>, InputError> {
+pub(crate) fn all() -> Result<Vec<Reading>, InputError> {
     READINGS
         .iter()
         .map(|(name, meaning, read)| {

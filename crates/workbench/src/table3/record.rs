@@ -16,7 +16,7 @@ use crate::plan::Plan;
 use crate::record::{FitError, Pair};
 
 /// Layout of `table3.json`.
-pub(super) const SCHEMA_VERSION: u32 = 1;
+pub(crate) const SCHEMA_VERSION: u32 = 1;
 
 /// `table3.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -128,7 +128,7 @@ pub struct NamedFit {
 }
 
 /// Names of the curves, in order.
-pub(super) const CURVES: [&str; 6] = [
+pub(crate) const CURVES: [&str; 6] = [
     "three-stage, paper's parameters",
     "three-stage, our MAP",
     "three-stage, our posterior mean",

@@ -67,7 +67,7 @@ fn in_words(material: Material, quantity: Quantity) -> (&'static str, &'static s
 }
 
 /// Every statement, in the order of the paper.
-pub(super) fn all(calibrated: &[Calibrated]) -> Result<Vec<Statement>, Failure> {
+pub(crate) fn all(calibrated: &[Calibrated]) -> Result<Vec<Statement>, Failure> {
     let mut statements = Vec::new();
     for (material, quantity, words, stated) in CLAIMS {
         let Some(one) = calibrated.iter().find(|one| one.material == material) else {

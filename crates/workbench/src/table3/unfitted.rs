@@ -23,7 +23,7 @@ use figures::{Band, FitFigure};
 use smc_calib::Weighted;
 
 /// Name of the built-in experiment that is predicted.
-pub(super) const EXPERIMENT: &str = "pa12-r30";
+pub(crate) const EXPERIMENT: &str = "pa12-r30";
 /// Times of the curve in the figure.
 const GRID: usize = 201;
 
@@ -76,7 +76,7 @@ pub struct Point {
 }
 
 /// The prediction and its figure.
-pub(super) fn predict(
+pub(crate) fn predict(
     calibrated: &[Calibrated],
     watch: &dyn Watch,
 ) -> Result<(Unfitted, FitFigure), Failure> {
