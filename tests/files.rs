@@ -2,11 +2,11 @@
 
 use std::fs;
 
-use workbench::experiment::{BUILT_IN_NAMES, Experiment};
-use workbench::material::Material;
-use workbench::observation_table::ObservationTable;
-use workbench::parameter::ParameterName;
-use workbench::prior_file::PriorFile;
+use workbench::input::experiment::{BUILT_IN_NAMES, Experiment};
+use workbench::input::material::Material;
+use workbench::input::observation_table::ObservationTable;
+use workbench::input::prior_file::PriorFile;
+use workbench::pair::parameter::ParameterName;
 
 use crate::sandbox::{Sandbox, root};
 

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use campaign::Stop;
 use smc_calib::Counters;
 use workbench::calibration::Calibration;
-use workbench::material::Material;
+use workbench::input::material::Material;
 use workbench::plan::PairOptions;
 use workbench::watch::Watch;
 

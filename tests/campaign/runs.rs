@@ -111,7 +111,8 @@ samples = 64
     let mut command = format!("name = \"command\"\n{parameters}");
     let calibrate = env!("CARGO_BIN_EXE_calibrate");
     for experiment in ["pa12-r32", "pa12-r30"] {
-        let read = workbench::experiment::Experiment::built_in(experiment).expect("built in");
+        let read =
+            workbench::input::experiment::Experiment::built_in(experiment).expect("built in");
         let radius = read.powder.radius_m;
         sandbox.write(&format!("{experiment}.csv"), read.table.to_csv());
         builtin.push_str(&format!(
@@ -260,7 +261,7 @@ fn sample_tables_of_grain_learning_are_run_as_they_stand_and_written_again() {
     assert_eq!(run, ["1.9", "2.05", "2.2", "4.9"], "the very parameters of the table");
     sandbox.run("export results/line").succeeded();
     let written = sandbox.path().join("results/line/export/samples-grainlearning.txt");
-    let back = workbench::sample_table::SampleTable::read(&written).expect("a table");
+    let back = workbench::input::sample_table::SampleTable::read(&written).expect("a table");
     assert_eq!(back.parameters, ["a"]);
     assert_eq!(back.rows.len(), 4);
     for (row, truth) in back.rows.iter().zip([1.9, 2.05, 2.2, 4.9]) {

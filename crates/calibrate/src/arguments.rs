@@ -7,9 +7,9 @@ use dem_core::{Kinetics, SolverKind};
 use figures::Width;
 use smc_calib::{FixedSigma, Noise};
 use workbench::error::nearest;
-use workbench::experiment::checked_phi;
-use workbench::material::Material;
-use workbench::observation_table::LARGEST_CONTACT_RATIO;
+use workbench::input::experiment::checked_phi;
+use workbench::input::material::Material;
+use workbench::input::observation_table::LARGEST_CONTACT_RATIO;
 use workbench::plan::{SAMPLES, SolverPlan};
 
 use crate::terminal::OnInterrupt;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args as ArgsOf, Parser, Subcommand};
-use workbench::material::Material;
+use workbench::input::material::Material;
 
 /// Benchmarks and validation studies of the calibration workbench. Each answers one question and writes report.md,
 /// table.csv and figures to results/benchmarks/NAME

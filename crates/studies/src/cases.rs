@@ -5,7 +5,7 @@ use smc_calib::quadrature::{QuadratureSettings, quadrature};
 use smc_calib::reference::{self, Reference};
 use smc_calib::{CalibrateError, DensitySummary, Posterior, Settings, Target as _, sample_density};
 use workbench::error::{Failure, InputError, Mistake, RunError};
-use workbench::material::Material;
+use workbench::input::material::Material;
 
 use crate::pair::{Calibration, settings};
 use crate::rivals::{Bayes, Estimate};

@@ -8,7 +8,7 @@
 use smc_calib::{Likelihood, Posterior};
 
 use workbench::error::{Failure, RunError};
-use workbench::material::Material;
+use workbench::input::material::Material;
 use workbench::number::significant;
 
 use crate::pair::Calibration;

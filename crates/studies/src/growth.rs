@@ -7,7 +7,7 @@ use std::time::Instant;
 use figures::{Band, Role, WorkPrecisionFigure, WorkPrecisionGrid, WorkPrecisionSeries};
 use smc_calib::{CalibrateError, Settings, reference};
 use workbench::error::{Failure, RunError};
-use workbench::material::Material;
+use workbench::input::material::Material;
 use workbench::number::significant;
 
 use crate::cases::{Case, Errors, Exact, Run};

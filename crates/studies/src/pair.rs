@@ -14,9 +14,9 @@ use smc_calib::{
 };
 
 use workbench::error::{Failure, RunError};
-use workbench::experiment::Experiment;
-use workbench::material::Material;
-use workbench::model::NeckGrowth;
+use workbench::input::experiment::Experiment;
+use workbench::input::material::Material;
+use workbench::pair::model::NeckGrowth;
 use workbench::plan::{PairOptions, sampler_for};
 
 /// A pair of a material, with the times of its measurement and the paper's sintering parameters.

@@ -6,7 +6,7 @@ use std::time::Duration;
 use dem_core::{Kinetics, Sintering, SolverKind, SolverSettings, contact_ratios, verlet_batch};
 use smc_calib::{Settings, reference, sample_density};
 use workbench::error::{Failure, RunError};
-use workbench::material::Material;
+use workbench::input::material::Material;
 use workbench::number::significant;
 
 use crate::args::OnlyArgs;

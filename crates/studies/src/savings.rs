@@ -7,7 +7,7 @@ use std::time::Duration;
 use dem_core::bed::{Bed, Drive, Growing, Material as BedMaterial, Start, Surroundings};
 use dem_core::{Kinetics, SolverKind, SolverSettings, contact_ratios};
 use workbench::error::{Failure, RunError};
-use workbench::material::Material;
+use workbench::input::material::Material;
 use workbench::number::significant;
 
 use crate::args::OnlyArgs;

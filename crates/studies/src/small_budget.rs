@@ -6,7 +6,7 @@ use std::path::Path;
 
 use smc_calib::{Settings, reference};
 use workbench::error::{Failure, RunError};
-use workbench::material::Material;
+use workbench::input::material::Material;
 
 use crate::args::SmallBudgetArgs;
 use crate::cases::{Case, Errors, Run};

@@ -18,7 +18,7 @@ use figures::{Band, Role, WorkPrecisionFigure, WorkPrecisionSeries};
 use rayon::prelude::*;
 use studies::stiff_reference::{Equations, Problem};
 use workbench::error::{Failure, RunError};
-use workbench::material::Material;
+use workbench::input::material::Material;
 
 use crate::pair::verlet;
 use crate::report::{Report, Table};

@@ -3,13 +3,13 @@
 use std::path::Path;
 
 use crate::error::{InputError, Mistake};
-use crate::experiment::{Experiment, is_toml};
-use crate::observation_table::ObservationTable;
-use crate::parameter::ParameterName;
+use crate::input::experiment::{Experiment, is_toml};
+use crate::input::observation_table::ObservationTable;
+use crate::input::prior_file::PriorFile;
+use crate::input::toml_fields::Document;
+use crate::pair::parameter::ParameterName;
 use crate::plan::{Planned, Understood, looks_like_a_plan, prior_in_words, short, understood};
-use crate::prior_file::PriorFile;
-use crate::toml_fields::Document;
-use crate::{material::Material, record, report, scene_file, text_file};
+use crate::{input::material::Material, input::scene_file, input::text_file, record, report};
 
 /// Checks one file, of the kind that its name and contents say.
 pub fn file_at(path: &Path) -> Result<Understood, InputError> {

@@ -11,12 +11,12 @@ use smc_calib::{Likelihood, Observer, Posterior, Sample, SimError, Simulator, St
 
 use crate::calibration::{Stored, groups, read_stored, refuse_older_layout, refused, sample};
 use crate::error::{Failure, InputError, Mistake};
-use crate::model::NeckGrowth;
+use crate::input::sample_table;
 use crate::output::{self, CAMPAIGN};
+use crate::pair::model::NeckGrowth;
 use crate::plan::Plan;
 use crate::record::FILE_NAME;
 use crate::report::quoted;
-use crate::sample_table;
 use crate::simulator::{cause, models, run_number, sample_of, stored};
 
 /// Tables that were written.

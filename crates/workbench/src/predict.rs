@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::number::significant;
-use crate::pair_draws::PairDraws;
+use crate::pair::draws::PairDraws;
 use smc_calib::Weighted;
 
 /// A quantity over the posterior draws that have it.

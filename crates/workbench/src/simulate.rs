@@ -10,11 +10,11 @@ use dem_core::{
 use serde_json::json;
 
 use crate::error::{Failure, InputError, Mistake, RunError};
-use crate::experiment::Experiment;
-use crate::material::Material;
+use crate::input::experiment::Experiment;
+use crate::input::material::Material;
 use crate::number::significant;
 use crate::output::pretty;
-use crate::{observation_table, text_file};
+use crate::{input::observation_table, input::text_file};
 
 /// What to compute.
 #[derive(Debug, Clone, PartialEq)]

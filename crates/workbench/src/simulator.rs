@@ -6,7 +6,7 @@ use campaign::{Campaign, Event, Executor, ExecutorError, Outcome, Task};
 use smc_calib::{SimError, Simulator};
 
 use crate::error::InputError;
-use crate::model::NeckGrowth;
+use crate::pair::model::NeckGrowth;
 use crate::plan::{Plan, SimulatorPlan};
 use crate::watch::Watch;
 

@@ -6,8 +6,8 @@ use smc_calib::Problem;
 use smc_calib::quadrature::{Quadrature, QuadratureSettings, quadrature};
 
 use crate::error::{Failure, InputError, Mistake, RunError};
-use crate::model::NeckGrowth;
 use crate::number::{significant, with_error};
+use crate::pair::model::NeckGrowth;
 use crate::record::Record;
 
 /// Root mean square errors that the sampler reaches at [`REACH_SIMULATIONS`]: means in posterior standard

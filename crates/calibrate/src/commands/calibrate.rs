@@ -6,7 +6,7 @@ use dem_core::Kinetics;
 use smc_calib::Noise;
 use workbench::calibration::{self, Finished, RunOptions};
 use workbench::error::{Failure, RunError};
-use workbench::material::Material;
+use workbench::input::material::Material;
 use workbench::output::{pool, pretty};
 use workbench::plan::{self, PairOptions, Planned};
 use workbench::{report, verify};

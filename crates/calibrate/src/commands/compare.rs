@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use workbench::compare::{Compared, RECORD, render};
 use workbench::error::Failure;
-use workbench::material::Material;
+use workbench::input::material::Material;
 use workbench::output::{RunFolder, pool, pretty};
 use workbench::plan::PairOptions;
 

@@ -151,7 +151,7 @@ pub(crate) fn dispatch(args: &Args) -> Result<(), Failure> {
 mod tests {
     use dem_core::Kinetics;
     use smc_calib::Noise;
-    use workbench::material::Material;
+    use workbench::input::material::Material;
     use workbench::plan::PairOptions;
 
     use super::*;

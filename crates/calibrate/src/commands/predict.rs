@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use workbench::error::Failure;
 use workbench::output::{pretty, write_file};
-use workbench::pair_draws::PairDraws;
+use workbench::pair::draws::PairDraws;
 use workbench::predict::predict;
 
 use crate::arguments;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use dem_core::Kinetics;
 use workbench::error::Failure;
-use workbench::material::Material;
+use workbench::input::material::Material;
 use workbench::output;
 use workbench::simulate::{CurveOptions, Times, simulate};
 

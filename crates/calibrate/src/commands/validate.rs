@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use workbench::error::{Failure, InputError, RunError};
-use workbench::material::Material;
+use workbench::input::material::Material;
 use workbench::output::pool;
 use workbench::plan::{PairOptions, Planned};
 use workbench::validation::{self, Size, Verdict};

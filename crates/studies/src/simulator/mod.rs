@@ -13,7 +13,7 @@ mod row;
 use std::path::Path;
 
 use workbench::error::Failure;
-use workbench::material::Material;
+use workbench::input::material::Material;
 
 use crate::args::SimulatorArgs;
 use crate::pair::{Calibration, Pair};

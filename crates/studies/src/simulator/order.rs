@@ -3,7 +3,7 @@
 use dem_core::{Kinetics, contact_ratios};
 use studies::stiff_reference::{Equations, Problem};
 use workbench::error::{Failure, RunError};
-use workbench::material::Material;
+use workbench::input::material::Material;
 
 use super::method::{MOST_STEPS, difference};
 use crate::pair::{Pair, verlet};

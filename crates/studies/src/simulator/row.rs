@@ -2,7 +2,7 @@
 
 use dem_core::SolverKind;
 use figures::{Band, Role, WorkPrecisionFigure, WorkPrecisionSeries};
-use workbench::material::Material;
+use workbench::input::material::Material;
 
 use super::method::Method;
 use crate::timing::Timing;

@@ -10,13 +10,13 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use workbench::data_table::DataTable;
+use workbench::input::data_table::DataTable;
 use workbench::error::InputError;
-use workbench::experiment::Experiment;
-use workbench::observation_table::{self, ObservationTable};
-use workbench::prior_file::PriorFile;
-use workbench::sample_table::SampleTable;
-use workbench::{record, report, scene_file, text_file};
+use workbench::input::experiment::Experiment;
+use workbench::input::observation_table::{self, ObservationTable};
+use workbench::input::prior_file::PriorFile;
+use workbench::input::sample_table::SampleTable;
+use workbench::{record, report, input::scene_file, input::text_file};
 
 /// What was refused says so in words.
 fn refused<T>(outcome: Result<T, InputError>) -> Option<T> {

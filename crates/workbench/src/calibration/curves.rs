@@ -7,7 +7,7 @@ use smc_calib::{FixedSigma, Noise, SimError, Simulator as _};
 
 use super::of_pair::{OfPair, simulation_failure};
 use crate::error::{Failure, RunError};
-use crate::model::NeckGrowth;
+use crate::pair::model::NeckGrowth;
 use crate::record::Curves;
 
 /// Most posterior draws that are run on the fine grid of times.

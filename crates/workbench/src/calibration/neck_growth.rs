@@ -6,10 +6,10 @@ use smc_calib::Weighted;
 use super::curves::{AtData, curves};
 use super::of_pair::{OfPair, simulation_failure};
 use crate::error::Failure;
-use crate::frenkel_fit;
-use crate::material::Material;
-use crate::parameter::ParameterName;
-use crate::product;
+use crate::input::material::Material;
+use crate::pair::frenkel_fit;
+use crate::pair::parameter::ParameterName;
+use crate::pair::product;
 use crate::record::{
     Derived, Fit, FitError, KneeSummary, NeckGrowthRecord, ObservableRecord, PaperComparison,
     PrintedParameter,

@@ -4,7 +4,7 @@ use dem_core::Sintering;
 use smc_calib::{Posterior, SimError, Weighted};
 
 use crate::error::{Failure, RunError};
-use crate::model::NeckGrowth;
+use crate::pair::model::NeckGrowth;
 use crate::plan::{ObservablePlan, PairPlan, Plan};
 
 /// One pair of a plan, its model and its posterior.

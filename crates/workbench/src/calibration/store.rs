@@ -199,7 +199,7 @@ pub(super) fn open(
 pub(crate) fn read_stored(dir: &Path) -> Result<Stored, Failure> {
     refuse_older_layout(dir)?;
     let path = dir.join(CAMPAIGN).join(RESOLVED);
-    let text = crate::text_file::read(&path)?;
+    let text = crate::input::text_file::read(&path)?;
     serde_json::from_str(&text).map_err(|error| {
         InputError::new(path.display().to_string(), Mistake::Syntax)
             .at_line(error.line().max(1))

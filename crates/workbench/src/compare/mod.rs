@@ -15,10 +15,10 @@ use smc_calib::{Parameter, Prior, PriorSpec, Problem, leave_one_out};
 
 use crate::calibration::Calibration;
 use crate::error::{Failure, InputError, Mistake, RunError};
-use crate::material::Material;
-use crate::model::NeckGrowth;
+use crate::input::material::Material;
 use crate::output::{Published, RunFolder, pretty};
-use crate::parameter::ParameterName;
+use crate::pair::model::NeckGrowth;
+use crate::pair::parameter::ParameterName;
 use crate::plan::{PairOptions, Planned};
 use crate::report::{NamedFigures, draw_all};
 use crate::watch::Watch;

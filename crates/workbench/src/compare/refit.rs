@@ -4,7 +4,7 @@ use smc_calib::trust::khat_holds;
 use smc_calib::{LeaveOneOut, Observations, Posterior, Problem, Settings, calibrate};
 
 use crate::error::{Failure, RunError};
-use crate::model::NeckGrowth;
+use crate::pair::model::NeckGrowth;
 use crate::plan::Plan;
 
 /// Most observations of one kinetics that are calibrated again.

@@ -7,10 +7,10 @@ use dem_core::bed::SinteringTable;
 
 use super::curve::Target;
 use crate::error::{InputError, Mistake};
+use crate::input::scene_file::SceneInput;
 use crate::number::significant;
-use crate::pair_draws::PairDraws;
-use crate::parameter::ParameterName;
-use crate::scene_file::SceneInput;
+use crate::pair::draws::PairDraws;
+use crate::pair::parameter::ParameterName;
 
 /// The target wished for, or a relative density of 0.9, where the bed can have it.
 pub(super) fn target(wished: Option<Target>, input: &SceneInput) -> Result<Target, InputError> {

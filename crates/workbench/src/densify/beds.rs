@@ -17,12 +17,12 @@ use super::agreement::no_volume;
 use super::curve::{Curve, Moment, Target};
 use super::draws::Draw;
 use crate::error::Failure;
+use crate::input::scene_file::{self, SceneInput};
 use crate::output::pool;
-use crate::pair_draws::PairDraws;
-use crate::parameter::ParameterName;
-use crate::scene_file::{self, SceneInput};
+use crate::output::work_folder::{WorkFolder, fingerprint};
+use crate::pair::draws::PairDraws;
+use crate::pair::parameter::ParameterName;
 use crate::watch::Watch;
-use crate::work_folder::{WorkFolder, fingerprint};
 use crate::worker::Worker;
 
 /// Relative density at which a bed is full and its run ends.

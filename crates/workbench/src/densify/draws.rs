@@ -6,7 +6,7 @@ use rand::{RngExt as _, SeedableRng as _};
 use serde::Serialize;
 
 use crate::error::{InputError, Mistake};
-use crate::pair_draws::PairDraws;
+use crate::pair::draws::PairDraws;
 
 /// Contact ratio of the pair whose time puts the draws in order.
 const ORDER_BY: f64 = 0.4;

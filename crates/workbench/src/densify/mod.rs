@@ -15,12 +15,12 @@ use figures::{Figure as _, Width};
 use serde_json::json;
 
 use crate::error::{Failure, RunError};
+use crate::input::scene_file::{self, SceneInput};
 use crate::number::significant;
+use crate::output::work_folder::{WorkFolder, fingerprint};
 use crate::output::{Published, RunFolder, make_room, pretty};
-use crate::pair_draws::PairDraws;
-use crate::scene_file::{self, SceneInput};
+use crate::pair::draws::PairDraws;
 use crate::watch::Watch;
-use crate::work_folder::{WorkFolder, fingerprint};
 use beds::{Wanted, file_name};
 use report::FailedDraw;
 

@@ -2,9 +2,11 @@
 //!
 //! A command that writes many files fills a [`RunFolder`]; one that writes a single file uses [`write_file`].
 
+pub mod checksums;
 mod exchange;
 mod file;
 mod run_folder;
+pub mod work_folder;
 
 use serde::Serialize;
 

@@ -7,7 +7,7 @@ use campaign::{Call, Keep};
 
 use super::template::{self, TemplateError};
 use crate::error::{InputError, Mistake, nearest};
-use crate::toml_fields::Fields;
+use crate::input::toml_fields::Fields;
 
 /// Time limit of a run [s], unless the plan has one.
 const TIMEOUT_S: f64 = 3600.0;

@@ -4,7 +4,7 @@ use campaign::slurm::SlurmSettings;
 
 use super::ExecutorPlan;
 use crate::error::{InputError, Mistake};
-use crate::toml_fields::Fields;
+use crate::input::toml_fields::Fields;
 
 /// Reads `[executor]`; by default threads for built-in simulators alone, and local processes for commands.
 pub(super) fn executor(

@@ -13,10 +13,10 @@ use super::sampler::sampler;
 use super::template;
 use super::types::{ExecutorPlan, ExperimentPlan, Plan, Planned, SimulatorPlan, is_word};
 use crate::error::{InputError, Mistake};
-use crate::experiment::{checked_name, is_toml};
-use crate::prior_file;
-use crate::text_file;
-use crate::toml_fields::{At, Document, Fields};
+use crate::input::experiment::{checked_name, is_toml};
+use crate::input::prior_file;
+use crate::input::text_file;
+use crate::input::toml_fields::{At, Document, Fields};
 
 impl Planned {
     /// Reads a plan file and the tables that it names.

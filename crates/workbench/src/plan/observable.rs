@@ -6,10 +6,10 @@ use campaign::{Format, Interpolation, ResultSpec};
 use smc_calib::{FixedSigma, Noise};
 
 use super::types::ObservablePlan;
-use crate::data_table::DataTable;
 use crate::error::{InputError, Mistake};
-use crate::text_file;
-use crate::toml_fields::{At, Fields};
+use crate::input::data_table::DataTable;
+use crate::input::text_file;
+use crate::input::toml_fields::{At, Fields};
 
 /// Reads an observable of a command; `folder` is that of the plan.
 pub(super) fn observable(

@@ -12,10 +12,10 @@ use super::types::{
     SolverPlan, is_word,
 };
 use crate::error::{InputError, Mistake};
-use crate::experiment::Experiment;
-use crate::material::Material;
-use crate::parameter::ParameterName;
-use crate::prior_file::PriorFile;
+use crate::input::experiment::Experiment;
+use crate::input::material::Material;
+use crate::input::prior_file::PriorFile;
+use crate::pair::parameter::ParameterName;
 
 /// Name of the one observable of the built-in simulator.
 pub(super) const CONTACT_RATIO: &str = "contact_ratio";

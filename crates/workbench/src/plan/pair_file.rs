@@ -10,11 +10,11 @@ use super::observable::{checked, noise, window};
 use super::pair::{CONTACT_RATIO, PairModel, pair_experiment};
 use super::types::{ExperimentPlan, PairPlan, SimulatorPlan, SolverPlan};
 use crate::error::{InputError, Mistake, nearest};
-use crate::experiment::{BUILT_IN_NAMES, Experiment};
-use crate::material::Material;
-use crate::parameter::ParameterName;
-use crate::prior_file;
-use crate::toml_fields::{At, Fields};
+use crate::input::experiment::{BUILT_IN_NAMES, Experiment};
+use crate::input::material::Material;
+use crate::input::prior_file;
+use crate::input::toml_fields::{At, Fields};
+use crate::pair::parameter::ParameterName;
 
 /// Reads a built-in simulator and its observable; `folder` is that of the plan.
 pub(super) fn pair(

@@ -6,8 +6,8 @@ use smc_calib::{Parameter, Settings};
 
 use super::types::{Design, SAMPLES};
 use crate::error::{InputError, Mistake};
-use crate::sample_table::SampleTable;
-use crate::toml_fields::{At, Fields};
+use crate::input::sample_table::SampleTable;
+use crate::input::toml_fields::{At, Fields};
 
 /// Number of parameter sets of a plan with commands, unless it says another.
 const COMMAND_SAMPLES: usize = 300;

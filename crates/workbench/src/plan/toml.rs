@@ -7,8 +7,8 @@ use smc_calib::{FixedSigma, Noise, PriorSpec, Settings};
 
 use super::sampler::settings_for;
 use super::types::{ExperimentPlan, PairPlan, Plan, SimulatorPlan, SolverPlan};
-use crate::experiment::{BUILT_IN_NAMES, is_plain};
-use crate::prior_file::DISTRIBUTIONS;
+use crate::input::experiment::{BUILT_IN_NAMES, is_plain};
+use crate::input::prior_file::DISTRIBUTIONS;
 
 /// The plan file of a plan with built-in simulators. Own files are named by their whole paths, so that the text can be
 /// kept anywhere.
@@ -162,7 +162,7 @@ fn sampler(settings: &Settings) -> String {
 mod tests {
     use super::super::{PairOptions, Planned};
     use super::*;
-    use crate::material::Material;
+    use crate::input::material::Material;
     use dem_core::{Kinetics, SolverKind};
     use std::path::PathBuf;
 

@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 use smc_calib::{Noise, ObservationError, Observations, Parameter, Settings};
 
 use crate::error::{InputError, Mistake};
-use crate::material::Material;
-use crate::parameter::ParameterName;
+use crate::input::material::Material;
+use crate::pair::parameter::ParameterName;
 
 /// What is calibrated, on what, and how.
 #[cfg_attr(test, derive(schemars::JsonSchema))]

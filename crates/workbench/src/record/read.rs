@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 use super::Record;
-use crate::checksums;
 use crate::error::{InputError, Mistake};
+use crate::output::checksums;
 
 /// Version of the layout of `posterior.json`; a reader refuses others.
 pub const SCHEMA_VERSION: u32 = 2;

@@ -13,13 +13,13 @@ use figures::Width;
 use serde::Serialize;
 use smc_calib::Posterior;
 
-use crate::checksums;
 use crate::error::{InputError, RunError};
+use crate::input::sample_table;
+use crate::output::checksums;
 use crate::output::{WriteFile, pretty};
 use crate::record::{self, FILE_NAME, Record};
-use crate::sample_table;
 
-pub use crate::data_table::quoted;
+pub use crate::input::data_table::quoted;
 pub use details::{details, understood};
 pub use drawing::{NamedFigures, draw_all};
 pub use pictures::{fit, pictures};

@@ -9,7 +9,7 @@ use smc_calib::{BandPoint, Coordinate, Parameter, PathParameter};
 use super::drawing::NamedFigures;
 use super::samples::SampleColumns;
 use super::summary::{neck_growth, paper_place};
-use crate::parameter::ParameterName;
+use crate::pair::parameter::ParameterName;
 use crate::plan::ObservablePlan;
 use crate::record::{NeckGrowthRecord, ObservableRecord, Record};
 

@@ -6,9 +6,9 @@ use std::path::Path;
 use campaign::Format;
 use smc_calib::{Parameter, ParameterSummary, Posterior};
 
-use crate::checksums;
-use crate::data_table::{DataTable, quoted};
 use crate::error::{InputError, Mistake};
+use crate::input::data_table::{DataTable, quoted};
+use crate::output::checksums;
 use crate::record::Record;
 
 /// The weighted samples of a run: what figures need beside the record.

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use smc_calib::{Coordinate, SigmaSummary};
 
 use super::summary::{is_uninformed, neck_growth, paper_place};
-use crate::data_table::quoted;
+use crate::input::data_table::quoted;
 use crate::number::{shown_unit, significant, with_error};
 use crate::plan::SimulatorPlan;
 use crate::record::Record;

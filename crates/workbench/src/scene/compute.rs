@@ -8,10 +8,10 @@ use figures::BedFigure;
 
 use super::picture::bed_figure;
 use crate::error::Failure;
+use crate::input::scene_file::{self, SceneInput};
 use crate::number::significant;
-use crate::scene_file::{self, SceneInput};
+use crate::output::work_folder::WorkFolder;
 use crate::watch::Watch;
-use crate::work_folder::WorkFolder;
 use crate::worker::Worker;
 
 /// A checkpoint is written at observations at least so far apart.

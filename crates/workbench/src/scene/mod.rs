@@ -14,10 +14,10 @@ use figures::{BedFigure, Figure as _, Width};
 use serde_json::json;
 
 use crate::error::{Failure, RunError};
+use crate::input::scene_file::{self, SceneInput};
+use crate::output::work_folder::WorkFolder;
 use crate::output::{Published, RunFolder, make_room, pretty};
-use crate::scene_file::{self, SceneInput};
 use crate::watch::Watch;
-use crate::work_folder::WorkFolder;
 use compute::{Computed, compute, observations, vtk_name};
 use picture::{bed_figure, colour_range, series_figure};
 

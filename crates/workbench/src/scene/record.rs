@@ -6,8 +6,8 @@ use dem_core::bed::{Mode, Phase, Run, Sample, Series};
 use serde::Serialize;
 use serde_json::Value;
 
+use crate::input::scene_file::SceneInput;
 use crate::number::significant;
-use crate::scene_file::SceneInput;
 
 /// Version of the layout of `scene.json`.
 pub const SCHEMA_VERSION: u32 = 1;

@@ -4,7 +4,7 @@ use dem_core::Kinetics;
 
 use crate::calibration::Calibration;
 use crate::error::{Failure, InputError};
-use crate::material::Material;
+use crate::input::material::Material;
 use crate::plan::PairOptions;
 use crate::record::Pair;
 use crate::watch::Watch;

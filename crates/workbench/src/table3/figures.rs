@@ -4,8 +4,8 @@ use dem_core::kinetics::Regimes;
 
 use super::calibrated::Calibrated;
 use crate::error::Failure;
-use crate::material::Material;
-use crate::model::NeckGrowth;
+use crate::input::material::Material;
+use crate::pair::model::NeckGrowth;
 use crate::report;
 use figures::{FitFigure, RegimeMapFigure};
 

@@ -22,7 +22,7 @@ mod unfitted;
 use dem_core::Kinetics;
 
 use crate::error::Failure;
-use crate::material::Material;
+use crate::input::material::Material;
 use crate::output::{Published, RunFolder, pretty};
 use crate::report::{NamedFigures, draw_all};
 use crate::watch::Watch;

@@ -8,8 +8,8 @@ use dem_core::{
 use serde::Serialize;
 
 use crate::error::{InputError, Mistake};
-use crate::experiment::Experiment;
-use crate::material::Material;
+use crate::input::experiment::Experiment;
+use crate::input::material::Material;
 use crate::record::FitError;
 
 /// The eight numbers of section 4 that a reading must give: material, quantity, number.

@@ -8,10 +8,10 @@ use super::calibrated::Calibrated;
 use super::readings::{self, Reading};
 use super::statements::{self, Statement};
 use super::unfitted::Unfitted;
-use crate::derived::{Estimate, estimate};
 use crate::error::{Failure, RunError};
-use crate::frenkel_fit::best_tau_s_of;
-use crate::model::NeckGrowth;
+use crate::pair::derived::{Estimate, estimate};
+use crate::pair::frenkel_fit::best_tau_s_of;
+use crate::pair::model::NeckGrowth;
 use crate::plan::Plan;
 use crate::record::{FitError, Pair};
 

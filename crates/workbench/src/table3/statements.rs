@@ -5,10 +5,10 @@ use serde::Serialize;
 
 use super::calibrated::Calibrated;
 use super::readings::Quantity::{self, EndTime, KneeHeight, KneeTime, TimeToOne};
-use crate::derived::{Estimate, estimate};
 use crate::error::Failure;
-use crate::material::Material::{self, Pa12, Peek, Ps};
-use crate::model::NeckGrowth;
+use crate::input::material::Material::{self, Pa12, Peek, Ps};
+use crate::pair::derived::{Estimate, estimate};
+use crate::pair::model::NeckGrowth;
 
 /// One statement of the paper.
 #[derive(Debug, Clone, PartialEq, Serialize)]

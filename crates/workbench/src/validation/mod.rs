@@ -99,7 +99,7 @@ pub fn write(ranks: &Ranks, text: &str, folder: &Path, name: &str) -> Result<(),
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::material::Material;
+    use crate::input::material::Material;
     use crate::plan::PairOptions;
     use crate::watch::Unwatched;
 

@@ -3,8 +3,8 @@
 use dem_core::{Powder, paper};
 
 use crate::error::{InputError, Mistake};
-use crate::material::Material;
-use crate::toml_fields::{At, Fields};
+use crate::input::material::Material;
+use crate::input::toml_fields::{At, Fields};
 
 /// Reads the material or the powder.
 pub(super) fn particles(fields: &Fields<'_>) -> Result<(Option<Material>, Powder), InputError> {

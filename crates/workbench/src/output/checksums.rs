@@ -8,8 +8,8 @@ use std::path::Path;
 use sha2::{Digest as _, Sha256};
 
 use crate::error::{InputError, Mistake, RunError};
+use crate::input::text_file;
 use crate::output::WriteFile;
-use crate::text_file;
 
 /// Name of the file.
 pub(crate) const FILE_NAME: &str = "SHA256SUMS";

@@ -5,8 +5,8 @@ use std::path::Path;
 use dem_core::{PairScene, PairSpec, Powder, SceneError, Sintering};
 
 use crate::error::Failure;
-use crate::model::NeckGrowth;
-use crate::parameter::ParameterName;
+use crate::pair::model::NeckGrowth;
+use crate::pair::parameter::ParameterName;
 use crate::plan::PairPlan;
 use crate::record::{self, Record};
 use crate::report::read_draws;

@@ -3,7 +3,7 @@
 use smc_calib::normal::{self, Tails};
 use smc_calib::{Posterior, Prior};
 
-use crate::parameter::ParameterName;
+use crate::pair::parameter::ParameterName;
 use crate::plan::{PairPlan, Plan};
 use crate::record::ProductSummary;
 use smc_calib::Weighted;

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use smc_calib::{Parameter, SimError, Simulator};
 
 use crate::error::InputError;
-use crate::parameter::ParameterName;
+use crate::pair::parameter::ParameterName;
 use crate::plan::{PairPlan, Plan};
 
 /// Neck growth of a pair of particles at given times, as a function of the parameter vector of a plan.

@@ -3,7 +3,7 @@
 use dem_core::Kinetics;
 use smc_calib::SimError;
 
-use crate::model::NeckGrowth;
+use crate::pair::model::NeckGrowth;
 
 /// The sintering time \[s\] of the Frenkel curve (at the plan's phi) with the least sum of squares.
 ///
@@ -65,7 +65,7 @@ pub(crate) fn best_tau_s_of(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::material::Material;
+    use crate::input::material::Material;
     use crate::plan::PairOptions;
 
     #[test]

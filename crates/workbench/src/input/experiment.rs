@@ -4,7 +4,7 @@
 //!
 //! | field | | meaning |
 //! |---|---|---|
-//! | `table` | required | the [observation table](crate::observation_table), relative to the description |
+//! | `table` | required | the [observation table](crate::input::observation_table), relative to the description |
 //! | `material` | this or `[powder]` | a built-in material: `ps`, `pa12` or `peek` |
 //! | `name` | default: the file's name | what the run is called |
 //! | `title` | optional | a line for headings |
@@ -36,10 +36,10 @@ use dem_core::Powder;
 
 use self::particles::{particles, radius};
 use crate::error::{InputError, Mistake};
-use crate::material::Material;
-use crate::observation_table::ObservationTable;
-use crate::text_file;
-use crate::toml_fields::{At, Document, Fields};
+use crate::input::material::Material;
+use crate::input::observation_table::ObservationTable;
+use crate::input::text_file;
+use crate::input::toml_fields::{At, Document, Fields};
 
 /// The files of a built-in experiment.
 struct BuiltIn {
@@ -52,8 +52,8 @@ macro_rules! built_in {
     ($name:literal) => {
         BuiltIn {
             name: $name,
-            description: include_str!(concat!("../../../experiments/", $name, ".toml")),
-            table: include_str!(concat!("../../../experiments/", $name, ".csv")),
+            description: include_str!(concat!("../../../../experiments/", $name, ".toml")),
+            table: include_str!(concat!("../../../../experiments/", $name, ".csv")),
         }
     };
 }
@@ -328,7 +328,7 @@ pub fn is_toml(path: &Path) -> bool {
 ///
 /// What was expected, and a remedy.
 pub fn checked_phi(phi: f64) -> Result<f64, (&'static str, &'static str)> {
-    if (0.1..=crate::observation_table::LARGEST_CONTACT_RATIO).contains(&phi) {
+    if (0.1..=crate::input::observation_table::LARGEST_CONTACT_RATIO).contains(&phi) {
         Ok(phi)
     } else {
         Err((

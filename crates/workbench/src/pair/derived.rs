@@ -75,7 +75,7 @@ fn quantile_error(values: &[(f64, f64, usize)], marginal: &Weighted, p: f64, qua
 mod tests {
     use super::*;
     use crate::calibration::Calibration;
-    use crate::material::Material;
+    use crate::input::material::Material;
     use crate::plan::PairOptions;
     use crate::watch::Unwatched;
 

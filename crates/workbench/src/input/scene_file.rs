@@ -6,8 +6,8 @@ use dem_core::bed::{BedError, Mode, Outline, SceneFile};
 use serde_json::Value;
 
 use crate::error::{Failure, InputError, Mistake, RunError};
+use crate::input::text_file;
 use crate::number::significant;
-use crate::text_file;
 
 /// A scene that was read and checked, all but its packing, which is not made yet.
 #[derive(Debug, Clone, PartialEq)]

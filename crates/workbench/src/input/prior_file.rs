@@ -28,11 +28,11 @@ use serde_json::json;
 use smc_calib::{Parameter, Prior, PriorError, PriorSpec};
 
 use crate::error::{InputError, Mistake};
-use crate::experiment::is_toml;
-use crate::material::Material;
-use crate::parameter::ParameterName;
-use crate::text_file;
-use crate::toml_fields::{At, Document, Fields};
+use crate::input::experiment::is_toml;
+use crate::input::material::Material;
+use crate::input::text_file;
+use crate::input::toml_fields::{At, Document, Fields};
+use crate::pair::parameter::ParameterName;
 
 /// Checked priors.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,9 +47,9 @@ impl PriorFile {
     /// The default priors of a material, compiled in and read by the same code as a user's.
     pub fn of_material(material: Material) -> Result<Self, InputError> {
         let text = match material {
-            Material::Ps => include_str!("../../../priors/ps.toml"),
-            Material::Pa12 => include_str!("../../../priors/pa12.toml"),
-            Material::Peek => include_str!("../../../priors/peek.toml"),
+            Material::Ps => include_str!("../../../../priors/ps.toml"),
+            Material::Pa12 => include_str!("../../../../priors/pa12.toml"),
+            Material::Peek => include_str!("../../../../priors/peek.toml"),
         };
         Self::parse(&format!("built-in priors/{material}.toml"), text)
     }
@@ -232,7 +232,7 @@ pub(crate) fn check_support(
     }
     if parameter == ParameterName::Phi {
         for (key, bound) in [("lower", lower), ("upper", upper)] {
-            if let Err((expected, help)) = crate::experiment::checked_phi(bound) {
+            if let Err((expected, help)) = crate::input::experiment::checked_phi(bound) {
                 return Err(at(key, Mistake::OutOfRange)
                     .found(bound)
                     .expected(expected)

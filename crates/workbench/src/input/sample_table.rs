@@ -14,9 +14,9 @@ use std::path::Path;
 
 use campaign::table::{Format, TableError};
 
-use crate::data_table::DataTable;
 use crate::error::{InputError, Mistake};
-use crate::text_file;
+use crate::input::data_table::DataTable;
+use crate::input::text_file;
 
 /// Parameter sets by name of the parameter.
 #[derive(Debug, Clone, PartialEq)]

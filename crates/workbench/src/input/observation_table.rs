@@ -8,15 +8,15 @@
 //! | `contact_ratio` | required | a/R, neck radius over particle radius | 0 to 2 |
 //! | `sigma` | optional | standard deviation of `contact_ratio` | > 0; used by `--noise fixed:table` |
 //!
-//! How it is written is free as in any [data table](crate::data_table): separators, comments (`#`), line ends, a byte
+//! How it is written is free as in any [data table](crate::input::data_table): separators, comments (`#`), line ends, a byte
 //! order mark. At least one row, at most a million.
 
 use std::fmt::Write as _;
 use std::path::Path;
 
-use crate::data_table::DataTable;
 use crate::error::{InputError, Mistake, nearest};
-use crate::text_file;
+use crate::input::data_table::DataTable;
+use crate::input::text_file;
 
 /// Largest believable contact ratio: two equal spheres that have merged have 1.26.
 pub const LARGEST_CONTACT_RATIO: f64 = 2.0;

@@ -6,7 +6,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::error::{InputError, Mistake, nearest};
-use crate::json_document;
+use crate::input::json_document;
 
 /// What is expected where another type stands.
 const TEXT: &str = "text in quotes";
