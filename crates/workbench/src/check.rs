@@ -1,4 +1,4 @@
-//! What the program understands of a file, or what is wrong with it.
+//! Check of a file: its contents in words, or its first mistake.
 
 use std::path::Path;
 

@@ -5,7 +5,7 @@ use std::fmt;
 
 use thiserror::Error;
 
-/// What is wrong with an input, for code that must tell one mistake from another.
+/// Kind of a mistake in an input, for code that must tell one from another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Mistake {
@@ -83,11 +83,11 @@ pub struct InputError {
     pub line: Option<usize>,
     /// Column or field, as in "column contact_ratio".
     pub field: Option<Box<str>>,
-    /// What was seen.
+    /// Value that was seen.
     pub found: Option<Box<str>>,
-    /// What was expected.
+    /// Expected value.
     pub expected: Option<Box<str>>,
-    /// What to do, in order of likelihood.
+    /// Remedies, the likeliest first.
     pub help: Vec<String>,
 }
 
@@ -123,25 +123,25 @@ impl InputError {
         self
     }
 
-    /// What was seen, as it is to be shown.
+    /// Adds the value that was seen, as it is to be shown.
     pub fn found(mut self, found: impl fmt::Display) -> Self {
         self.found = Some(shortened(&found.to_string()).into());
         self
     }
 
-    /// What was expected.
+    /// Expected value.
     pub fn expected(mut self, expected: impl fmt::Display) -> Self {
         self.expected = Some(expected.to_string().into());
         self
     }
 
-    /// What to do about it; may be said several times.
+    /// Adds a remedy; may be called several times.
     pub fn help(mut self, help: impl fmt::Display) -> Self {
         self.help.push(help.to_string());
         self
     }
 
-    /// What to do about it, if there is something to say.
+    /// Adds a remedy, if there is one.
     pub fn help_if(self, help: Option<impl fmt::Display>) -> Self {
         match help {
             Some(help) => self.help(help),
@@ -192,9 +192,9 @@ impl fmt::Display for InputError {
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[must_use]
 pub struct RunError {
-    /// What happened.
+    /// Cause of the failure.
     pub cause: String,
-    /// What to try.
+    /// Remedies.
     pub help: Vec<String>,
 }
 
@@ -204,7 +204,7 @@ impl RunError {
         Self { cause: cause.to_string(), help: Vec::new() }
     }
 
-    /// What to try; may be said several times.
+    /// Adds a remedy; may be called several times.
     pub fn help(mut self, help: impl fmt::Display) -> Self {
         self.help.push(help.to_string());
         self

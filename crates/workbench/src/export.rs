@@ -80,7 +80,7 @@ struct Replay<'a> {
     outcomes: &'a HashMap<u64, Outcome>,
 }
 
-/// What became of a sample.
+/// Fate of a sample.
 enum Simulated {
     /// Its values.
     Values(Vec<f64>),
@@ -197,7 +197,7 @@ impl Simulator for Replay<'_> {
 struct SampleSoFar<'a> {
     number: usize,
     theta: &'a [f64],
-    /// What the sampler says of it, where its stage is complete.
+    /// The sampler's account of it, where its stage is complete.
     judged: Option<&'a Sample>,
 }
 

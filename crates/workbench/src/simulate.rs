@@ -16,7 +16,7 @@ use crate::number::significant;
 use crate::output::pretty;
 use crate::{input::observation_table, input::text_file};
 
-/// What to compute.
+/// Options of a curve.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CurveOptions {
     /// Built-in material.

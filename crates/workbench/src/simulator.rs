@@ -14,7 +14,7 @@ use crate::watch::Watch;
 pub(crate) struct Runner<'a> {
     /// Folder of the runs.
     pub(crate) campaign: &'a Campaign,
-    /// What runs them.
+    /// Executor of the runs.
     pub(crate) executor: Box<dyn Executor + Send + 'a>,
     /// Told of every run.
     pub(crate) on_event: Box<dyn FnMut(Event) + Send + 'a>,
@@ -64,7 +64,7 @@ pub(crate) fn cause(plan: &Plan, experiment: usize, words: &str) -> String {
     }
 }
 
-/// What became of a run of a program: its values, or the cause of its failure; none before it ended.
+/// Outcome of a run of a program: its values, or the cause of its failure; none before it ended.
 pub(crate) fn stored(
     plan: &Plan,
     place: usize,

@@ -1,4 +1,4 @@
-//! What a long job tells whoever runs it, and how it is asked to stop: the library itself prints nothing.
+//! Progress, notes and warnings of a long job, and the request to stop it: the library itself prints nothing.
 
 use campaign::Stop;
 use smc_calib::StageRecord;
@@ -14,7 +14,7 @@ pub trait Watch: Sync {
     /// One more piece of work is done.
     fn advance(&self) {}
 
-    /// What the work is at just now.
+    /// The present step of the work.
     fn now(&self, _what: &str) {}
 
     /// A stage of the sampler has ended.

@@ -41,7 +41,7 @@ impl OfPair<'_> {
         })
     }
 
-    /// What is worth knowing of the kinetics: the data cannot divide a product between its factors.
+    /// Advice on kinetics whose data inform a product but neither of its factors.
     pub(super) fn advice(&self) -> Option<String> {
         let kinetics = self.pair.kinetics;
         (kinetics.uses_c1_delta_c() && !kinetics.separates_c1_from_delta_c()).then(|| {

@@ -52,11 +52,11 @@ pub struct Timings {
 /// A run that is done and written.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Finished {
-    /// What was found.
+    /// Results.
     pub record: Record,
     /// Folder of the results.
     pub out: PathBuf,
-    /// What became of an earlier run in the folder.
+    /// Fate of an earlier run in the folder.
     pub published: Published,
     /// How long it took.
     pub timings: Timings,
@@ -309,7 +309,7 @@ impl Driver<'_> {
     }
 }
 
-/// What is said of an event of a run.
+/// Progress and notes on an event of a run.
 fn on_event<'a>(plan: &'a Plan, watch: &'a dyn Watch) -> impl FnMut(Event) + Send + 'a {
     let place = |number: u64| {
         let (sample, experiment) = sample_of(plan, number);

@@ -16,7 +16,7 @@ use crate::watch::Watch;
 /// A finished calibration: the record, and the samples behind it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibration {
-    /// What `posterior.json` holds.
+    /// Contents of `posterior.json`.
     pub record: Record,
     /// The sampler's own account, with all samples.
     pub posterior: Posterior,

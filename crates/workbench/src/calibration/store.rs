@@ -14,7 +14,7 @@ use crate::plan::{ExecutorPlan, ExperimentPlan, Plan, Planned, with_folder};
 /// The file with the plan as it was understood, tables and all.
 const RESOLVED: &str = "resolved-plan.json";
 
-/// What is kept of a plan, so that a run needs no other file to go on.
+/// A plan as it is kept beside its runs, so that they need no other file to go on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Stored {
@@ -54,7 +54,7 @@ impl Stored {
         ]))
     }
 
-    /// What the campaign runs.
+    /// Specification of the campaign.
     fn spec(&self) -> Result<CampaignSpec, InputError> {
         let folder = self.file.parent().unwrap_or(Path::new("/"));
         let Some(folder_text) = folder.to_str() else {

@@ -30,7 +30,7 @@ pub const RECORD: &str = "compare.json";
 
 /// The kinetics of every material or experiment, compared.
 pub struct Compared {
-    /// What `compare.json` holds.
+    /// Contents of `compare.json`.
     pub report: Report,
     figures: NamedFigures,
 }

@@ -176,7 +176,7 @@ struct Bed {
     phi: Option<f64>,
 }
 
-/// What the threads hand over.
+/// Messages of the threads.
 #[derive(Debug)]
 enum Message {
     /// The scene could not be built, or not brought to its heated phase; nothing else comes.

@@ -32,7 +32,7 @@ pub use spread::{Share, Spread};
 /// The record of a densification.
 pub const DENSIFY_RECORD: &str = "densify.json";
 
-/// What to compute.
+/// Options of a densification.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DensifyOptions {
     /// A `posterior.json`, or the folder it is in; `draws.csv` must be beside it.
@@ -66,11 +66,11 @@ pub struct DensifyJob {
 /// Beds that were computed and published.
 #[derive(Debug)]
 pub struct DensifyResult {
-    /// What was found.
+    /// Results.
     pub report: Report,
     /// How long the beds took \[s\].
     pub seconds: f64,
-    /// What became of an earlier run in the folder.
+    /// Fate of an earlier run in the folder.
     pub published: Published,
 }
 
@@ -131,7 +131,7 @@ impl DensifyJob {
         self.folder.path()
     }
 
-    /// What would be done, as text.
+    /// The job as text, for a dry run.
     pub fn describe(&self) -> String {
         let plan = &self.plan;
         let mut lines = vec![format!(

@@ -22,7 +22,7 @@ pub struct Share {
     pub se: f64,
     /// `R^2` of a regression on this parameter alone.
     pub alone: f64,
-    /// What it adds to `R^2` of all others.
+    /// Its addition to the `R^2` of all others.
     pub last: f64,
     /// Correlation of its normal scores with the logarithm of the time.
     pub correlation: f64,
@@ -148,7 +148,7 @@ fn explained(columns: &[Vec<f64>], response: &[f64], rows: &[usize]) -> Option<E
 }
 
 impl Explained {
-    /// What each parameter adds, averaged over all orders.
+    /// Addition of each parameter, averaged over all orders.
     fn shapley(&self) -> Vec<f64> {
         let p = self.parameters;
         (0..p)

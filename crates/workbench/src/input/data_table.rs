@@ -129,7 +129,7 @@ impl<'t> DataTable<'t> {
             .help("remove the row if nothing was measured")
     }
 
-    /// What the reader of tables found wrong, with the name of the file and a remedy.
+    /// A mistake found by the reader of tables, with the name of the file and a remedy.
     pub(crate) fn refused(&self, error: &TableError) -> InputError {
         refused(self.name, error)
     }

@@ -326,7 +326,7 @@ pub fn is_toml(path: &Path) -> bool {
 ///
 /// # Errors
 ///
-/// What was expected, and a remedy.
+/// The expected range and a remedy.
 pub fn checked_phi(phi: f64) -> Result<f64, (&'static str, &'static str)> {
     if (0.1..=crate::input::observation_table::LARGEST_CONTACT_RATIO).contains(&phi) {
         Ok(phi)

@@ -14,7 +14,7 @@ use crate::number::significant;
 pub struct SceneInput {
     /// The file, as the user named it.
     pub place: String,
-    /// What it says.
+    /// Its contents.
     pub file: SceneFile,
     /// Its particles in numbers.
     pub outline: Outline,

@@ -8,7 +8,7 @@ use toml::de::{DeTable, DeValue};
 use crate::error::{InputError, Mistake, nearest};
 use crate::input::json_document;
 
-/// What is expected where another type stands.
+/// Expected type of a field of another type.
 const TEXT: &str = "text in quotes";
 
 /// A parsed file, and the way to say where in it something is wrong.

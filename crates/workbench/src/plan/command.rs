@@ -122,7 +122,7 @@ fn template_error(
         TemplateError::Unbalanced => base
             .found(format_args!("\"{template}\""))
             .expected("braces in pairs, around the name of a placeholder")
-            .help("a brace that is none is written twice: {{ and }}"),
+            .help("a brace of the command itself is written twice: {{ and }}"),
         TemplateError::Unknown(name) => {
             let known = parameters.iter().map(String::as_str).chain(template::RESERVED);
             base.found(format_args!("the placeholder {{{name}}}"))
@@ -132,7 +132,7 @@ fn template_error(
                     template::RESERVED.join(", ")
                 ))
                 .help_if(nearest(name, known).map(|near| format!("did you mean {{{near}}}?")))
-                .help("a brace that is none is written twice: {{ and }}")
+                .help("a brace of the command itself is written twice: {{ and }}")
         }
     }
 }

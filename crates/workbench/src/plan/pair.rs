@@ -20,7 +20,7 @@ use crate::pair::parameter::ParameterName;
 /// Name of the one observable of the built-in simulator.
 pub(super) const CONTACT_RATIO: &str = "contact_ratio";
 
-/// What to calibrate of one pair of particles, and how. The default has the documented defaults and nothing to
+/// Options of the calibration of one pair of particles. The default has the documented defaults and nothing to
 /// calibrate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PairOptions {

@@ -5,12 +5,12 @@ use campaign::template::{Piece, Unbalanced, pieces};
 /// Placeholders that every command has, beside the parameters.
 pub(crate) const RESERVED: [&str; 4] = ["parameters", "run", "seed", "plan_dir"];
 
-/// What is wrong with a template.
+/// Mistake in a template.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum TemplateError {
     /// A brace without its partner.
     Unbalanced,
-    /// A name that is none.
+    /// An unknown placeholder.
     Unknown(String),
 }
 

@@ -14,7 +14,7 @@ use crate::error::{InputError, Mistake};
 use crate::input::material::Material;
 use crate::pair::parameter::ParameterName;
 
-/// What is calibrated, on what, and how.
+/// A calibration: parameters, experiments, sampler.
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -167,11 +167,11 @@ pub enum ExecutorPlan {
 /// A checked plan, how its runs are executed, and the file that says the same.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Planned {
-    /// What decides the result.
+    /// The plan, which decides the result.
     pub plan: Plan,
     /// How the runs are executed.
     pub executor: ExecutorPlan,
-    /// What is allowed and yet worth saying.
+    /// Warnings on allowed input.
     pub warnings: Vec<String>,
     /// The plan file, which relative names in it begin at; none for a plan of options.
     pub path: Option<PathBuf>,

@@ -10,14 +10,14 @@ use super::types::{
 };
 use crate::number::{shown_unit, significant};
 
-/// What is understood of a file: a headline, details, and warnings.
+/// Contents of a file in words: a headline, details, and warnings.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Understood {
-    /// What the file is, on one line.
+    /// Kind of the file, on one line.
     pub headline: String,
-    /// What it says, a line each.
+    /// Its contents, one statement per line.
     pub details: Vec<String>,
-    /// What is allowed and yet worth saying.
+    /// Warnings on allowed input.
     pub warnings: Vec<String>,
 }
 

@@ -54,7 +54,7 @@ pub struct Record {
     pub experiments: Vec<ExperimentRecord>,
     /// Recursive Bayes: what was known after each observation, on through the observables.
     pub path: Vec<PathPoint>,
-    /// What each stage did.
+    /// Record of each stage.
     pub stages: Vec<StageRecord>,
     /// Failed simulations by cause.
     pub failures: Vec<Failure>,
@@ -132,7 +132,7 @@ pub struct Pair<'r> {
     pub measured: &'r ObservablePlan,
     /// Its contact ratio under the posterior.
     pub found: &'r ObservableRecord,
-    /// What only a pair has.
+    /// Results that only a pair has.
     pub neck_growth: &'r NeckGrowthRecord,
 }
 

@@ -1,4 +1,4 @@
-//! What only a pair of particles has: Table 3, the knee, the product, the curves of the fit plot.
+//! Results of a pair of particles: Table 3, the knee, the product, the curves of the fit plot.
 
 use serde::{Deserialize, Serialize};
 
@@ -46,7 +46,7 @@ pub struct PrintedParameter {
     pub eti90: [f64; 2],
     /// Equal-tailed 95 % interval.
     pub eti95: [f64; 2],
-    /// What the paper prints.
+    /// Value that the paper prints.
     pub paper: Option<f64>,
     /// Posterior probability of a smaller value, in percent.
     pub paper_percentile: Option<f64>,

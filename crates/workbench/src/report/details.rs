@@ -9,7 +9,7 @@ use crate::number::{significant, with_error};
 use crate::plan::Understood;
 use crate::record::Record;
 
-/// What `calibrate check` says of a posterior.
+/// A posterior as `calibrate check` describes it.
 pub fn understood(record: &Record) -> Understood {
     let trusted = if record.trust.converged() { "to be trusted" } else { "not to be trusted" };
     Understood {
@@ -127,7 +127,7 @@ fn moments_and_correlation(parameters: &[ParameterSummary], correlation: &[Vec<f
     text
 }
 
-/// What each stage did.
+/// One line per stage of the sampler.
 fn stages(stages: &[StageRecord]) -> String {
     let mut text = String::new();
     let _ = writeln!(

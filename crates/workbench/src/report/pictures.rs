@@ -210,7 +210,7 @@ fn prior_density(parameter: &Parameter, draws: &[f64], weights: &[f64]) -> Vec<(
     points
 }
 
-/// What each observation taught. With several observables they are numbered.
+/// Knowledge of the parameters after each observation. With several observables the observations are numbered.
 fn recursion(record: &Record, log_control: bool) -> RecursionFigure {
     let path = &record.path;
     let mut observables = record.plan.observables().map(|(_, observable)| observable);

@@ -18,7 +18,7 @@ use crate::worker::Worker;
 const CHECKPOINT_EVERY: Duration = Duration::from_millis(300);
 const CHECKPOINT: &str = "checkpoint";
 
-/// What the working thread hands over.
+/// Messages of the working thread.
 enum Message {
     /// The packing was made: the bed at the start, and the number of observations taken over from earlier work.
     Placed { start: BedFigure, observed: usize },
@@ -102,7 +102,7 @@ fn in_words(observed: usize, total: usize) -> String {
     format!("{observed} of {total} observations are kept, and the same command goes on from there")
 }
 
-/// What the working thread does.
+/// Work of the computing thread.
 struct Engine {
     input: SceneInput,
     checkpoint: Option<Vec<u8>>,

@@ -39,11 +39,11 @@ pub struct SceneJob {
 /// A scene that has run and is published.
 #[derive(Debug)]
 pub struct SceneResult {
-    /// What was found.
+    /// Results.
     pub record: SceneRecord,
     /// How long the run took \[s\].
     pub seconds: f64,
-    /// What became of an earlier run in the folder.
+    /// Fate of an earlier run in the folder.
     pub published: Published,
 }
 
@@ -66,7 +66,7 @@ impl SceneJob {
         Ok(Self { input, plan, folder: RunFolder::prepare(&out, SCENE_RECORD)? })
     }
 
-    /// What decides the result.
+    /// Plan of the scene, which decides the result.
     pub fn plan(&self) -> &ScenePlan {
         &self.plan
     }
@@ -76,7 +76,7 @@ impl SceneJob {
         self.folder.path()
     }
 
-    /// What would be done, as text.
+    /// The job as text, for a dry run.
     pub fn describe(&self) -> String {
         let mut lines = vec![format!("scene: {}", self.plan.name)];
         lines.extend(self.input.describe().iter().map(|line| format!("  {line}")));

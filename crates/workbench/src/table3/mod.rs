@@ -36,7 +36,7 @@ pub const RECORD: &str = "table3.json";
 
 /// The table, and the figures that belong to it.
 pub struct Table3 {
-    /// What `table3.json` holds.
+    /// Contents of `table3.json`.
     pub report: Report,
     figures: NamedFigures,
 }

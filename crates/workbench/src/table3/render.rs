@@ -242,7 +242,7 @@ fn errors(text: &mut String, report: &Report) {
     );
 }
 
-/// What three stages gain over one parameter, in a sentence.
+/// Gain of three stages over one parameter, in a sentence.
 pub fn accuracy(material: &MaterialReport) -> String {
     let rmse = |curve: &str| material.fit(curve).map_or(f64::NAN, |error| error.rmse);
     let [paper, map, _, frenkel, pokluda, frenkel_paper] = CURVES.map(rmse);

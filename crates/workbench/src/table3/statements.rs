@@ -1,4 +1,4 @@
-//! What section 4 of the paper says of the three curves, beside what follows from its parameters and from ours.
+//! Statements of section 4 of the paper on the three curves, with the values that follow from its parameters and from ours.
 
 use dem_core::{PairScene, Sintering, knee};
 use serde::Serialize;
@@ -53,7 +53,7 @@ const CLAIMS: [Claim; 9] = [
     (Peek, KneeHeight, "\"it takes into account 40% of the coalescence\"", Some(0.4)),
 ];
 
-/// What a statement is about, in words, and its unit.
+/// Subject of a statement in words, and its unit.
 fn in_words(material: Material, quantity: Quantity) -> (&'static str, &'static str) {
     match quantity {
         KneeTime => ("time of the knee", "s"),
