@@ -1,4 +1,4 @@
-//! What a value on the command line may be: numbers, names, windows, noise models.
+//! Parsers of command-line values: numbers, names, windows, noise models.
 
 use std::str::FromStr as _;
 
@@ -28,7 +28,7 @@ pub(crate) fn width() -> impl TypedValueParser<Value = Width> {
     })
 }
 
-/// What Ctrl-C does to jobs on a cluster.
+/// Effect of Ctrl-C on jobs on a cluster.
 pub(crate) fn on_interrupt() -> impl TypedValueParser<Value = OnInterrupt> {
     PossibleValuesParser::new(["detach", "cancel"]).map(|name| match name.as_str() {
         "cancel" => OnInterrupt::Cancel,

@@ -12,7 +12,7 @@ use workbench::error::Failure;
 use workbench::output::Published;
 use workbench::watch::Watch;
 
-/// What Ctrl-C does to jobs on a cluster.
+/// Effect of Ctrl-C on jobs on a cluster.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) enum OnInterrupt {
     /// They run on.

@@ -162,7 +162,7 @@ impl Runner<'_> {
         }
     }
 
-    /// As [`tidy`](Self::tidy), after a driver that was killed before it could.
+    /// Same as [`tidy`](Self::tidy), for a driver that was killed before it could tidy up.
     pub(crate) fn sweep(&self, task: &Task, outcome: &Outcome) {
         let folder = task_folder(self.dir, task.number);
         if !self.stays(task, outcome) && folder.is_dir() {

@@ -106,7 +106,7 @@ impl Campaign {
         Self::open_or_restore(dir, None)
     }
 
-    /// As [`open`](Self::open), and replaces the specification and the caller's files by the given ones where they are
+    /// Same as [`open`](Self::open), and replaces the specification and the caller's files by the given ones where they are
     /// damaged. What is not damaged stays as it is stored: compare [`spec`](Self::spec) and [`extra`](Self::extra) with
     /// what you expect. Outcomes of runs made under another specification are not used.
     ///
@@ -155,7 +155,7 @@ impl Campaign {
         &self.dir
     }
 
-    /// What is run.
+    /// Specification of the runs.
     #[must_use]
     pub fn spec(&self) -> &CampaignSpec {
         &self.record.spec
@@ -212,7 +212,7 @@ impl Campaign {
         self.state().outcome(number).cloned()
     }
 
-    /// Those of `tasks` that have no outcome, each once.
+    /// The `tasks` without an outcome, each once.
     #[must_use]
     pub fn missing(&self, tasks: &[Task]) -> Vec<Task> {
         self.state().missing(tasks)
@@ -230,7 +230,7 @@ impl Campaign {
         self.flush_outcomes()
     }
 
-    /// As [`record`](Self::record), without flushing.
+    /// Same as [`record`](Self::record), without flushing.
     pub(crate) fn write_outcomes(
         &self,
         outcomes: Vec<(u64, Outcome)>,

@@ -14,7 +14,7 @@ use crate::task::Task;
 /// Contents of a campaign.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Contents {
-    /// What is run.
+    /// Commands, parameters and results of the runs.
     pub spec: CampaignSpec,
     /// Every task that was submitted, by number.
     pub tasks: Vec<Task>,

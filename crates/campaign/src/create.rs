@@ -20,7 +20,7 @@ pub(crate) fn check_names(extra: &BTreeMap<String, Vec<u8>>) -> Result<(), Campa
     Ok(())
 }
 
-/// What an earlier creation left in a directory, except the lock; refuses a directory with anything else.
+/// Files of an earlier, unfinished creation, except the lock; refuses a directory with anything else.
 pub(crate) fn unfinished(
     dir: &Path,
     extra: &BTreeMap<String, Vec<u8>>,

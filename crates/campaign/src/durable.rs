@@ -74,7 +74,7 @@ pub fn flush_tree(folder: &Path) -> io::Result<()> {
     flush_folder(folder)
 }
 
-/// As [`write()`], but a file that is already there stays: the first to publish wins. Returns whether it was this one.
+/// Same as [`write()`], but a file that is already there stays: the first to publish wins. Returns whether it was this one.
 pub(crate) fn publish(path: &Path, contents: &[u8]) -> io::Result<bool> {
     let file = written_aside(path, contents)?;
     // A hard link never replaces a file, on network file systems too.

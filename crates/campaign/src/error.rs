@@ -44,7 +44,7 @@ pub enum CampaignError {
     Damaged {
         /// The file.
         file: PathBuf,
-        /// What is wrong with it.
+        /// The problem with it.
         what: String,
     },
     /// The directory was written by another version of this program.
@@ -69,7 +69,7 @@ pub enum CampaignError {
     InvalidTask {
         /// Number of the run.
         number: u64,
-        /// What is wrong.
+        /// The problem.
         problem: String,
     },
     /// A run of this number is known, with another command or other parameters: the plan, the
@@ -81,9 +81,9 @@ pub enum CampaignError {
     TaskDiffers {
         /// Number of the run.
         number: u64,
-        /// As it is stored.
+        /// The stored task.
         stored: Box<crate::Task>,
-        /// As it is now.
+        /// The task as submitted now.
         given: Box<crate::Task>,
     },
     /// An outcome that cannot be stored.
@@ -91,7 +91,7 @@ pub enum CampaignError {
     InvalidOutcome {
         /// Number of the run.
         number: u64,
-        /// What is wrong.
+        /// The problem.
         problem: String,
     },
     /// The disk (or the user's share of it) is full. What was stored before is intact.
@@ -100,7 +100,7 @@ pub enum CampaignError {
         path.display()
     )]
     DiskFull {
-        /// What could not be written.
+        /// File that could not be written.
         path: PathBuf,
     },
     /// A file cannot be read or written.
@@ -108,7 +108,7 @@ pub enum CampaignError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What was tried: "read", "written", ...
+        /// The attempted operation as a participle: "read", "written", ...
         action: &'static str,
         /// The system's words.
         source: io::Error,
@@ -137,7 +137,7 @@ impl CampaignError {
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ExecutorError {
-    /// It was asked to stop. What had finished is stored.
+    /// The executor was asked to stop. Finished runs are stored.
     #[error("interrupted")]
     Interrupted {
         /// Whether runs go on without the driver, to be taken up later.
@@ -149,7 +149,7 @@ pub enum ExecutorError {
     CannotStart {
         /// The program.
         program: String,
-        /// Why.
+        /// The problem.
         reason: String,
     },
     /// A simulator in this process reports that no run can succeed.
@@ -170,9 +170,9 @@ pub struct Damage {
     pub file: PathBuf,
     /// The line in it, from 1, for a file of lines.
     pub line: Option<usize>,
-    /// What is wrong, in words: "its checksum does not fit".
+    /// The problem in words: "its checksum does not fit".
     pub what: String,
-    /// Where the damaged file was put.
+    /// Place that the damaged file was moved to.
     pub set_aside: Option<PathBuf>,
     /// The last line of a journal that was being written when its driver was killed: nothing that
     /// had finished is lost.

@@ -17,7 +17,7 @@ pub(crate) const ITERATIONS: &str = "iterations";
 pub(crate) const WORK: &str = "work";
 /// The file that is locked while a driver has the directory.
 pub(crate) const LOCK: &str = "lock";
-/// What was submitted to Slurm.
+/// Job arrays submitted to Slurm.
 pub(crate) const SLURM: &str = "slurm";
 
 /// The number in `000012.json`.

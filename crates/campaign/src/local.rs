@@ -86,7 +86,7 @@ impl Executor for Local {
     }
 }
 
-/// Makes one run after the other until there is none left, or no further one is to be made.
+/// Makes one run after the other until all are made, or no further one is to be made.
 fn work(
     runner: &Runner<'_>,
     tasks: &[Task],

@@ -18,7 +18,7 @@ pub(crate) struct Mended {
     pub(crate) record: Record,
     /// The caller's files that are whole.
     pub(crate) extra: BTreeMap<String, Vec<u8>>,
-    /// What was not in order.
+    /// Damage that was found and mended.
     pub(crate) damage: Vec<Damage>,
 }
 

@@ -11,7 +11,7 @@ const MOST: u64 = 10_000_000;
 pub struct NumbersError {
     /// The text.
     pub text: String,
-    /// What is wrong with it.
+    /// The problem with it.
     pub problem: String,
 }
 

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// It gave values.
+    /// The run gave values.
     Finished {
         /// The values at the observation points of the first observable, then of the second, ...; all finite.
         values: Vec<f64>,
@@ -17,7 +17,7 @@ pub enum Outcome {
         /// Duration of the last attempt \[s\].
         seconds: f64,
     },
-    /// It gave no values, and would not if it were tried again, or was lost too often.
+    /// The run gave no values, and would not if it were tried again, or was lost too often.
     Failed {
         /// The cause. Its words are the same for the same cause, so that failures can be counted by them.
         kind: FailureKind,

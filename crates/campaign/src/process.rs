@@ -15,9 +15,9 @@ const GLANCE: Duration = Duration::from_millis(50);
 /// How a process ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Ended {
-    /// By itself, with this code.
+    /// The process ended by itself, with this code.
     Exit(i32),
-    /// By a signal that this program did not send.
+    /// A signal that this program did not send ended it.
     Signal(i32),
     /// It took too long and was ended.
     TimedOut,

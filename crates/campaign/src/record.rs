@@ -63,7 +63,7 @@ impl Record {
         files::write_sealed(&dir.join(RECORD), self)
     }
 
-    /// As [`read`](Self::read), for a directory that may not hold a campaign at all.
+    /// Same as [`read`](Self::read), for a directory that may not hold a campaign at all.
     pub(crate) fn read_present(dir: &Path) -> Result<Self, CampaignError> {
         if !dir.join(RECORD).exists() && !dir.join(TASKS).exists() {
             return Err(CampaignError::NotACampaign { dir: dir.to_path_buf() });

@@ -1,4 +1,4 @@
-//! What is run: the commands, their parameters, and where each leaves its results.
+//! Specification of the runs: commands, their parameters, and the place of their results.
 
 use std::collections::BTreeMap;
 use std::path::{Component, Path};
@@ -28,13 +28,13 @@ pub struct CampaignSpec {
 pub struct CommandSpec {
     /// Name of the experiment that it simulates.
     pub name: String,
-    /// How it is called.
+    /// Call of the program.
     pub call: Call,
-    /// Where the results are, one entry per observable.
+    /// Places of the results, one entry per observable.
     pub outputs: Vec<OutputSpec>,
 }
 
-/// How a program is called for each run, in a working directory of its own.
+/// Call of a program for each run, in a working directory of its own.
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -51,15 +51,15 @@ pub struct Call {
     pub timeout_s: f64,
     /// Number of times that a lost run (killed from outside) is tried again. A failed run is not.
     pub retries: u32,
-    /// Which working directories stay after their runs.
+    /// Working directories that stay after their runs.
     pub keep: Keep,
 }
 
-/// Where one observable is found after a run, and the points at which it is compared.
+/// Place of one observable after a run, and the points at which it is compared.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OutputSpec {
-    /// Where the values are.
+    /// Place of the values.
     pub result: ResultSpec,
     /// The observation points: values of the control, in the unit of its column.
     pub at: Vec<f64>,
@@ -72,7 +72,7 @@ pub struct OutputSpec {
 pub struct ResultSpec {
     /// File, relative to the working directory of the run.
     pub file: String,
-    /// How the file is written.
+    /// Format of the file.
     pub format: Format,
     /// Column of the control variable (time, strain, ...); without one the rows are the observation points, in order.
     pub control: Option<String>,
@@ -94,12 +94,12 @@ pub enum Interpolation {
     Refuse,
 }
 
-/// Which working directories stay after their runs.
+/// Working directories that stay after their runs.
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Keep {
-    /// Those of failed runs.
+    /// Directories of failed runs.
     #[default]
     Failed,
     /// All.
@@ -114,7 +114,7 @@ pub enum Keep {
 pub struct SpecError {
     /// The field, as in `commands[0].outputs[1].result.file`.
     pub field: String,
-    /// What is wrong, with the value and the remedy.
+    /// The problem, with the value and the remedy.
     pub problem: String,
 }
 

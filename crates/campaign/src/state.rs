@@ -29,11 +29,11 @@ struct Iteration {
     record: Value,
 }
 
-/// What is stored. Whoever has it must have the directory's lock.
+/// The stored tasks, results and iterations. Its owner must hold the directory's lock.
 #[derive(Debug)]
 pub(crate) struct State {
     pub(crate) tasks: Tasks,
-    /// By number and fingerprint: a result belongs to its parameters, not to a number.
+    /// Outcomes by number and fingerprint: a result belongs to its parameters, not to a number.
     results: HashMap<(u64, String), Outcome>,
     pub(crate) iterations: BTreeMap<u32, Value>,
     tasks_journal: Journal,
@@ -65,7 +65,7 @@ impl State {
         Ok(Self { tasks, results, iterations, tasks_journal, results_journal })
     }
 
-    /// Stores those of `tasks` that are not known, flushed to disk; all of them, or none where one is refused.
+    /// Stores the `tasks` that are new and flushes them to disk; if one is refused, none is stored.
     pub(crate) fn add_tasks(
         &mut self,
         spec: &CampaignSpec,
@@ -162,7 +162,7 @@ impl State {
         self.results.get(&(number, fingerprint.clone()))
     }
 
-    /// Those of `tasks` that have no outcome, each once.
+    /// The `tasks` without an outcome, each once.
     pub(crate) fn missing(&self, tasks: &[Task]) -> Vec<Task> {
         let mut seen = HashSet::new();
         let mut open =

@@ -84,7 +84,7 @@ fn published(path: &Path, fingerprint: &str) -> Result<Option<Outcome>, Campaign
 ///
 /// # Errors
 ///
-/// As these two.
+/// Same as these two.
 pub fn run_task(dir: &Path, number: u64, stop: &Stop) -> Result<Outcome, ExecutorError> {
     Worker::open(dir)?.run(number, stop)
 }

@@ -17,7 +17,7 @@ pub enum PlotError {
         figure: &'static str,
         /// Field of the figure's struct.
         field: String,
-        /// What each value belongs to.
+        /// Item that has one value: the field needs one value for each.
         per: &'static str,
         /// Length of the field.
         found: usize,
@@ -29,11 +29,11 @@ pub enum PlotError {
     TooMany {
         /// Name of the figure.
         figure: &'static str,
-        /// What there is too much of.
+        /// Name of the items.
         what: &'static str,
-        /// How many were given.
+        /// Number given.
         found: usize,
-        /// How many can be drawn.
+        /// Largest number that can be drawn.
         most: usize,
     },
     /// plotters refused to draw.

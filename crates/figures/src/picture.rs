@@ -1,4 +1,4 @@
-//! What a figure is drawn into.
+//! Output formats of a figure.
 
 /// One figure as the bytes of a PNG and of an SVG file.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -109,7 +109,7 @@ pub(crate) fn bed() -> BedFigure {
     figure
 }
 
-/// What the figures share: measurements of a curve, and the names.
+/// Data shared by the figures: measurements of a curve, and the names.
 struct Data {
     n: usize,
     end_s: f64,

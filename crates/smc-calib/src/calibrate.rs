@@ -48,7 +48,7 @@ pub fn calibrate(
 /// [`Posterior::groups`].
 ///
 /// # Errors
-/// As [`calibrate`].
+/// Same as [`calibrate`].
 pub fn calibrate_joint(
     problem: &JointProblem<'_>,
     settings: &Settings,

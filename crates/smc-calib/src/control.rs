@@ -74,7 +74,7 @@ impl Standard {
 
 /// The integrals, where the final stage is large enough and the surrogate good enough to be of use.
 ///
-/// `weights` are those of all samples over `exp(ln_scale)`; `coordinate(j, z_j)` is what moments are taken of.
+/// `weights` are the weights of all samples over `exp(ln_scale)`; moments are of `coordinate(j, z_j)`.
 pub(crate) fn integrals(
     sampler: &Sampler<'_>,
     weights: &[f64],

@@ -34,7 +34,7 @@ pub struct DensitySummary {
 /// Samples a log density times a standard normal prior.
 ///
 /// # Errors
-/// As [`crate::calibrate`].
+/// Same as [`crate::calibrate`].
 pub fn sample_density(
     target: &dyn Target,
     settings: &Settings,
@@ -42,10 +42,10 @@ pub fn sample_density(
     sample_density_in(target, &|_, z| z, settings)
 }
 
-/// As [`sample_density`], with moments of `coordinate(j, z_j)`.
+/// Same as [`sample_density`], with moments of `coordinate(j, z_j)`.
 ///
 /// # Errors
-/// As [`crate::calibrate`].
+/// Same as [`crate::calibrate`].
 pub fn sample_density_in(
     target: &dyn Target,
     coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),

@@ -12,9 +12,9 @@ pub enum CalibrateError {
         "the simulator takes {simulator} parameters but {problem} priors were given; give one prior per parameter, at least one"
     )]
     Parameters {
-        /// Of the simulator.
+        /// Number of parameters of the simulator.
         simulator: usize,
-        /// Of the problem.
+        /// Number of priors of the problem.
         problem: usize,
     },
     /// Numbers of observables that differ.
@@ -22,9 +22,9 @@ pub enum CalibrateError {
         "the simulator gives {simulator} observables but there are {observations} observations; they must be as many"
     )]
     Observables {
-        /// Of the simulator.
+        /// Number of observables of the simulator.
         simulator: usize,
-        /// Of the problem.
+        /// Number of observations of the problem.
         observations: usize,
     },
     /// The noise model does not fit.
@@ -37,21 +37,21 @@ pub enum CalibrateError {
         setting: &'static str,
         /// Value.
         value: f64,
-        /// What is allowed.
+        /// Allowed range.
         range: &'static str,
     },
     /// A given parameter set that cannot be weighted.
     #[error("given parameter set {}: {problem}", set + 1)]
     Design {
-        /// Which, from 0.
+        /// Number of the set, from 0.
         set: usize,
-        /// What is wrong with it.
+        /// The problem with it.
         problem: String,
     },
     /// The simulator said that it cannot run at all.
     #[error("the simulator cannot run, stopped after {simulations} simulations: {cause}")]
     Fatal {
-        /// What it said.
+        /// The simulator's message.
         cause: String,
         /// Simulations done.
         simulations: usize,
@@ -85,8 +85,8 @@ pub enum CalibrateError {
 }
 
 impl CalibrateError {
-    /// What a simulation that is no failure of single parameters ends a run with, after so many simulations; the caller
-    /// that knows of finished stages adds them ([`CalibrateError::after`]).
+    /// Error of a run that was ended by `error` after so many simulations; the caller
+    /// adds the finished stages ([`CalibrateError::after`]).
     pub(crate) fn ended_by(error: SimError, simulations: usize) -> Self {
         match error {
             SimError::Interrupted => Self::Interrupted { stages: Vec::new() },

@@ -1,4 +1,4 @@
-//! How well each observation is predicted by the others.
+//! Prediction of each observation by the others.
 //!
 //! A. Vehtari, A. Gelman, J. Gabry, "Practical Bayesian model evaluation using leave-one-out cross-validation and
 //! WAIC", Stat. Comput. 27 (2017) 1413. Given theta and sigma the observations are independent, so a sample of the
@@ -66,7 +66,7 @@ pub fn leave_one_out(
     })
 }
 
-/// As [`leave_one_out`], for any number of groups of observations, with the curve of sample s from
+/// Same as [`leave_one_out`], for any number of groups of observations, with the curve of sample s from
 /// `curve(s, outputs)`: from what was stored of the run, where a simulation is expensive.
 ///
 /// # Errors

@@ -91,7 +91,7 @@ pub enum NoiseError {
     OfGroup {
         /// Name of the group.
         group: String,
-        /// What is wrong.
+        /// The problem.
         error: Box<NoiseError>,
     },
 }

@@ -14,7 +14,7 @@ pub struct Observations {
 /// Why observations were refused.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum ObservationError {
-    /// Nothing was measured.
+    /// No observations.
     #[error("there are no observations; give at least one")]
     Empty,
     /// Two columns of different length.
@@ -22,7 +22,7 @@ pub enum ObservationError {
         "{what} has {got} entries but there are {expected} observed values; give one per observation"
     )]
     Length {
-        /// Which column.
+        /// Name of the column.
         what: &'static str,
         /// Its length.
         got: usize,
@@ -32,7 +32,7 @@ pub enum ObservationError {
     /// NaN or infinity.
     #[error("{what} of observation {index} is {value}; it must be finite")]
     NotFinite {
-        /// Which column.
+        /// Name of the column.
         what: &'static str,
         /// Observation, from 0.
         index: usize,

@@ -11,7 +11,7 @@ use crate::weighted::steps;
 use crate::{PathParameter, PathPoint};
 use rayon::prelude::*;
 
-/// What was known after each kept observation. `kept` holds what the pool kept of every sample, `coordinate` the samples
+/// Posterior after each kept observation. `kept` holds the kept values of every sample, `coordinate` the samples
 /// of each parameter.
 pub(crate) fn path(
     target: &CurveTarget<'_>,

@@ -313,7 +313,7 @@ pub struct PathPoint {
     pub parameters: Vec<PathParameter>,
 }
 
-/// What was known about one parameter after one observation, in its prior's coordinate.
+/// Posterior of one parameter after one observation, in its prior's coordinate.
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PathParameter {

@@ -1,4 +1,4 @@
-//! What is to be inferred, from what, and how uncertain the measurements are.
+//! The inference problem: parameters, observations, and the noise of the measurements.
 
 use crate::{Noise, Observations, Prior, Simulator};
 use serde::{Deserialize, Serialize};

@@ -1,4 +1,4 @@
-//! How heavy the tail of importance weights is.
+//! Heaviness of the tail of importance weights.
 //!
 //! A. Vehtari, D. Simpson, A. Gelman, Y. Yao, J. Gabry, "Pareto smoothed importance sampling", JMLR 25 (2024)
 //! 72: the largest weights are fitted by a generalised Pareto distribution; with its shape k-hat below

@@ -74,7 +74,7 @@ pub fn quadrature(
 /// Posterior moments and evidence of a problem with several groups of observations.
 ///
 /// # Errors
-/// As [`quadrature`].
+/// Same as [`quadrature`].
 pub fn quadrature_joint(
     problem: &JointProblem<'_>,
     settings: &QuadratureSettings,
@@ -88,7 +88,7 @@ pub fn quadrature_joint(
     integrate(&target, &coordinate, settings)
 }
 
-/// Integrates a target of up to three coordinates; moments are those of `coordinate(j, z_j)`.
+/// Integrates a target of up to three coordinates; moments are of `coordinate(j, z_j)`.
 ///
 /// # Errors
 /// More than three coordinates, a simulator that cannot run or is interrupted, or zero evidence.

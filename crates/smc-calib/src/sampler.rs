@@ -312,8 +312,8 @@ impl<'a> Sampler<'a> {
         false
     }
 
-    /// Log evidence from the last stage alone, weighted by the one density it was drawn from, which was fixed
-    /// before: its mean (not that of its logarithm) is exact. With its standard error.
+    /// Log evidence from the last stage alone, with its standard error. Samples are weighted by the one density that they
+    /// were drawn from, which was fixed before: the mean of the evidence (not of its logarithm) is exact.
     pub(crate) fn frozen_evidence(&self, frozen: &Frozen) -> (f64, f64) {
         let (weights, ln_scale) = exponentiate(&frozen.ln_w);
         if ln_scale == f64::NEG_INFINITY {

@@ -11,7 +11,7 @@
 use crate::stream::{Purpose, stream};
 use crate::{
     CalibrateError, Likelihood, Noise, Observations, Parameter, Posterior, Problem, Settings,
-    Simulator, calibrate, normal,
+    Simulator, calibrate,
 };
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, Gamma, StandardNormal};
@@ -22,7 +22,7 @@ use statrs::function::gamma::ln_gamma;
 /// Points at which empirical distribution functions are compared with the uniform one.
 const POINTS: usize = 100;
 
-/// What is calibrated again and again.
+/// A study in simulation-based calibration.
 pub struct Study<'a> {
     /// The simulator.
     pub simulator: &'a dyn Simulator,
@@ -72,7 +72,7 @@ pub fn quantities(parameters: &[Parameter]) -> Vec<String> {
 /// Calibrates all data sets; in the order of their numbers, whatever the threads.
 ///
 /// # Errors
-/// As [`calibrate`].
+/// Same as [`calibrate`].
 pub fn run(study: &Study<'_>) -> Result<Vec<Outcome>, CalibrateError> {
     (0..study.data_sets).into_par_iter().map(|k| one(study, k)).collect()
 }
@@ -305,7 +305,7 @@ impl Band {
     }
 }
 
-/// How many of some numbers are not above k/100, k = 1..99.
+/// Number of `ranks` not above k/100, for k = 1..99.
 pub fn counts(ranks: &[f64]) -> Vec<usize> {
     let mut sorted = ranks.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
@@ -318,14 +318,10 @@ pub fn coverage_score(hits: usize, trials: usize, probability: f64) -> f64 {
     (hits as f64 / n - probability) / (probability * (1.0 - probability) / n).sqrt()
 }
 
-/// Two-sided tail probability of a normal score.
-pub fn two_sided(z: f64) -> f64 {
-    2.0 * normal::cdf(-z.abs())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::normal;
 
     #[test]
     fn the_band_holds_uniform_numbers_as_often_as_it_says() {

@@ -74,13 +74,13 @@ pub enum SimError {
     /// These parameters cannot be simulated; others may: the sample gets weight zero.
     #[error("simulation failed: {cause}")]
     Recoverable {
-        /// What went wrong, in words that are the same for the same kind of failure: failures are counted by them.
+        /// Cause, in the same words for the same kind of failure: failures are counted by cause.
         cause: String,
     },
     /// No simulation can succeed (a missing program, a full disk): the run stops.
     #[error("the simulator cannot run: {cause}")]
     Fatal {
-        /// What went wrong.
+        /// Cause.
         cause: String,
     },
     /// The run is to end: the simulation was not made, or was broken off. No failure of the model.
@@ -104,7 +104,7 @@ impl SimError {
         matches!(self, Self::Recoverable { .. })
     }
 
-    /// What went wrong; of an interruption its name, which says no more than the variant does.
+    /// Cause of the failure; "interrupted" for an interruption.
     pub fn cause(&self) -> &str {
         match self {
             Self::Recoverable { cause } | Self::Fatal { cause } => cause,

@@ -3,7 +3,7 @@
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 
-/// What a stream is used for; streams of different purposes are independent.
+/// Purpose of a stream; streams of different purposes are independent.
 #[derive(Clone, Copy, Debug)]
 #[repr(u8)]
 pub(crate) enum Purpose {

@@ -136,7 +136,7 @@ struct Columns<'a> {
     coordinate: &'a [f64],
 }
 
-/// What the samples say of one parameter; k-hat is that of its moments, and the MAP is not yet known.
+/// Summary of the samples of one parameter, with the k-hat of its moments; the MAP is filled in later.
 fn parameter_summary(p: &Parameter, of: &Columns<'_>, estimator: &Estimator) -> ParameterSummary {
     let coordinate = p.prior.coordinate();
     let in_coordinate = Marginal::new(of.coordinate, estimator).moments();
@@ -182,7 +182,7 @@ fn samples(
         .collect()
 }
 
-/// What belongs to each of several groups; nothing where there is one.
+/// Summary of each group; empty for a single group.
 fn groups(
     target: &CurveTarget<'_>,
     sampler: &Sampler<'_>,

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 const NEIGHBOURS: usize = 3;
 /// Largest root mean square residual of a fit.
 const ROUGHEST: f64 = 1.0;
-/// How far a fit may exceed the largest of the values that it was made from.
+/// Largest excess of a fit over the largest of the values that it was made from.
 const EXCESS: f64 = 0.1;
 /// Samples whose quadratics are blended; the last one sets the distance at which weights reach zero.
 const BLENDED: usize = 3;
@@ -34,7 +34,7 @@ pub(crate) struct Surrogate {
     slopes: Vec<f64>,
 }
 
-/// What goes with the coefficients of one fit.
+/// Reach and bounds of one fit.
 #[derive(Clone, Copy)]
 struct Quadratic {
     /// Squared distance of the farthest neighbour; offsets are in units of its root.

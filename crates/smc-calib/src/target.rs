@@ -1,4 +1,4 @@
-//! What the sampler sees: a log likelihood over normal scores.
+//! The sampler's target: a log likelihood over normal scores.
 
 use crate::SimError;
 use crate::joint::{JointLikelihood, JointProblem};
@@ -266,7 +266,7 @@ impl<'a> CurveTarget<'a> {
         }
     }
 
-    /// What is kept of a whole curve: outputs and log likelihoods at some observations.
+    /// Reduces a whole curve to the outputs and log likelihoods at the kept observations.
     fn thin(&self, outputs: &[f64], path: &mut [f64], kept: &mut [f64]) {
         self.likelihood.ln_cumulative(outputs, path);
         let (values, ln) = kept.split_at_mut(self.indices.len());

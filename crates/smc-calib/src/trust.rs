@@ -67,7 +67,7 @@ impl Trust {
         self.verdict == Verdict::Converged
     }
 
-    /// One line: the verdict, and what it was read from. `evidence` is that of the same result.
+    /// One line with the verdict and its grounds. `evidence` belongs to the same result.
     pub fn line(&self, evidence: &Evidence) -> String {
         let wished = self.effective_samples_wished;
         let of = if self.effective_samples < wished {
@@ -247,7 +247,7 @@ impl Posterior {
         })
     }
 
-    /// Residuals of each group with its name, or those of the one group without.
+    /// Residuals of each group with its name; of a single group without a name.
     fn residuals(&self) -> impl Iterator<Item = (Option<String>, &Residuals)> {
         let one = self.groups.is_empty().then_some((None, &self.residuals));
         one.into_iter().chain(self.groups.iter().map(|g| (Some(g.name.clone()), &g.residuals)))

@@ -124,7 +124,7 @@ pub(crate) struct BedAccuracyArgs {
 /// Steps of one bed.
 #[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
 pub(crate) struct BedCostArgs {
-    /// What the bed has, joined by `+`: normal, open, unequal, walls, gravity, drag, friction, sintering, chain,
+    /// Parts of the bed, joined by `+`: normal, open, unequal, walls, gravity, drag, friction, sintering, chain,
     /// stiff; or pair-solver
     pub(crate) scene: String,
 

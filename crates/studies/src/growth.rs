@@ -23,7 +23,7 @@ const SLOW_S: f64 = 2.0;
 /// Simulations where their number does not grow.
 const SIMULATIONS: usize = 16_384;
 
-/// What grows, in the order of table and figure.
+/// Growing quantities, in the order of table and figure.
 const GROWING: [&str; 4] = ["samples", "observations", "dimensions", "threads"];
 
 /// One row of the table, one point of the figure.

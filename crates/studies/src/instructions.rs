@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-/// What this program runs again under callgrind: `STUDY --only PART TIMES`.
+/// Arguments for running this program again under callgrind: `STUDY --only PART TIMES`.
 pub(crate) struct Counted<'a> {
     pub(crate) study: &'a str,
     pub(crate) part: &'a str,

@@ -1,3 +1,3 @@
-//! What studies and the tests of solvers share.
+//! Reference solutions shared by the studies and the tests of solvers.
 
 pub mod stiff_reference;

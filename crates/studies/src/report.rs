@@ -9,7 +9,7 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 use figures::{Figure, Width};
 use workbench::error::RunError;
 
-/// What a study writes into its folder: `report.md`, `table.csv` and figures as SVG.
+/// Output folder of a study: `report.md`, `table.csv` and figures as SVG.
 pub(crate) struct Report {
     folder: PathBuf,
     header: Header,

@@ -1,4 +1,4 @@
-//! What a scene does not need, and what leaving it out saves: time, and where valgrind is installed the number of
+//! Time saved by omitting the parts that a scene does not need, and where valgrind is installed the number of
 //! instructions, which does not depend on what else the machine does.
 
 use std::path::Path;
@@ -114,7 +114,7 @@ fn in_3d(pair: &Pair) -> Result<u64, RunError> {
     Ok(steps)
 }
 
-/// What is left out, when it may be, and the scenes with and without it.
+/// Omitted parts, the conditions for omitting them, and the scenes with and without each.
 const LEFT_OUT: [(&str, &str, Scene, Scene); 5] = [
     (
         "three dimensions, the motion of both particles, neighbour lists",

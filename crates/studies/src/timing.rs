@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use crate::quantile::quantile;
 
-/// What a clock counts. Other programs on the machine disturb processor time less than wall time.
+/// Kind of time that is measured. Other programs on the machine disturb processor time less than wall time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Clock {
     /// Wall time.

@@ -140,7 +140,7 @@ impl CalibrateArgs {
             && self.resume.is_none()
     }
 
-    /// What is asked of one pair of particles.
+    /// Options of a calibration on one pair of particles.
     pub(crate) fn pair(&self) -> PairOptions {
         PairOptions {
             material: self.material,

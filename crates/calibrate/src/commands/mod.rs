@@ -53,7 +53,7 @@ Examples:
 All quantities are SI. Exit codes: 0 done, 1 the run failed, 2 a mistake in what was given,
 130 interrupted.";
 
-/// What `calibrate` alone prints.
+/// Text printed by `calibrate` without arguments.
 pub(crate) const SHORT_HELP: &str = "\
 Posteriors of sintering parameters from measured neck growth.
 
@@ -101,7 +101,7 @@ enum Command {
     Inspect(InspectArgs),
     /// Draw the figures of a saved run again, without simulating anything
     Plot(PlotArgs),
-    /// Compare the five kinetics on measured data: evidence, errors, prediction of left-out points
+    /// Compare the kinetics on measured data: evidence, errors, prediction of left-out points
     Compare(CompareArgs),
     /// Regenerate Table 3 of the paper: calibrate PS, PA12 and PEEK 450PF and report
     Table3(Table3Args),

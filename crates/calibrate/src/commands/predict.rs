@@ -16,7 +16,7 @@ Examples:
   calibrate predict --posterior results/pa12 --coalescence 60 --coalescence 100
   calibrate predict --posterior results/pa12 --after 1,2,5 --radius-m 25e-6";
 
-/// What to predict from a saved posterior.
+/// Options of a prediction from a saved posterior.
 #[derive(Debug, Clone, PartialEq, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct PredictArgs {

@@ -32,11 +32,11 @@ pub(super) enum Unknown {
 pub(super) enum NotSubmitted {
     /// Slurm will not take it, now or later: its words.
     Refused(String),
-    /// It has too many elements for Slurm, or for this user at present.
+    /// The array has too many elements for Slurm, or for this user at present.
     TooMany(String),
     /// Slurm did not take it, and may later.
     Busy(String),
-    /// It may have been taken.
+    /// Slurm may have taken it.
     Unknown(String),
     /// The commands of Slurm are not on this machine.
     NotInstalled(String),

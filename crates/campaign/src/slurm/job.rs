@@ -39,11 +39,11 @@ pub(super) struct Job {
 /// Whether sbatch took a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Sent {
-    /// It is on disk, and sbatch has not taken it.
+    /// The job is on disk, and sbatch has not taken it.
     NotYet,
     /// sbatch may have taken it.
     Perhaps,
-    /// It has a number, or was seen in the queue.
+    /// The job has a number, or was seen in the queue.
     Yes,
 }
 
@@ -54,7 +54,7 @@ pub(super) enum Place {
     Unknown,
     Waiting,
     Running,
-    /// It ended, or is not in the queue.
+    /// The element ended, or is not in the queue.
     Gone {
         since: Instant,
         /// Number of times that the queue reported so.

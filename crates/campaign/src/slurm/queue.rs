@@ -113,7 +113,7 @@ impl Session<'_> {
     }
 }
 
-/// The line about an element: one that names it, or else one of which it may be a part.
+/// The queue's line about an element: one that names it, or else one that may include it.
 fn row_of<'a>(rows: &[&'a QueueRow], element: usize) -> Option<&'a QueueRow> {
     let element = u32::try_from(element).ok()?;
     let named = rows.iter().find(|row| row.elements.name(element));

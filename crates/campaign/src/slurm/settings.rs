@@ -108,7 +108,7 @@ pub struct SlurmSettingError {
     pub field: &'static str,
     /// Its value.
     pub found: String,
-    /// What it must be.
+    /// Values that are allowed.
     pub expected: String,
 }
 

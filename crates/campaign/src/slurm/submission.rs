@@ -102,7 +102,7 @@ pub(super) fn read_all(dir: &Path) -> Result<(Vec<Submission>, u32), CampaignErr
 }
 
 impl Submission {
-    /// Where its files are.
+    /// Folder of its files.
     pub(super) fn folder(&self, dir: &Path) -> PathBuf {
         dir.join(SLURM).join(self.folder_name())
     }

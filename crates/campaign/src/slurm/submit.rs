@@ -62,7 +62,7 @@ impl Session<'_> {
         self.open.keys().copied().filter(wanted).collect()
     }
 
-    /// How many elements an array may have; none where Slurm does not say it now.
+    /// Largest number of elements of an array; `None` while Slurm does not tell it.
     fn array_size(&mut self) -> Result<Option<usize>, ExecutorError> {
         if self.array_size.is_none() {
             match self.cluster.client.max_array_size(self.stop) {
@@ -78,7 +78,7 @@ impl Session<'_> {
         Ok(self.array_size)
     }
 
-    /// How many more elements may run at the same time as those that may now.
+    /// Number of further elements that may run at the same time.
     fn left_of(&self, most: u32) -> u32 {
         let used: usize = self
             .jobs

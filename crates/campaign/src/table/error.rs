@@ -1,4 +1,4 @@
-//! What is wrong with a table.
+//! Errors of a table.
 
 use thiserror::Error;
 
@@ -76,7 +76,7 @@ pub enum TableError {
     /// The JSON is not an object of arrays or an array of objects, or a value is not a number.
     #[error("{problem}")]
     Json {
-        /// What is wrong, with the place and the value.
+        /// The problem, with the place and the value.
         problem: String,
     },
 }

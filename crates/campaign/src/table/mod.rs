@@ -172,7 +172,7 @@ impl<'t> Table<'t> {
     ///
     /// # Errors
     ///
-    /// As [`place`](Self::place) and [`column_at`](Self::column_at).
+    /// Same as [`place`](Self::place) and [`column_at`](Self::column_at).
     pub fn column(&self, name: &str) -> Result<Vec<f64>, TableError> {
         self.column_at(self.place(name)?)
     }
@@ -190,7 +190,7 @@ impl<'t> Table<'t> {
     ///
     /// # Errors
     ///
-    /// As [`column_at`](Self::column_at), for the first row with such a cell.
+    /// Same as [`column_at`](Self::column_at), for the first row with such a cell.
     pub fn columns_at(&self, places: &[usize]) -> Result<Vec<Vec<f64>>, TableError> {
         match &self.body {
             Body::Lines(lines) => lines.columns(places),

@@ -78,7 +78,7 @@ impl Growth for NoGrowth {
     }
 }
 
-/// It grows by a kinetics.
+/// A contact that grows by a kinetics.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Grows<K>(PhantomData<K>);
 

@@ -3,7 +3,7 @@
 use super::engine::Bed;
 use super::neighbours::index_of;
 use super::region::Side;
-use super::vec3::{Vec3, ZERO, add, dot, norm, scale};
+use super::vec3::{Vec3, ZERO, dot, norm, scale};
 
 /// A contact of two particles.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -278,32 +278,5 @@ impl Bed {
         let variance = ratios.iter().map(|ratio| (ratio - mean).powi(2)).sum::<f64>() / count;
         let small = 1.0 + ratios.iter().filter(|&&ratio| ratio < 0.5 * mean).count() as f64;
         (2.0 * (variance / count + small * (mean / count).powi(2))).sqrt()
-    }
-
-    /// Net force on each particle by its contacts, walls and weight, in the order of the particles \[N\].
-    #[must_use]
-    pub fn net_forces_n(&self) -> Vec<[f64; 3]> {
-        let p = &self.particles;
-        let mut forces: Vec<Vec3> =
-            (0..p.len()).map(|i| scale(self.gravity(), p.inertia[i])).collect();
-        let unit = self.material.k1_n_per_m() * self.law.law.adhesion;
-        for contact in self.contacts() {
-            let push =
-                scale(contact.normal, (contact.driving - 1.0) * unit * contact.effective_radius_m);
-            let [i, j] = contact.particles;
-            forces[i] = add(forces[i], push);
-            forces[j] = add(forces[j], scale(push, -1.0));
-        }
-        for (i, force) in forces.iter_mut().enumerate() {
-            for k in self.wall_list.row(i) {
-                let memory = &self.wall_list.memory[k];
-                if memory.is_contact() {
-                    let wall = &self.walls[self.wall_list.wall[k] as usize];
-                    let scale = self.material.k1_n_per_m() * 2.0 * p.radius_m[i];
-                    force[wall.axis] -= wall.inward * memory.pull * scale;
-                }
-            }
-        }
-        forces
     }
 }

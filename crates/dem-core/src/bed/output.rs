@@ -15,7 +15,7 @@ rotation_j,elastic_j,adhesion_j,gravity_j";
 ///
 /// # Errors
 ///
-/// Those of the writer.
+/// Errors of the writer.
 pub fn write_csv(series: &Series, to: &mut impl Write) -> io::Result<()> {
     writeln!(to, "{CSV_HEADER}")?;
     for (sample, phase) in series.samples.iter().zip(&series.phase) {
@@ -52,7 +52,7 @@ pub fn write_csv(series: &Series, to: &mut impl Write) -> io::Result<()> {
 ///
 /// # Errors
 ///
-/// Those of the writer.
+/// Errors of the writer.
 pub fn write_vtk(bed: &Bed, to: &mut impl Write) -> io::Result<()> {
     let particles = bed.particles();
     let n = particles.len();

@@ -27,29 +27,6 @@ pub struct Series {
     pub stopped: bool,
 }
 
-impl Series {
-    /// Time since the first heated phase began at which a relative density is reached \[s\], by straight lines
-    /// between observations; `None` where it is not reached.
-    #[must_use]
-    pub fn time_to_density(&self, target: f64, since_s: f64) -> Option<f64> {
-        let reached = self
-            .samples
-            .iter()
-            .position(|sample| sample.time_s >= since_s && sample.relative_density >= target)?;
-        let after = &self.samples[reached];
-        let before = reached.checked_sub(1).map(|i| &self.samples[i]);
-        let time = match before.filter(|before| before.time_s >= since_s) {
-            Some(before) => {
-                let share = (target - before.relative_density)
-                    / (after.relative_density - before.relative_density);
-                before.time_s + share * (after.time_s - before.time_s)
-            }
-            None => after.time_s,
-        };
-        Some(time - since_s)
-    }
-}
-
 /// Progress of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {
@@ -86,12 +63,6 @@ impl Run {
     #[must_use]
     pub fn series(&self) -> &Series {
         &self.series
-    }
-
-    /// The series alone.
-    #[must_use]
-    pub fn into_series(self) -> Series {
-        self.series
     }
 
     /// The phase that the next observation belongs to; `None` at the end.

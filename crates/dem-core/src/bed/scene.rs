@@ -36,13 +36,6 @@ impl Scene {
         self.growing.as_ref()
     }
 
-    /// The same scene with other kinetics or parameters: a draw of a posterior.
-    #[must_use]
-    pub fn with_growing(mut self, growing: Growing) -> Self {
-        self.growing = Some(growing);
-        self
-    }
-
     /// The same particles in the same places with another final contact ratio: a draw of a posterior that
     /// has one.
     ///

@@ -15,7 +15,7 @@ pub struct SolverChoice {
 /// The cheapest solver that is within `tolerance` (largest error of a/R against the quasi-static
 /// limit) for this scene and these kinetics.
 ///
-/// All five kinetics have an exact solution, so that for the pair scene this is the closed form. A
+/// All kinetics have an exact solution, so that for the pair scene this is the closed form. A
 /// user who wants the run with inertia and step asks for `verlet`.
 #[must_use]
 pub fn choose_solver(_scene: &PairScene, kinetics: Kinetics, tolerance: f64) -> SolverChoice {

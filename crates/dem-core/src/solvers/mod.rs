@@ -40,7 +40,7 @@ pub trait PairSolver {
     ///
     /// # Errors
     ///
-    /// As [`contact_ratios`](Self::contact_ratios).
+    /// Same as [`contact_ratios`](Self::contact_ratios).
     fn overlaps<K: Kinetic>(
         &self,
         scene: &PairScene,

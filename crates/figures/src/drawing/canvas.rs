@@ -16,7 +16,7 @@ use super::length::{PER_POINT, grid, points};
 use super::palette::Pen;
 use super::text;
 
-/// What one element of a figure leaves on the canvas.
+/// One drawn element of a figure.
 pub(super) enum Mark {
     Fill(Path, BackendColor),
     Stroke { path: Path, color: BackendColor, width: u32, dash: &'static [f32] },

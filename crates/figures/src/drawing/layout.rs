@@ -36,7 +36,7 @@ pub(crate) struct Spec {
     bare: bool,
 }
 
-/// Height of a row of panels in points, and its cells, of which some may stay empty.
+/// Height of a row of panels in points, and its cells, some of them empty.
 pub(crate) type Row = (f32, Vec<Option<Spec>>);
 
 impl Spec {
@@ -44,7 +44,7 @@ impl Spec {
         Spec { x, y, name: Default::default(), x_labels: true, y_labels: true, bare: false }
     }
 
-    /// With a line above the panel, of which the second part is never cut.
+    /// Adds a line above the panel; its second part is never cut.
     pub(crate) fn named(self, name: String, note: String) -> Spec {
         Spec { name: (name, note), ..self }
     }

@@ -122,7 +122,7 @@ impl Page {
         self.canvas.borrow_mut().cut(height);
     }
 
-    /// What has been drawn.
+    /// The drawing so far.
     pub(crate) fn canvas(&self) -> Ref<'_, Canvas> {
         self.canvas.borrow()
     }

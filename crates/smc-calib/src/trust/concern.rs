@@ -1,4 +1,4 @@
-//! What may be wrong with a result.
+//! Reasons to be careful with a result.
 
 use super::limits::{KHAT_LIMIT, UNINFORMED_BITS};
 use serde::{Deserialize, Serialize};
@@ -121,7 +121,7 @@ pub enum Concern {
 }
 
 impl Concern {
-    /// What is wrong, and by how much.
+    /// The problem and its size.
     pub fn what(&self) -> String {
         match self {
             Self::NotAPosterior => "the noise was tuned to a wished-for effective sample size and proposals were not corrected for".to_owned(),
@@ -169,7 +169,7 @@ impl Concern {
         }
     }
 
-    /// What that means for the result.
+    /// Consequence for the result.
     pub fn meaning(&self) -> &str {
         match self {
             Self::NotAPosterior => "this is not a posterior, and its intervals mean nothing",
@@ -199,7 +199,7 @@ impl Concern {
         }
     }
 
-    /// What to do.
+    /// Remedy.
     pub fn remedy(&self) -> &'static str {
         match self {
             Self::NotAPosterior => "calibrate with inferred or fixed noise",

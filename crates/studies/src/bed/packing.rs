@@ -6,7 +6,7 @@ use dem_core::bed::{
 };
 use dem_core::{Kinetics, PairSpec, Sintering, paper};
 
-/// What a scene has: parts joined by `+`, as in `sintering+friction`.
+/// Parts of a scene, joined by `+`, as in `sintering+friction`.
 pub(super) struct Scene<'a>(pub(super) &'a str);
 
 impl Scene<'_> {

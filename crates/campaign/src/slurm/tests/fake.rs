@@ -169,7 +169,7 @@ fn put(programs: &Path, program: &str, script: &str) {
     fs::rename(aside, path).expect("in place");
 }
 
-/// What happens on the cluster while the driver runs.
+/// Events on the cluster while the driver runs.
 pub(super) struct Cluster {
     pub(super) dir: PathBuf,
     pub(super) programs: PathBuf,

@@ -1,4 +1,4 @@
-//! What is submitted, and what Slurm's answers to it mean.
+//! Submissions to Slurm and the meaning of Slurm's answers.
 
 use std::fs;
 
