@@ -17,7 +17,6 @@ mod types;
 mod words;
 
 pub use self::toml::toml;
-pub use file::looks_like_a_plan;
 pub use pair::{PairOptions, sampler_for};
 pub(crate) use template::with_folder;
 pub use types::{
