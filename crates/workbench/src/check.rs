@@ -8,14 +8,16 @@ use crate::input::observation_table::ObservationTable;
 use crate::input::prior_file::PriorFile;
 use crate::input::toml_fields::Document;
 use crate::pair::parameter::ParameterName;
-use crate::plan::{Planned, Understood, looks_like_a_plan, prior_in_words, short, understood};
+use crate::plan::{Planned, Understood, prior_in_words, short, understood};
 use crate::{input::material::Material, input::scene_file, input::text_file, record, report};
 
 /// Checks one file, of the kind that its name and contents say.
 pub fn file_at(path: &Path) -> Result<Understood, InputError> {
-    let extension = path.extension().map(|extension| extension.to_ascii_lowercase());
+    let name = path.display().to_string();
+    if path.is_dir() {
+        return record::read(path).map(|record| report::understood(&record));
+    }
     if is_toml(path) {
-        let name = path.display().to_string();
         let text = text_file::read(path)?;
         return match toml_kind(&name, &text)? {
             TomlKind::Prior => PriorFile::read(path).map(|priors| of_priors(&priors)),
@@ -24,17 +26,17 @@ pub fn file_at(path: &Path) -> Result<Understood, InputError> {
             TomlKind::Plan => Planned::parse(path, text).map(|plan| understood(&plan)),
         };
     }
-    if path.is_file() && extension.as_deref().is_some_and(|extension| extension == "json") {
+    if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json")) {
         let text = text_file::read(path)?;
-        if is_json_scene(&text) {
-            return of_scene(&path.display().to_string(), &text, true);
-        }
-    }
-    if let Some(plan) = json_plan(path)? {
-        return Ok(understood(&plan));
-    }
-    if path.is_dir() || extension.as_deref().is_some_and(|extension| extension == "json") {
-        return record::read(path).map(|record| report::understood(&record));
+        let object: serde_json::Map<_, _> = serde_json::from_str(&text).unwrap_or_default();
+        let has = |key| object.contains_key(key);
+        return if has("particles") && has("phases") {
+            of_scene(&name, &text, true)
+        } else if has("experiments") && !has("schema_version") {
+            Planned::parse(path, text).map(|plan| understood(&plan))
+        } else {
+            record::read(path).map(|record| report::understood(&record))
+        };
     }
     let table = ObservationTable::read(path)?;
     Ok(Understood {
@@ -42,20 +44,6 @@ pub fn file_at(path: &Path) -> Result<Understood, InputError> {
         details: Vec::new(),
         warnings: few_points(&table, 3).into_iter().collect(),
     })
-}
-
-/// A plan in JSON; none for a posterior, and for what is no JSON at all.
-fn json_plan(path: &Path) -> Result<Option<Planned>, InputError> {
-    let json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
-    if !json || path.is_dir() {
-        return Ok(None);
-    }
-    let text = text_file::read(path)?;
-    let is_plan = serde_json::from_str::<serde_json::Map<String, serde_json::Value>>(&text)
-        .is_ok_and(|object| {
-            object.contains_key("experiments") && !object.contains_key("schema_version")
-        });
-    if is_plan { Planned::parse(path, text).map(Some) } else { Ok(None) }
 }
 
 enum TomlKind {
@@ -71,7 +59,7 @@ fn toml_kind(name: &str, text: &str) -> Result<TomlKind, InputError> {
     let any_of = |names: &[&str]| keys.iter().any(|key| names.contains(key));
     if any_of(&["particles", "phases"]) {
         Ok(TomlKind::Scene)
-    } else if looks_like_a_plan(&keys) {
+    } else if any_of(&["parameters", "experiments"]) {
         Ok(TomlKind::Plan)
     } else if any_of(&["table", "material", "powder"]) {
         Ok(TomlKind::Experiment)
@@ -103,12 +91,6 @@ fn of_scene(name: &str, text: &str, json: bool) -> Result<Understood, InputError
         details: file.describe(),
         ..Understood::default()
     })
-}
-
-/// Whether a JSON file is a scene and no posterior.
-fn is_json_scene(text: &str) -> bool {
-    let value: Result<serde_json::Value, _> = serde_json::from_str(text);
-    value.is_ok_and(|value| value.get("particles").is_some() && value.get("phases").is_some())
 }
 
 fn of_table(table: &ObservationTable) -> String {

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use campaign::slurm::Slurm;
-use campaign::{Campaign, Damage, Event, Executor, ExecutorError, Local};
+use campaign::{Campaign, Event, Executor, ExecutorError, Local};
 use serde::Serialize;
 use smc_calib::Posterior;
 
@@ -138,19 +138,21 @@ pub fn resume(
     watch: &dyn Watch,
 ) -> Result<Finished, Failure> {
     let (campaign, stored, damage) = store::open(dir, given)?;
-    report_damage(&damage, watch);
-    if given.is_none() {
-        about_the_plan_file(&stored, watch);
-    }
-    about_the_version(&stored.plan, watch);
-    Driver { dir, campaign: &campaign, stored: &stored, watch }.drive(options)
-}
-
-/// Says what was damaged. A line that was being written when the driver was killed is no damage.
-fn report_damage(damage: &[Damage], watch: &dyn Watch) {
+    // A line that was being written when the driver was killed is no damage.
     for damage in damage.iter().filter(|damage| !damage.torn) {
         watch.warn(&format!("{damage}; what it held is made again, the rest is used"));
     }
+    if given.is_none() {
+        about_the_plan_file(&stored, watch);
+    }
+    let (began, version) = (&stored.plan.version, env!("CARGO_PKG_VERSION"));
+    if began != version {
+        watch.warn(&format!(
+            "version {began} of calibrate began this run, this is {version}: finished runs are used as far as this version \
+             asks for the same parameter sets"
+        ));
+    }
+    Driver { dir, campaign: &campaign, stored: &stored, watch }.drive(options)
 }
 
 /// A run goes on with the plan it began with; that the file has changed since is worth saying.
@@ -164,17 +166,6 @@ fn about_the_plan_file(stored: &Stored, watch: &dyn Watch) {
     } else if now.executor != stored.executor {
         watch.note(&format!(
             "[executor] of {file} has changed; to use it: calibrate --resume DIR --plan {file}"
-        ));
-    }
-}
-
-fn about_the_version(plan: &Plan, watch: &dyn Watch) {
-    let version = env!("CARGO_PKG_VERSION");
-    if plan.version != version {
-        watch.warn(&format!(
-            "version {} of calibrate began this run, this is {version}: finished runs are used as far as this version \
-             asks for the same parameter sets",
-            plan.version
         ));
     }
 }

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use dem_core::bed::{BedError, SinteringTable};
-use figures::{Figure as _, Width};
+use figures::Width;
 use serde_json::json;
 
 use crate::error::{Failure, RunError};
@@ -20,6 +20,7 @@ use crate::number::significant;
 use crate::output::work_folder::{WorkFolder, fingerprint};
 use crate::output::{Published, RunFolder, make_room, pretty};
 use crate::pair::draws::PairDraws;
+use crate::report::{NamedFigures, draw_all};
 use crate::watch::Watch;
 use beds::{Wanted, file_name};
 use report::FailedDraw;
@@ -189,12 +190,8 @@ impl DensifyJob {
         write("densify.csv", report.curve_csv().as_bytes())?;
         let units: Vec<&str> = calibrated.iter().map(|parameter| parameter.unit.as_str()).collect();
         write("draws.csv", report.draws_csv(&units).as_bytes())?;
-        let picture = report
-            .figure()
-            .render(Width::Column)
-            .map_err(|error| RunError::new(format_args!("figure densify: {error}")))?;
-        write("densify.png", &picture.png)?;
-        write("densify.svg", picture.svg.as_bytes())?;
+        let figures: NamedFigures = vec![("densify".to_owned(), Box::new(report.figure()))];
+        draw_all(&figures, Width::Column, &write)?;
         for (draw, curve) in &computed {
             write(&format!("series/{}", file_name(draw)), wanted.file(draw, curve).as_bytes())?;
         }

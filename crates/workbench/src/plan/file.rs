@@ -51,11 +51,6 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// Whether the fields at the top of a file are those of a plan.
-pub fn looks_like_a_plan(keys: &[&str]) -> bool {
-    keys.contains(&"parameters") || keys.contains(&"experiments")
-}
-
 fn read_plan(
     path: &Path,
     fields: &Fields<'_>,

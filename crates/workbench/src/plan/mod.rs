@@ -16,7 +16,6 @@ mod toml;
 mod types;
 mod words;
 
-pub use file::looks_like_a_plan;
 pub use pair::{PairOptions, sampler_for};
 pub(crate) use template::with_folder;
 pub use types::{

@@ -14,11 +14,6 @@ const COMMAND_SAMPLES: usize = 300;
 /// The same of a plan with built-in simulators alone.
 const BUILTIN_SAMPLES: usize = 16_384;
 
-/// Settings for a number of samples in a plan that says no more: nothing is simulated beside the samples.
-pub(super) fn settings_for(samples: usize) -> Settings {
-    Settings::for_budget(samples)
-}
-
 /// Reads `[sampler]`; `folder` is that of the plan.
 pub(super) fn sampler(
     folder: &Path,
@@ -28,11 +23,11 @@ pub(super) fn sampler(
 ) -> Result<(Settings, Option<Design>), InputError> {
     let default_samples = if commands { COMMAND_SAMPLES } else { BUILTIN_SAMPLES };
     let Some(fields) = fields else {
-        return Ok((settings_for(default_samples), None));
+        return Ok((Settings::for_budget(default_samples), None));
     };
     let samples = fields.whole("samples", *SAMPLES.start() as u64, *SAMPLES.end() as u64)?;
     let mut settings =
-        settings_for(samples.as_ref().map_or(default_samples, |at| at.value as usize));
+        Settings::for_budget(samples.as_ref().map_or(default_samples, |at| at.value as usize));
     let counts: [(_, &mut usize, _, _); 7] = [
         ("iterations", &mut settings.iterations, 1, 1000),
         ("batch", &mut settings.batch, 0, 10_000),

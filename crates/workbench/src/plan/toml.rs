@@ -5,7 +5,6 @@ use std::path::Path;
 
 use smc_calib::{FixedSigma, Noise, PriorSpec, Settings};
 
-use super::sampler::settings_for;
 use super::types::{ExperimentPlan, PairPlan, Plan, SimulatorPlan, SolverPlan};
 use crate::input::experiment::{BUILT_IN_NAMES, is_plain};
 use crate::input::prior_file::DISTRIBUTIONS;
@@ -122,7 +121,7 @@ fn noise(noise: &Noise) -> String {
 
 /// The settings that are not those of a plan that names the number of samples alone.
 fn sampler(settings: &Settings) -> String {
-    let default = settings_for(settings.samples);
+    let default = Settings::for_budget(settings.samples);
     let mut text =
         format!("\n[sampler]\nsamples = {}\nseed = {}\n", settings.samples, settings.seed);
     let mut line = |key: &str, is: String, was: String| {

@@ -10,10 +10,9 @@ mod tables;
 use std::fmt::Write as _;
 
 use figures::Width;
-use serde::Serialize;
 use smc_calib::Posterior;
 
-use crate::error::{InputError, RunError};
+use crate::error::RunError;
 use crate::input::sample_table;
 use crate::output::checksums;
 use crate::output::{WriteFile, pretty};
@@ -28,16 +27,9 @@ pub use summary::{json, text};
 pub use tables::{csv, markdown};
 
 /// The text of a record, which reads back as what it was.
-///
-/// # Errors
-///
-/// [`RunError`] for a record with a number that JSON cannot hold.
-pub fn record_text<T: Serialize + PartialEq>(
-    record: &T,
-    parse: impl Fn(&str, &str) -> Result<T, InputError>,
-) -> Result<String, RunError> {
+fn record_text(record: &Record) -> Result<String, RunError> {
     let text = pretty(record)?;
-    match parse(FILE_NAME, &text) {
+    match record::parse(FILE_NAME, &text) {
         Ok(back) if back == *record => Ok(text),
         Ok(_) => Err(RunError::new("posterior.json does not read back as it was written")),
         Err(error) => Err(RunError::new(format_args!(
@@ -69,7 +61,7 @@ fn write_tables(
     write("table.csv", csv(record).as_bytes())?;
     write("fit.csv", fit_csv(record).as_bytes())?;
     let read_again = [
-        (FILE_NAME, record_text(record, record::parse)?),
+        (FILE_NAME, record_text(record)?),
         ("samples.csv", samples::samples_csv(posterior)),
         ("draws.csv", samples::draws_csv(record, posterior)),
     ];

@@ -55,7 +55,7 @@ pub fn text(record: &Record, seconds: Option<f64>, out: Option<&Path>) -> String
         text.push_str(&table3_lines(neck));
     }
     for (plan, found) in record.observables() {
-        text.push_str(&fit_line(record, plan, found, neck));
+        text.push_str(&fit_line(plan, found, neck));
     }
     if let Some(knee) = neck.and_then(|neck| neck.knee.as_ref()) {
         text.push_str(&knee_line(knee));
@@ -150,7 +150,6 @@ fn table3_lines(neck: &NeckGrowthRecord) -> String {
 }
 
 fn fit_line(
-    record: &Record,
     plan: &ObservablePlan,
     found: &ObservableRecord,
     neck: Option<&NeckGrowthRecord>,
@@ -169,16 +168,11 @@ fn fit_line(
             (beside("paper", neck.fit.paper), beside("best Frenkel", neck.fit.frenkel));
         return format!("  fit: RMSE of a/R {rmse} (MAP){paper}{frenkel}{noise}\n");
     }
-    let of = if record.plan.observables().count() > 1 || record.plan.experiments.len() > 1 {
-        format!(" of {}", found.label)
-    } else {
-        format!(" of {}", found.name)
-    };
     let unit = match shown_unit(&plan.unit) {
         "" => String::new(),
         unit => format!("{unit} "),
     };
-    format!("  fit{of}: RMSE {rmse} {unit}(MAP){noise}\n")
+    format!("  fit of {}: RMSE {rmse} {unit}(MAP){noise}\n", found.label)
 }
 
 fn knee_line(knee: &KneeSummary) -> String {

@@ -10,13 +10,14 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use dem_core::bed::write_csv;
-use figures::{BedFigure, Figure as _, Width};
+use figures::{BedFigure, Width};
 use serde_json::json;
 
 use crate::error::{Failure, RunError};
 use crate::input::scene_file::{self, SceneInput};
 use crate::output::work_folder::WorkFolder;
 use crate::output::{Published, RunFolder, make_room, pretty};
+use crate::report::draw_all;
 use crate::watch::Watch;
 use compute::{Computed, compute, observations, vtk_name};
 use picture::{bed_figure, colour_range, series_figure};
@@ -128,11 +129,8 @@ impl SceneJob {
         write_csv(run.series(), &mut csv).map_err(RunError::new)?;
         write("series.csv", &csv)?;
         let drawn = |error| RunError::new(format_args!("figure: {error}"));
-        let picture = series_figure(name, run.series(), &self.input.file.phases)
-            .render(Width::Column)
-            .map_err(drawn)?;
-        write("series.png", &picture.png)?;
-        write("series.svg", picture.svg.as_bytes())?;
+        let series = series_figure(name, run.series(), &self.input.file.phases);
+        draw_all(&vec![("series".to_owned(), Box::new(series))], Width::Column, &write)?;
         let last = bed_figure(run.bed(), name);
         let range = colour_range([&first, &last]);
         for (name, figure) in [("bed-start.png", first), ("bed.png", last)] {

@@ -3,10 +3,9 @@
 use dem_core::Kinetics;
 
 use crate::calibration::Calibration;
-use crate::error::{Failure, InputError};
+use crate::error::Failure;
 use crate::input::material::Material;
 use crate::plan::PairOptions;
-use crate::record::Pair;
 use crate::watch::Watch;
 
 /// A calibrated material.
@@ -35,10 +34,5 @@ impl Calibrated {
             ..PairOptions::default()
         };
         Ok(Self { material, calibration: Calibration::run(&options.plan()?, watch)? })
-    }
-
-    /// The pair as it was planned, measured and found.
-    pub fn pair(&self) -> Result<Pair<'_>, InputError> {
-        self.calibration.record.pair()
     }
 }

@@ -14,7 +14,7 @@ const POINTS: usize = 241;
 
 /// Figure 2: eqs. 3 to 5 at the MAP of the `regime-map` kinetics, with p1 and p2, and the measurements.
 pub(crate) fn regime_map(one: &Calibrated) -> Result<RegimeMapFigure, Failure> {
-    let pair = one.pair()?;
+    let pair = one.calibration.record.pair()?;
     let map = NeckGrowth::of(&one.calibration.record.plan)?
         .sintering(&one.calibration.posterior.map.theta);
     let lines = Regimes::new(pair.plan.scene()?.powder(), &map);

@@ -73,7 +73,7 @@ pub(crate) fn all(calibrated: &[Calibrated]) -> Result<Vec<Statement>, Failure> 
         let Some(one) = calibrated.iter().find(|one| one.material == material) else {
             continue;
         };
-        let scene = one.pair()?.plan.scene()?;
+        let scene = one.calibration.record.pair()?.plan.scene()?;
         let model = NeckGrowth::of(&one.calibration.record.plan)?;
         let posterior = &one.calibration.posterior;
         let value = |sintering: &Sintering| match quantity {

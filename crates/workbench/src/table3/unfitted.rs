@@ -96,7 +96,7 @@ pub(crate) fn predict(
     let predicted = own.record.pair()?;
     let pair = Predicted {
         one,
-        fitted: one.pair()?,
+        fitted: one.calibration.record.pair()?,
         model: NeckGrowth::of(&own.record.plan)?,
         radius_m: predicted.plan.powder.radius_m,
         measured: &predicted.measured.values,
