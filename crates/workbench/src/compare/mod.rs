@@ -1,8 +1,8 @@
 //! Which kinetics the data of a material support, and how strongly.
 //!
 //! Every kinetics is calibrated on the same data with the same noise and, for each parameter it has, the same
-//! prior. Their evidences, errors and leave-one-out predictive densities are put side by side ([`comparison`]),
-//! judged and rendered ([`render`]).
+//! prior. Their evidences, errors and leave-one-out predictive densities are put side by side (`comparison`),
+//! judged and rendered (`render`).
 
 mod comparison;
 mod refit;
