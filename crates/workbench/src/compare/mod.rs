@@ -1,7 +1,7 @@
 //! Which kinetics the data of a material support, and how strongly.
 //!
 //! Every kinetics is calibrated on the same data with the same noise and, for each parameter it has, the same
-//! prior. Their evidences, errors and leave-one-out predictive densities are put side by side ([`comparison`]),
+//! prior. Their evidences, errors and leave-one-out predictive densities are put side by side (`comparison`),
 //! judged and rendered ([`render`]).
 
 mod comparison;
@@ -22,8 +22,10 @@ use crate::parameter::ParameterName;
 use crate::plan::{PairOptions, Planned};
 use crate::report::{NamedFigures, draw_all};
 use crate::watch::Watch;
-use comparison::{Comparison, Entry, PHI_RANGE, Report, ReportPlan, SCHEMA_VERSION};
+use comparison::{PHI_RANGE, SCHEMA_VERSION};
 use figures::{CompareFigure, NamedCurve, Role, Width};
+
+pub use comparison::{Comparison, Entry, Report, ReportPlan};
 
 /// The record of a comparison.
 pub const RECORD: &str = "compare.json";

@@ -110,7 +110,7 @@ impl PairOptions {
             name: name.to_owned(),
             title: title.to_owned(),
             source: experiment.source.clone(),
-            parameters: parameters,
+            parameters,
             prior_source: Some(priors.file_name),
             experiments: vec![pair],
             sampler: self.sampler(),

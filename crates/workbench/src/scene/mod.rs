@@ -1,6 +1,6 @@
 //! Many particles through the phases of a scene file.
 //!
-//! Unfinished work is in a [`WorkFolder`], from which the same scene goes on with the same bits.
+//! Unfinished work is in a work folder, from which the same scene goes on with the same bits.
 
 mod compute;
 mod picture;

@@ -2,12 +2,12 @@
 //!
 //! PS, PA12 and PEEK 450PF are calibrated as by `calibrate --material`, and from their posteriors follow
 //!
-//! - the table, in the printed form and in SI, with the position of the paper's values ([`record`]),
-//! - the errors of the paper's parameters, ours, and the traditional one-parameter models ([`record`]),
-//! - the paper's statements of section 4 under both ([`statements`]),
-//! - how Table 3 must be read, beside the readings that fail ([`readings`]),
-//! - a prediction of a pair that was not fitted ([`unfitted`]),
-//! - Figures 2, 4, 5 and 6 ([`figures`]).
+//! - the table, in the printed form and in SI, with the position of the paper's values (`record`),
+//! - the errors of the paper's parameters, ours, and the traditional one-parameter models (`record`),
+//! - the paper's statements of section 4 under both (`statements`),
+//! - how Table 3 must be read, beside the readings that fail (`readings`),
+//! - a prediction of a pair that was not fitted (`unfitted`),
+//! - Figures 2, 4, 5 and 6 (`figures`).
 //!
 //! The same seed gives the same bytes; only `README.md` also names the revision of the source.
 
@@ -27,9 +27,8 @@ use crate::output::{Published, RunFolder, pretty};
 use crate::report::{NamedFigures, draw_all};
 use crate::watch::Watch;
 use ::figures::Width;
-use record::Report;
-
 pub use calibrated::Calibrated;
+pub use record::Report;
 
 /// The record of a regenerated table.
 pub const RECORD: &str = "table3.json";
