@@ -19,7 +19,7 @@ pub(crate) const PHI_RANGE: [f64; 2] = [1.0, 1.35];
 /// `compare.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Report {
-    /// [`SCHEMA_VERSION`].
+    /// Version of the layout.
     pub schema_version: u32,
     /// Everything that decides the result.
     pub plan: ReportPlan,

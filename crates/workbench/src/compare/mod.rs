@@ -2,7 +2,7 @@
 //!
 //! Every kinetics is calibrated on the same data with the same noise and, for each parameter it has, the same
 //! prior. Their evidences, errors and leave-one-out predictive densities are put side by side (`comparison`),
-//! judged and rendered (`render`).
+//! judged and rendered ([`render`]).
 
 mod comparison;
 mod refit;
@@ -15,22 +15,24 @@ use smc_calib::{Parameter, Prior, PriorSpec, Problem, leave_one_out};
 
 use crate::calibration::Calibration;
 use crate::error::{Failure, InputError, Mistake, RunError};
-use crate::input::material::Material;
+use crate::material::Material;
+use crate::model::NeckGrowth;
 use crate::output::{Published, RunFolder, pretty};
-use crate::pair::model::NeckGrowth;
-use crate::pair::parameter::ParameterName;
+use crate::parameter::ParameterName;
 use crate::plan::{PairOptions, Planned};
 use crate::report::{NamedFigures, draw_all};
 use crate::watch::Watch;
-use comparison::{Comparison, Entry, PHI_RANGE, Report, ReportPlan, SCHEMA_VERSION};
+use comparison::{PHI_RANGE, SCHEMA_VERSION};
 use figures::{CompareFigure, NamedCurve, Role, Width};
+
+pub use comparison::{Comparison, Entry, Report, ReportPlan};
 
 /// The record of a comparison.
 pub const RECORD: &str = "compare.json";
 
 /// The kinetics of every material or experiment, compared.
 pub struct Compared {
-    /// Contents of `compare.json`.
+    /// What `compare.json` holds.
     pub report: Report,
     figures: NamedFigures,
 }

@@ -27,9 +27,8 @@ use crate::output::{Published, RunFolder, pretty};
 use crate::report::{NamedFigures, draw_all};
 use crate::watch::Watch;
 use ::figures::Width;
-use record::Report;
-
 pub use calibrated::Calibrated;
+pub use record::Report;
 
 /// The record of a regenerated table.
 pub const RECORD: &str = "table3.json";

@@ -59,7 +59,7 @@ pub struct Reading {
     pub meaning: String,
     /// The SI parameters of eqs. 3 to 5 it leads to: PS, PA12, PEEK; each C1, tau_s, delta_c.
     pub sintering: [[f64; 3]; 3],
-    /// The stated quantities under it, in the order of [`STATED`].
+    /// The stated quantities under it, in the order of `STATED`.
     pub values: Vec<f64>,
     /// Root mean square of the natural logarithm of value over statement.
     pub rms_ln: f64,

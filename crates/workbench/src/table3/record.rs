@@ -21,7 +21,7 @@ pub(crate) const SCHEMA_VERSION: u32 = 1;
 /// `table3.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Report {
-    /// [`SCHEMA_VERSION`].
+    /// Version of the layout.
     pub schema_version: u32,
     /// Everything that decides the result.
     pub plan: ReportPlan,
@@ -259,7 +259,7 @@ fn fits(one: &Calibrated, pair: Pair<'_>, model: &NeckGrowth) -> Result<Vec<Name
 }
 
 impl MaterialReport {
-    /// The errors of a curve of [`CURVES`].
+    /// The errors of a curve of `CURVES`.
     pub fn fit(&self, curve: &str) -> Option<&FitError> {
         self.fits.iter().find(|fit| fit.curve == curve).map(|fit| &fit.error)
     }
