@@ -1,7 +1,7 @@
 //! Which kinetics the data of a material support, and how strongly.
 //!
 //! Every kinetics is calibrated on the same data with the same noise and, for each parameter it has, the same
-//! prior. Their evidences, errors and leave-one-out predictive densities are put side by side (`comparison`),
+//! prior. Their evidences, errors and leave-one-out predictive densities are put side by side ([`Comparison`]),
 //! judged and rendered ([`render`]).
 
 mod comparison;
@@ -15,10 +15,10 @@ use smc_calib::{Parameter, Prior, PriorSpec, Problem, leave_one_out};
 
 use crate::calibration::Calibration;
 use crate::error::{Failure, InputError, Mistake, RunError};
-use crate::material::Material;
-use crate::model::NeckGrowth;
+use crate::input::material::Material;
 use crate::output::{Published, RunFolder, pretty};
-use crate::parameter::ParameterName;
+use crate::pair::model::NeckGrowth;
+use crate::pair::parameter::ParameterName;
 use crate::plan::{PairOptions, Planned};
 use crate::report::{NamedFigures, draw_all};
 use crate::watch::Watch;
@@ -32,7 +32,7 @@ pub const RECORD: &str = "compare.json";
 
 /// The kinetics of every material or experiment, compared.
 pub struct Compared {
-    /// What `compare.json` holds.
+    /// Contents of `compare.json`.
     pub report: Report,
     figures: NamedFigures,
 }

@@ -1,6 +1,6 @@
 //! Many particles through the phases of a scene file.
 //!
-//! Unfinished work is in a work folder, from which the same scene goes on with the same bits.
+//! Unfinished work is in a `WorkFolder`, from which the same scene goes on with the same bits.
 
 mod compute;
 mod picture;
@@ -14,11 +14,11 @@ use figures::{BedFigure, Width};
 use serde_json::json;
 
 use crate::error::{Failure, RunError};
+use crate::input::scene_file::{self, SceneInput};
+use crate::output::work_folder::WorkFolder;
 use crate::output::{Published, RunFolder, make_room, pretty};
 use crate::report::draw_all;
-use crate::scene_file::{self, SceneInput};
 use crate::watch::Watch;
-use crate::work_folder::WorkFolder;
 use compute::{Computed, compute, observations, vtk_name};
 use picture::{bed_figure, colour_range, series_figure};
 
@@ -40,11 +40,11 @@ pub struct SceneJob {
 /// A scene that has run and is published.
 #[derive(Debug)]
 pub struct SceneResult {
-    /// What was found.
+    /// Results.
     pub record: SceneRecord,
     /// How long the run took \[s\].
     pub seconds: f64,
-    /// What became of an earlier run in the folder.
+    /// Fate of an earlier run in the folder.
     pub published: Published,
 }
 
@@ -67,7 +67,7 @@ impl SceneJob {
         Ok(Self { input, plan, folder: RunFolder::prepare(&out, SCENE_RECORD)? })
     }
 
-    /// What decides the result.
+    /// Plan of the scene, which decides the result.
     pub fn plan(&self) -> &ScenePlan {
         &self.plan
     }
@@ -77,7 +77,7 @@ impl SceneJob {
         self.folder.path()
     }
 
-    /// What would be done, as text.
+    /// The job as text, for a dry run.
     pub fn describe(&self) -> String {
         let mut lines = vec![format!("scene: {}", self.plan.name)];
         lines.extend(self.input.describe().iter().map(|line| format!("  {line}")));
