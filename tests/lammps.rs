@@ -192,7 +192,13 @@ fn lammps_is_calibrated_by_a_plan_and_agrees_with_quadrature_of_the_closed_form(
     sandbox.run_args(&["--plan", plan.to_str().expect("UTF-8"), "--out", "drop"]).succeeded();
     let text = fs::read_to_string(sandbox.path().join("drop/posterior.json")).expect("there");
     let posterior: serde_json::Value = serde_json::from_str(&text).expect("JSON");
-    assert_eq!(posterior["failures"], serde_json::json!([]), "no run failed");
+    let failed: Vec<String> = sandbox
+        .snapshot()
+        .into_iter()
+        .filter(|(path, text)| path.ends_with("stderr") && !text.is_empty())
+        .map(|(_, text)| String::from_utf8_lossy(&text).into_owned())
+        .collect();
+    assert_eq!(posterior["failures"], serde_json::json!([]), "{failed:#?}");
     // Log-uniform stiffness, uniform restitution: a grid in these coordinates.
     let mut sums = [0.0; 5];
     let size = 120;
