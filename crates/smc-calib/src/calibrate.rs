@@ -9,7 +9,9 @@ use crate::sampler::{Sampler, record};
 use crate::summary::{Run, summarise};
 use crate::target::CurveTarget;
 use crate::trust::khat_holds;
-use crate::{CalibrateError, Noise, Posterior, Problem, Settings, StageRecord, StopReason, psis};
+use crate::{
+    CalibrateError, Noise, NoiseError, Posterior, Problem, Settings, StageRecord, StopReason, psis,
+};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 
@@ -235,5 +237,10 @@ pub(crate) fn check(
         });
     }
     settings.check(d)?;
-    Ok(JointLikelihood::new(problem)?)
+    let likelihood = JointLikelihood::new(problem)?;
+    if likelihood.has_shape() && CurveTarget::new(problem, &likelihood, settings.samples).thinned {
+        let numbers = settings.samples.saturating_mul(problem.observations());
+        return Err(NoiseError::CurvesNotKept { numbers }.into());
+    }
+    Ok(likelihood)
 }

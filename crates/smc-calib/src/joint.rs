@@ -104,6 +104,11 @@ impl JointLikelihood {
         self.parts.iter().zip(self.ranges.iter().cloned())
     }
 
+    /// Whether the noise of a group has more than its standard deviation.
+    pub(crate) fn has_shape(&self) -> bool {
+        self.parts.iter().any(Likelihood::has_shape)
+    }
+
     /// The likelihood where there is one group.
     pub(crate) fn single(&self) -> Option<&Likelihood> {
         if let [one] = self.parts.as_slice() { Some(one) } else { None }

@@ -1,9 +1,9 @@
 //! Prediction of each observation by the others.
 //!
 //! A. Vehtari, A. Gelman, J. Gabry, "Practical Bayesian model evaluation using leave-one-out cross-validation and
-//! WAIC", Stat. Comput. 27 (2017) 1413. Given theta and sigma the observations are independent, so a sample of the
-//! posterior becomes one of the posterior without observation i when its weight is divided by
-//! `p(y_i | theta, sigma^2)`; the tail of these ratios is Pareto smoothed ([`psis`]), and its shape
+//! WAIC", Stat. Comput. 27 (2017) 1413. A sample of the posterior becomes one of the posterior without observation i when
+//! its weight is divided by `p(y_i | all others, theta, noise)`, which is `p(y_i | theta, sigma^2)` where the errors are
+//! independent; the tail of these ratios is Pareto smoothed ([`psis`]), and its shape
 //! says whether the answer can be trusted.
 
 use crate::joint::{JointLikelihood, JointProblem};
@@ -198,6 +198,15 @@ fn densities(
     }
     for (g, (part, range)) in likelihood.groups().enumerate() {
         let values = &mut values[range];
+        let curve = values.to_vec();
+        let rng = |_| stream(seed, Purpose::LeaveOneOut, g, s);
+        let drawn = part.draw_shapes(1, |_| Some(&curve), rng);
+        if let Some(left_out) =
+            drawn.and_then(|drawn| part.ln_left_out(drawn.draws.first()?, &curve))
+        {
+            values.copy_from_slice(&left_out);
+            continue;
+        }
         let drawn = part.inferred().and_then(|(nu0, sum0)| {
             let chi_squared = ChiSquared::new(nu0 + values.len() as f64).ok()?;
             let mut rng = stream(seed, Purpose::LeaveOneOut, g, s);

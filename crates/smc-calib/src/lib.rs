@@ -21,6 +21,7 @@ mod mixture;
 mod neighbours;
 mod nelder_mead;
 mod noise;
+mod noise_summary;
 pub mod normal;
 mod observations;
 mod path;
@@ -53,7 +54,10 @@ pub use design::calibrate_design;
 pub use error::CalibrateError;
 pub use joint::{Group, JointProblem};
 pub use leave_one_out::{LeaveOneOut, LeaveOneOutPoint, leave_one_out, leave_one_out_of};
-pub use noise::{FixedSigma, Likelihood, Noise, NoiseError};
+pub use noise::{
+    DistanceScale, FixedSigma, Likelihood, NOISE_NODES, Noise, NoiseDraw, NoiseError,
+    NoiseQuantity, NoiseShape, ShapeSummary,
+};
 pub use observations::{ObservationError, Observations};
 pub use posterior::{
     BandPoint, Counters, Draw, EffectiveSampleSize, Evidence, Failure, GroupSummary, Interval,

@@ -1,9 +1,19 @@
-//! Noise models, and recursive Bayes over the observations.
+//! Noise models: how measured values scatter around the simulated ones.
 
-use crate::Observations;
-use crate::normal::LN_SQRT_2PI;
+mod correlated;
+mod draws;
+mod likelihood;
+mod robust;
+mod rule;
+#[cfg(test)]
+mod tests;
+
+pub use correlated::DistanceScale;
+pub(crate) use draws::NoiseDraws;
+pub use draws::{NoiseDraw, NoiseQuantity, NoiseShape, ShapeSummary};
+pub use likelihood::Likelihood;
+
 use serde::{Deserialize, Serialize};
-use statrs::function::gamma::ln_gamma;
 use thiserror::Error;
 
 /// How measured values scatter around the simulated ones.
@@ -13,6 +23,31 @@ use thiserror::Error;
 pub enum Noise {
     /// Normal with unknown standard deviation, sigma^2 ~ Inverse-Gamma(nu0/2, nu0 s0^2/2), integrated out.
     Inferred {
+        /// Prior degrees of freedom.
+        nu0: f64,
+        /// Prior scale of sigma, in the unit of the observations.
+        s0: f64,
+    },
+    /// Normal and alike near each other: an independent part beside an Ornstein-Uhlenbeck process, of covariance
+    /// `sigma^2 (w [i = j] + (1 - w) exp(-|s_i - s_j|/l))`. sigma^2 as in [`Noise::Inferred`]; the correlation length l is
+    /// log-uniform over 1 to 100 % of the range of s, the white share w has density w^(-2/3)/3 over (0, 1).
+    /// All three are integrated out. With fewer than three different s there is no correlation to be seen, and the errors are
+    /// those of [`Noise::Inferred`].
+    Correlated {
+        /// Prior degrees of freedom.
+        nu0: f64,
+        /// Prior scale of sigma, in the unit of the observations.
+        s0: f64,
+        /// What s is; by the rule of [`DistanceScale::of`] where it is not given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        scale: Option<DistanceScale>,
+        /// Number of quadrature nodes over l and over w.
+        #[serde(default = "default_nodes")]
+        nodes: [usize; 2],
+    },
+    /// Normal with outliers: `(1 - eps) N(0, sigma^2) + eps N(0, (10 sigma)^2)`, independent of each other. sigma^2 as in
+    /// [`Noise::Inferred`], eps has density proportional to eps^(-2/3) over 0 to 0.3; both are integrated out.
+    Robust {
         /// Prior degrees of freedom.
         nu0: f64,
         /// Prior scale of sigma, in the unit of the observations.
@@ -34,6 +69,25 @@ pub enum Noise {
 impl Default for Noise {
     fn default() -> Self {
         Self::Inferred { nu0: 4.0, s0: 0.05 }
+    }
+}
+
+/// Quadrature nodes over correlation length and white share: measured, see `results/noise/`.
+pub const NOISE_NODES: [usize; 2] = [12, 8];
+
+fn default_nodes() -> [usize; 2] {
+    NOISE_NODES
+}
+
+impl Noise {
+    /// Correlated errors with the default prior, scale and nodes.
+    pub fn correlated() -> Self {
+        Self::Correlated { nu0: 4.0, s0: 0.05, scale: None, nodes: NOISE_NODES }
+    }
+
+    /// Errors with outliers and the default prior.
+    pub fn robust() -> Self {
+        Self::Robust { nu0: 4.0, s0: 0.05 }
     }
 }
 
@@ -78,6 +132,42 @@ pub enum NoiseError {
     /// Per-point noise without a noise column.
     #[error("noise per point needs a standard deviation for each observation; none were given")]
     NoColumn,
+    /// Distances in the logarithm of a negative number.
+    #[error(
+        "control value {control} of observation {index} has no logarithm; measure distances of correlated noise in the control variable itself (scale linear)"
+    )]
+    LogOfNegative {
+        /// Observation, from 0.
+        index: usize,
+        /// Its control value.
+        control: f64,
+    },
+    /// A number of quadrature nodes.
+    #[error("correlated noise has {nodes} quadrature nodes over its {field}; give 1 to 64")]
+    Nodes {
+        /// What they are nodes of.
+        field: &'static str,
+        /// Their number.
+        nodes: usize,
+    },
+    /// Correlated noise of very many observations.
+    #[error(
+        "correlated noise of {observations} observations takes too much memory; give at most {most}, or another noise model"
+    )]
+    TooManyCorrelated {
+        /// Number of observations.
+        observations: usize,
+        /// Most.
+        most: usize,
+    },
+    /// Curves that are not kept whole.
+    #[error(
+        "correlated and robust noise need every curve whole, {numbers} numbers here; give fewer simulations or observations, up to 6e7 in product"
+    )]
+    CurvesNotKept {
+        /// Simulations times observations.
+        numbers: usize,
+    },
     /// Tuned noise of one of several groups.
     #[error(
         "the noise of group {group} is to be tuned, which is done for one group of observations only; give inferred or fixed noise"
@@ -101,223 +191,4 @@ impl NoiseError {
     pub(crate) fn of_group(self, group: &str) -> Self {
         Self::OfGroup { group: group.to_owned(), error: Box::new(self) }
     }
-}
-
-/// The likelihood of a simulated curve under a checked noise model.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Likelihood {
-    values: Vec<f64>,
-    kind: Kind,
-}
-
-#[derive(Clone, Debug, PartialEq)]
-enum Kind {
-    /// nu0, nu0 s0^2, the constant of the joint density and of that of every prefix of the observations.
-    Inferred { nu0: f64, sum0: f64, constant: f64, prefix: Vec<f64> },
-    /// 1/sigma per observation and the constant.
-    Fixed { inverse_sigma: Vec<f64>, constant: f64 },
-    /// Sum of squares only.
-    Tuned,
-}
-
-impl Likelihood {
-    /// Checks a noise model against the observations.
-    ///
-    /// # Errors
-    /// Numbers that are not positive, or per-point noise that was not given.
-    pub fn new(noise: &Noise, observations: &Observations) -> Result<Self, NoiseError> {
-        let positive = |field, value: f64| {
-            if value.is_finite() && value > 0.0 {
-                Ok(())
-            } else {
-                Err(NoiseError::NotPositive { field, value })
-            }
-        };
-        let values = observations.values().to_vec();
-        let m = values.len() as f64;
-        let kind = match noise {
-            Noise::Inferred { nu0, s0 } => {
-                positive("nu0", *nu0)?;
-                positive("s0", *s0)?;
-                let sum0 = nu0 * s0 * s0;
-                positive("s0", sum0)?;
-                // Multivariate Student t: nu0 degrees of freedom, scale s0 in every direction.
-                let constant = ln_gamma(0.5 * (nu0 + m))
-                    - ln_gamma(0.5 * nu0)
-                    - 0.5 * m * (std::f64::consts::PI * sum0).ln();
-                // The constant of one more observation: Gamma((nu+1)/2)/Gamma(nu/2)/sqrt(pi nu0 s0^2).
-                let ln_scale = 0.5 * (std::f64::consts::PI * sum0).ln();
-                let base = ln_gamma(0.5 * nu0);
-                let prefix = (1..=values.len())
-                    .map(|k| ln_gamma(0.5 * (nu0 + k as f64)) - base - k as f64 * ln_scale)
-                    .collect();
-                Kind::Inferred { nu0: *nu0, sum0, constant, prefix }
-            }
-            Noise::Fixed { sigma } => {
-                let sigma = match sigma {
-                    FixedSigma::Absolute(s) => {
-                        positive("sigma", *s)?;
-                        vec![*s; values.len()]
-                    }
-                    FixedSigma::Relative(share) => {
-                        positive("relative sigma", *share)?;
-                        if let Some(index) = values.iter().position(|v| *v == 0.0) {
-                            return Err(NoiseError::RelativeToZero { index });
-                        }
-                        values.iter().map(|v| share * v.abs()).collect()
-                    }
-                    FixedSigma::PerPoint => {
-                        observations.sigma().ok_or(NoiseError::NoColumn)?.to_vec()
-                    }
-                };
-                let constant = -sigma.iter().map(|s| s.ln() + LN_SQRT_2PI).sum::<f64>();
-                Kind::Fixed { inverse_sigma: sigma.iter().map(|s| 1.0 / s).collect(), constant }
-            }
-            Noise::EssTarget { share } => {
-                if !(*share > 0.0 && *share < 1.0) {
-                    return Err(NoiseError::Share { value: *share });
-                }
-                Kind::Tuned
-            }
-        };
-        Ok(Self { values, kind })
-    }
-
-    /// Log likelihood of the whole curve.
-    ///
-    /// # Formula
-    /// inferred: `ln Gamma((nu0+m)/2) - ln Gamma(nu0/2) - (m/2) ln(pi nu0 s0^2) - (nu0+m)/2 ln(1 + S/(nu0 s0^2))`,
-    /// S the sum of squared residuals; fixed: `-sum (r/sigma)^2/2 - sum ln(sigma sqrt(2 pi))`;
-    /// ess-target: `-S/2`, to be divided by the tuned sigma^2.
-    pub fn ln_joint(&self, outputs: &[f64]) -> f64 {
-        match &self.kind {
-            Kind::Inferred { nu0, sum0, constant, .. } => {
-                let s = self.sum_of_squares(outputs);
-                constant - 0.5 * (nu0 + self.values.len() as f64) * (s / sum0).ln_1p()
-            }
-            Kind::Fixed { inverse_sigma, constant } => {
-                let s: f64 = outputs
-                    .iter()
-                    .zip(&self.values)
-                    .zip(inverse_sigma)
-                    .map(|((o, y), w)| ((y - o) * w).powi(2))
-                    .sum();
-                constant - 0.5 * s
-            }
-            Kind::Tuned => -0.5 * self.sum_of_squares(outputs),
-        }
-    }
-
-    /// Recursive Bayes: calls `visit(k, ln p(y_k | y_1..y_{k-1}, theta))` for every observation in order.
-    ///
-    /// With `inferred` noise each factor is the Student-t predictive density of the conjugate update
-    /// `nu <- nu + 1`, `nu s^2 <- nu s^2 + r^2`.
-    pub fn recursion(&self, outputs: &[f64], mut visit: impl FnMut(usize, f64)) {
-        match &self.kind {
-            Kind::Inferred { nu0, sum0, .. } => {
-                let (mut nu, mut sum) = (*nu0, *sum0);
-                // ln Gamma((nu+1)/2) - ln Gamma(nu/2), advanced two steps at a time.
-                let mut ratio = [gamma_ratio(nu), gamma_ratio(nu + 1.0)];
-                for (k, (o, y)) in outputs.iter().zip(&self.values).enumerate() {
-                    let r2 = (y - o) * (y - o);
-                    let ln = ratio[k % 2]
-                        - 0.5 * (std::f64::consts::PI * sum).ln()
-                        - 0.5 * (nu + 1.0) * (r2 / sum).ln_1p();
-                    visit(k, ln);
-                    ratio[k % 2] += ((nu + 1.0) / nu).ln();
-                    nu += 1.0;
-                    sum += r2;
-                }
-            }
-            Kind::Fixed { inverse_sigma, .. } => {
-                for (k, ((o, y), w)) in
-                    outputs.iter().zip(&self.values).zip(inverse_sigma).enumerate()
-                {
-                    visit(k, w.ln() - LN_SQRT_2PI - 0.5 * ((y - o) * w).powi(2));
-                }
-            }
-            Kind::Tuned => {
-                for (k, (o, y)) in outputs.iter().zip(&self.values).enumerate() {
-                    visit(k, -0.5 * (y - o) * (y - o));
-                }
-            }
-        }
-    }
-
-    /// Log likelihood of the first 1, 2, .. observations: the running sums of [`Likelihood::recursion`], from
-    /// the joint density of each prefix (one logarithm per observation in place of three).
-    pub fn ln_cumulative(&self, outputs: &[f64], cumulative: &mut [f64]) {
-        match &self.kind {
-            Kind::Inferred { nu0, sum0, prefix, .. } => {
-                let (mut s, mut nu) = (0.0, *nu0);
-                for (((o, y), c), out) in
-                    outputs.iter().zip(&self.values).zip(prefix).zip(cumulative)
-                {
-                    s += (y - o) * (y - o);
-                    nu += 1.0;
-                    *out = c - 0.5 * nu * (1.0 + s / sum0).ln();
-                }
-            }
-            _ => {
-                let mut sum = 0.0;
-                self.recursion(outputs, |k, ln| {
-                    sum += ln;
-                    cumulative[k] = sum;
-                });
-            }
-        }
-    }
-
-    /// Sum of squared residuals that belongs to a joint log likelihood of inferred noise.
-    pub(crate) fn sum_of_squares_at(&self, ln_joint: f64) -> Option<f64> {
-        match &self.kind {
-            Kind::Inferred { nu0, sum0, constant, .. } => {
-                let nu = nu0 + self.values.len() as f64;
-                Some((sum0 * ((constant - ln_joint) * 2.0 / nu).exp_m1()).max(0.0))
-            }
-            _ => None,
-        }
-    }
-
-    /// Sum of squared residuals.
-    pub fn sum_of_squares(&self, outputs: &[f64]) -> f64 {
-        outputs.iter().zip(&self.values).map(|(o, y)| (y - o) * (y - o)).sum()
-    }
-
-    /// Observed values.
-    pub fn values(&self) -> &[f64] {
-        &self.values
-    }
-
-    /// Degrees of freedom and sum of squares `(nu0, nu0 s0^2)` of inferred noise.
-    pub fn inferred(&self) -> Option<(f64, f64)> {
-        match self.kind {
-            Kind::Inferred { nu0, sum0, .. } => Some((nu0, sum0)),
-            _ => None,
-        }
-    }
-
-    /// The standard deviation where it is known and the same for all observations.
-    pub fn common_sigma(&self) -> Option<f64> {
-        match &self.kind {
-            Kind::Fixed { inverse_sigma, .. }
-                if inverse_sigma.iter().all(|w| *w == inverse_sigma[0]) =>
-            {
-                Some(1.0 / inverse_sigma[0])
-            }
-            _ => None,
-        }
-    }
-
-    /// Known standard deviation of observation `index`.
-    pub fn fixed_sigma(&self, index: usize) -> Option<f64> {
-        match &self.kind {
-            Kind::Fixed { inverse_sigma, .. } => Some(1.0 / inverse_sigma[index]),
-            _ => None,
-        }
-    }
-}
-
-fn gamma_ratio(nu: f64) -> f64 {
-    ln_gamma(0.5 * (nu + 1.0)) - ln_gamma(0.5 * nu)
 }

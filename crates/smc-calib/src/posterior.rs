@@ -1,6 +1,8 @@
 //! The result of a calibration, as plain data.
 
-use crate::{Coordinate, Noise, Parameter, Settings, StageRecord};
+use crate::{
+    Coordinate, Noise, NoiseDraw, NoiseShape, Parameter, Settings, ShapeSummary, StageRecord,
+};
 use serde::{Deserialize, Serialize};
 
 /// Everything a calibration reports.
@@ -33,6 +35,9 @@ pub struct Posterior {
     pub map: MapPoint,
     /// Posterior of the noise standard deviation; none where it is fixed per point or tuned, or there are several.
     pub sigma: Option<SigmaSummary>,
+    /// Posterior of what the noise has beside its standard deviation; none where it has nothing, or there are several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_shape: Option<ShapeSummary>,
     /// Residuals of the MAP curve; of several groups, the tests of the group that fails them most clearly.
     pub residuals: Residuals,
     /// Posterior predictive bands at the observation points.
@@ -74,11 +79,25 @@ pub struct GroupSummary {
     pub sigma: Option<SigmaSummary>,
     /// Its noise standard deviation in each of the posterior's draws; empty where it is fixed point by point.
     pub sigma_draws: Vec<f64>,
+    /// Posterior of what its noise has beside its standard deviation; none where it has nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_shape: Option<ShapeSummary>,
+    /// The same in each of the posterior's draws; empty where it has nothing.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub shape_draws: Vec<NoiseShape>,
     /// Its residuals, of the MAP curve.
     pub residuals: Residuals,
 }
 
 impl GroupSummary {
+    /// Its noise in draw `k`; none where it is fixed point by point.
+    pub fn noise_draw(&self, k: usize) -> Option<NoiseDraw> {
+        Some(NoiseDraw {
+            sigma: *self.sigma_draws.get(k)?,
+            shape: self.shape_draws.get(k).copied(),
+        })
+    }
+
     /// Places of its observations among those of all groups.
     pub fn places(&self) -> std::ops::Range<usize> {
         self.first..self.first + self.observations
@@ -114,6 +133,16 @@ pub struct Draw {
     pub sample: usize,
     /// Noise standard deviation; none where the noise is fixed per point or tuned, or there are several.
     pub sigma: Option<f64>,
+    /// What the noise has beside its standard deviation; none where it has nothing, or there are several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shape: Option<NoiseShape>,
+}
+
+impl Draw {
+    /// The noise; none where it is fixed per point or tuned, or there are several.
+    pub fn noise(&self) -> Option<NoiseDraw> {
+        Some(NoiseDraw { sigma: self.sigma?, shape: self.shape })
+    }
 }
 
 /// An interval and the standard errors of its ends.
@@ -261,6 +290,10 @@ pub struct SigmaSummary {
 pub struct Residuals {
     /// Observed minus simulated.
     pub values: Vec<f64>,
+    /// Residuals as a noise model with correlation or outliers sees them: independent, of variance 1 where it holds. The
+    /// tests are then of these.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub whitened: Vec<f64>,
     /// Lag-1 autocorrelation.
     pub lag1: f64,
     /// z-score of the number of runs of equal sign; negative for too few.

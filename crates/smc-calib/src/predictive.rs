@@ -1,19 +1,17 @@
-//! Posterior predictive bands, and the posterior of the noise.
+//! Posterior predictive bands.
 
 use crate::estimate::Estimator;
-use crate::noise::Likelihood;
 use crate::sampler::Sampler;
 use crate::stream::{Purpose, stream};
 use crate::target::CurveTarget;
 use crate::weighted::Weighted;
-use crate::{BandPoint, Draw, GroupSummary, Posterior, SigmaSummary, SimError, Simulator};
+use crate::{BandPoint, Draw, GroupSummary, NoiseDraw, Posterior, SimError, Simulator};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
-use statrs::function::gamma::ln_gamma;
 
 /// Intervals of 50, 90 and 95 %. Their probabilities are written out: computed ones are off by a rounding.
-fn intervals(values: &Weighted) -> [[f64; 2]; 3] {
+pub(crate) fn intervals(values: &Weighted) -> [[f64; 2]; 3] {
     [[0.25, 0.75], [0.05, 0.95], [0.025, 0.975]].map(|ends| ends.map(|p| values.quantile(p)))
 }
 
@@ -24,7 +22,11 @@ fn band(index: usize, control: f64, mean: f64, values: Vec<f64>, noisy: Vec<f64>
     BandPoint { index, control, mean, curve50, curve90, curve95, noisy50, noisy90, noisy95 }
 }
 
-/// Bands at the observations that were kept.
+/// Most errors of correlated noise that are kept for the bands (128 MB).
+const MAX_ERRORS: usize = 8_000_000;
+
+/// Bands at the observations that were kept. Those of a new observation are of one in the same experiment: correlated
+/// errors are known from the residuals there.
 pub(crate) fn at_observations(
     target: &CurveTarget<'_>,
     sampler: &Sampler<'_>,
@@ -38,6 +40,7 @@ pub(crate) fn at_observations(
     let pool = &sampler.pool;
     let width = pool.kept_width;
     let control = target.problem.control();
+    let errors = Errors::new(target, sampler, draws, groups);
     (0..target.indices.len())
         .into_par_iter()
         .map(|k| {
@@ -46,27 +49,82 @@ pub(crate) fn at_observations(
             let mut rng = stream(sampler.settings.seed, Purpose::Predictive, 0, k);
             let point_sigma = target.likelihood.fixed_sigma(index);
             let group = groups.iter().find(|g| g.places().contains(&index));
-            let noisy: Vec<f64> = draws
-                .iter()
-                .zip(&values)
-                .enumerate()
-                .map(|(at, (d, v))| {
-                    let sigma = group.map_or(d.sigma, |g| g.sigma_draws.get(at).copied());
-                    v + sigma.or(point_sigma).unwrap_or(0.0) * rng.sample::<f64, _>(StandardNormal)
-                })
-                .collect();
+            let noise = |at: usize| group.map_or(draws[at].noise(), |g| g.noise_draw(at));
+            let noisy: Vec<f64> = match &errors {
+                Some(errors) => {
+                    let used = errors.draws.iter().enumerate();
+                    used.map(|(row, at)| {
+                        let [mean, sd] = errors.table[row * control.len() + index];
+                        let widening = noise(*at).map_or(1.0, |n| n.widening(rng.random()));
+                        let score: f64 = rng.sample(StandardNormal);
+                        values[*at] + mean + sd * widening * score
+                    })
+                    .collect()
+                }
+                None => (values.iter().enumerate())
+                    .map(|(at, v)| {
+                        let sigma = noise(at).map(|noise| noise.sigma);
+                        let score: f64 = rng.sample(StandardNormal);
+                        v + sigma.or(point_sigma).unwrap_or(0.0) * score
+                    })
+                    .collect(),
+            };
             let mean = estimator.mean(|i| pool.kept[i * width + k]);
             band(index, control[index], mean, values, noisy)
         })
         .collect()
 }
 
+/// Mean and standard deviation of new errors at all observations, for evenly chosen draws.
+struct Errors {
+    draws: Vec<usize>,
+    /// One row for each of these draws.
+    table: Vec<[f64; 2]>,
+}
+
+impl Errors {
+    /// None where no group's noise has more than its standard deviation.
+    fn new(
+        target: &CurveTarget<'_>,
+        sampler: &Sampler<'_>,
+        draws: &[Draw],
+        groups: &[GroupSummary],
+    ) -> Option<Self> {
+        if !target.likelihood.has_shape() {
+            return None;
+        }
+        let control = target.problem.control();
+        let m = control.len();
+        let count = draws.len().min((MAX_ERRORS / m).max(100));
+        let used: Vec<usize> = (0..count).map(|k| k * draws.len() / count).collect();
+        let mut table = vec![[0.0; 2]; count * m];
+        table.par_chunks_mut(m).zip(&used).for_each(|(row, at)| {
+            let curve = &sampler.pool.kept[draws[*at].sample * m..][..m];
+            for (g, (part, range)) in target.likelihood.groups().enumerate() {
+                let noise = groups.get(g).map_or(draws[*at].noise(), |g| g.noise_draw(*at));
+                let found = match noise {
+                    Some(noise) => {
+                        part.errors_at(&noise, &curve[range.clone()], &control[range.clone()])
+                    }
+                    None => range
+                        .clone()
+                        .map(|i| [0.0, part.fixed_sigma(i - range.start).unwrap_or(0.0)])
+                        .collect(),
+                };
+                row[range].copy_from_slice(&found);
+            }
+        });
+        Some(Self { draws: used, table })
+    }
+}
+
 /// Posterior predictive bands on any grid.
 ///
 /// `simulator` gives the curve at `control` for the same parameters; it is run for at most `max_draws` of the
 /// posterior's draws, evenly chosen. Draws that fail on this grid are left out. Noise is added where the
-/// posterior knows one standard deviation for all points; with several groups of observations none is
-/// ([`predictive_band_of_group`] adds it).
+/// posterior knows one standard deviation for all points, as in a new experiment (what the residuals say of correlated
+/// errors near the observations: [`Likelihood::errors_at`](crate::Likelihood::errors_at)); with several groups of
+/// observations none is ([`predictive_band_of_group`] adds it).
 ///
 /// # Errors
 /// A fatal simulator error, or no draw that can be simulated.
@@ -76,7 +134,7 @@ pub fn predictive_band(
     control: &[f64],
     max_draws: usize,
 ) -> Result<Vec<BandPoint>, SimError> {
-    band_on_grid(posterior, simulator, control, max_draws, &|at| posterior.draws[at].sigma)
+    band_on_grid(posterior, simulator, control, max_draws, &|at| posterior.draws[at].noise())
 }
 
 /// Posterior predictive bands on any grid, of one group of observations, with that group's noise.
@@ -99,16 +157,16 @@ pub fn predictive_band_of_group(
             if names.is_empty() { "none".to_owned() } else { names.join(", ") }
         )));
     };
-    band_on_grid(posterior, simulator, control, max_draws, &|at| group.sigma_draws.get(at).copied())
+    band_on_grid(posterior, simulator, control, max_draws, &|at| group.noise_draw(at))
 }
 
-/// Bands on a grid; `sigma` is the noise standard deviation of a draw.
+/// Bands on a grid; `noise` is the noise of a draw.
 fn band_on_grid(
     posterior: &Posterior,
     simulator: &dyn Simulator,
     control: &[f64],
     max_draws: usize,
-    sigma: &(dyn Fn(usize) -> Option<f64> + Sync),
+    noise: &(dyn Fn(usize) -> Option<NoiseDraw> + Sync),
 ) -> Result<Vec<BandPoint>, SimError> {
     let all = &posterior.draws;
     if simulator.observables() != control.len()
@@ -167,62 +225,14 @@ fn band_on_grid(
             for (c, draw) in &alive {
                 let Some(curve) = &curves[*c] else { continue };
                 values.push(curve[k]);
-                noisy.push(
-                    curve[k] + sigma(*draw).unwrap_or(0.0) * rng.sample::<f64, _>(StandardNormal),
-                );
+                let noise = noise(*draw);
+                let score: f64 = rng.sample(StandardNormal);
+                let outliers = noise.is_some_and(|noise| noise.shape.is_some());
+                let u = if outliers { rng.random() } else { 1.0 };
+                noisy.push(curve[k] + noise.map_or(0.0, |n| n.sigma * n.widening(u)) * score);
             }
             let mean = values.iter().sum::<f64>() / values.len() as f64;
             band(k, control[k], mean, values, noisy)
         })
         .collect())
-}
-
-/// Posterior of the noise standard deviation: moments exactly, as the weighted mixture of conditional inverse
-/// gammas, sigma^2 ~ IG(a, b), a = (nu0 + m)/2, b = (nu0 s0^2 + S)/2, with
-/// `E sigma = sqrt(b) Gamma(a - 1/2)/Gamma(a)` and `E sigma^2 = b/(a - 1)`; quantiles from the
-/// drawn `values`. `ln_l` holds the log likelihoods of the samples under this likelihood.
-pub(crate) fn sigma_summary(
-    values: Vec<f64>,
-    ln_l: &[f64],
-    estimator: &Estimator,
-    likelihood: &Likelihood,
-) -> Option<SigmaSummary> {
-    if let Some(s) = likelihood.common_sigma() {
-        let both = [s, s];
-        return Some(SigmaSummary {
-            mean: s,
-            sd: 0.0,
-            median: s,
-            eti50: both,
-            eti90: both,
-            eti95: both,
-            fixed: true,
-        });
-    }
-    let (nu0, sum0) = likelihood.inferred()?;
-    let a = 0.5 * (nu0 + likelihood.values().len() as f64);
-    let first = (ln_gamma(a - 0.5) - ln_gamma(a)).exp();
-    let b = |i: usize| 0.5 * (sum0 + likelihood.sum_of_squares_at(ln_l[i]).unwrap_or(0.0));
-    let mean = estimator.mean(|i| b(i).sqrt() * first);
-    // With a at most 1 the second moment does not exist.
-    let sd = if a > 1.0 {
-        (estimator.mean(|i| b(i) / (a - 1.0)) - mean * mean).max(0.0).sqrt()
-    } else {
-        f64::MAX
-    };
-    if values.is_empty() {
-        let both = [mean, mean];
-        return Some(SigmaSummary {
-            mean,
-            sd,
-            median: mean,
-            eti50: both,
-            eti90: both,
-            eti95: both,
-            fixed: false,
-        });
-    }
-    let values = Weighted::equal(values);
-    let [eti50, eti90, eti95] = intervals(&values);
-    Some(SigmaSummary { mean, sd, median: values.quantile(0.5), eti50, eti90, eti95, fixed: false })
 }

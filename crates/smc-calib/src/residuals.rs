@@ -11,7 +11,13 @@ use crate::trust::independent;
 /// z-score is standard normal; [`independent`] judges the two.
 pub(crate) fn residuals(observed: &[f64], simulated: &[f64]) -> Residuals {
     let values: Vec<f64> = observed.iter().zip(simulated).map(|(y, o)| y - o).collect();
-    let m = values.len() as f64;
+    let (lag1, runs_z) = tests(&values);
+    let independent = independent(lag1, runs_z, values.len() as f64);
+    Residuals { values, whitened: Vec::new(), lag1, runs_z, independent, misfit: None }
+}
+
+/// Lag-1 correlation, and the score of the runs test.
+fn tests(values: &[f64]) -> (f64, f64) {
     let squares: f64 = values.iter().map(|r| r * r).sum();
     let lagged: f64 = values.windows(2).map(|w| w[0] * w[1]).sum();
     let lag1 = if squares > 0.0 { lagged / squares } else { 0.0 };
@@ -24,15 +30,21 @@ pub(crate) fn residuals(observed: &[f64], simulated: &[f64]) -> Residuals {
         if n > 1.0 { 2.0 * up * down * (2.0 * up * down - n) / (n * n * (n - 1.0)) } else { 0.0 };
     let runs_z =
         if variance > 0.0 { (runs - 1.0 - 2.0 * up * down / n) / variance.sqrt() } else { 0.0 };
-    let independent = independent(lag1, runs_z, m);
-    Residuals { values, lag1, runs_z, independent, misfit: None }
+    (lag1, runs_z)
 }
 
 /// Residuals of a curve of one group, and how large they are beside the noise that was expected.
 pub(crate) fn residuals_of(group: &Group, likelihood: &Likelihood, outputs: &[f64]) -> Residuals {
     let mut found = residuals(group.observations.values(), outputs);
+    if let Some(whitened) = likelihood.whitened(outputs) {
+        (found.lag1, found.runs_z) = tests(&whitened);
+        found.independent = independent(found.lag1, found.runs_z, whitened.len() as f64);
+        found.whitened = whitened;
+    }
     let expected = |i: usize| match group.noise {
-        Noise::Inferred { s0, .. } => Some(s0),
+        Noise::Inferred { s0, .. } | Noise::Correlated { s0, .. } | Noise::Robust { s0, .. } => {
+            Some(s0)
+        }
         _ => likelihood.fixed_sigma(i),
     };
     let squares = found.values.iter().enumerate().map(|(i, r)| Some((r / expected(i)?).powi(2)));

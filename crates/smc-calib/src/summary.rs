@@ -5,10 +5,10 @@ use crate::estimate::Estimator;
 use crate::joint::JointProblem;
 use crate::map_search::find_map;
 use crate::marginal::{Marginal, in_si, mean_and_sd};
-use crate::noise::Likelihood;
+use crate::noise_summary::Part;
 use crate::path::path;
 use crate::pool::{Pool, effective_sample_size};
-use crate::predictive::{at_observations, sigma_summary};
+use crate::predictive::at_observations;
 use crate::residuals::residuals_of;
 use crate::sampler::Sampler;
 use crate::stream::{Purpose, stream};
@@ -18,7 +18,6 @@ use crate::{
     ParameterSummary, Posterior, Residuals, Sample, Settings, StageRecord, StopReason, psis,
 };
 use rand::RngExt;
-use rand_distr::{Distribution, Gamma};
 use rayon::prelude::*;
 
 /// A finished run.
@@ -65,14 +64,19 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
     let khat = parameters.iter().map(|p| p.khat).fold(weight_khat, f64::max);
 
     let chosen = chosen(&estimator, settings);
-    let sigma_draws =
-        likelihood.single().map(|one| draw_sigmas(&chosen, &pool.ln_l, one, 0, settings));
+    let noise = likelihood.single().map(|one| {
+        let range = 0..problem.observations();
+        let part = Part { likelihood: one, group: 0, range, ln_l: &pool.ln_l };
+        part.noise(&sampler, &estimator, &chosen)
+    });
+    let noise_of = |k: usize| noise.as_ref().and_then(|noise| noise.draws.get(k));
     let draws: Vec<Draw> = chosen
         .iter()
         .enumerate()
         .map(|(k, sample)| Draw {
             sample: *sample,
-            sigma: sigma_draws.as_ref().and_then(|s| s.get(k).copied()),
+            sigma: noise_of(k).map(|draw| draw.sigma),
+            shape: noise_of(k).and_then(|draw| draw.shape),
         })
         .collect();
     let groups = groups(target, &sampler, &estimator, &chosen, &map);
@@ -92,9 +96,8 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
         log_evidence,
         ess: EffectiveSampleSize { importance, per_simulation: importance / n as f64 },
         khat,
-        sigma: likelihood.single().and_then(|one| {
-            sigma_summary(sigma_draws.unwrap_or_default(), &pool.ln_l, &estimator, one)
-        }),
+        sigma: noise.as_ref().and_then(|noise| noise.sigma),
+        noise_shape: noise.and_then(|noise| noise.shape),
         residuals: residuals(target, &groups, &map),
         predictive,
         path,
@@ -206,16 +209,19 @@ fn groups(
                     if l.is_finite() { target.ln_of_group(g, kept, *l) } else { f64::NEG_INFINITY }
                 })
                 .collect();
-            let sigma_draws = draw_sigmas(chosen, &ln_l, part, g, sampler.settings);
             let outputs = &map.outputs[range.clone()];
+            let noise = Part { likelihood: part, group: g, range: range.clone(), ln_l: &ln_l }
+                .noise(sampler, estimator, chosen);
             GroupSummary {
                 name: group.name.clone(),
                 noise: group.noise.clone(),
                 first: range.start,
                 observations: range.len(),
                 log_likelihood: part.ln_joint(outputs),
-                sigma: sigma_summary(sigma_draws.clone(), &ln_l, estimator, part),
-                sigma_draws,
+                sigma: noise.sigma,
+                sigma_draws: noise.draws.iter().map(|draw| draw.sigma).collect(),
+                noise_shape: noise.shape,
+                shape_draws: noise.draws.iter().filter_map(|draw| draw.shape).collect(),
                 residuals: residuals_of(group, part, outputs),
             }
         })
@@ -297,31 +303,4 @@ fn chosen(estimator: &Estimator, settings: &Settings) -> Vec<usize> {
         chosen.push(last);
     }
     chosen
-}
-
-/// One noise standard deviation per draw, from its conditional inverse gamma in one group; `ln_l` holds the samples'
-/// log likelihoods there. Empty where the noise is fixed point by point or tuned.
-fn draw_sigmas(
-    chosen: &[usize],
-    ln_l: &[f64],
-    part: &Likelihood,
-    group: usize,
-    settings: &Settings,
-) -> Vec<f64> {
-    let Some((nu0, sum0)) = part.inferred() else {
-        return part.common_sigma().map_or_else(Vec::new, |sigma| vec![sigma; chosen.len()]);
-    };
-    let Ok(gamma) = Gamma::new(0.5 * (nu0 + part.values().len() as f64), 1.0) else {
-        return Vec::new();
-    };
-    chosen
-        .par_iter()
-        .enumerate()
-        .with_min_len(256)
-        .map(|(k, sample)| {
-            let s = part.sum_of_squares_at(ln_l[*sample]).unwrap_or(0.0);
-            let g: f64 = gamma.sample(&mut stream(settings.seed, Purpose::Sigma, group, k));
-            (0.5 * (sum0 + s) / g).sqrt()
-        })
-        .collect()
 }

@@ -63,6 +63,7 @@ fn sound() -> Posterior {
         khat: 0.2,
         map: crate::MapPoint::default(),
         sigma: None,
+        noise_shape: None,
         residuals: Residuals { values: vec![0.1; 10], independent: true, ..Residuals::default() },
         predictive: Vec::new(),
         path: vec![PathPoint::default(); 10],
@@ -245,6 +246,8 @@ fn dependent_residuals_are_told_from_eight_on_and_by_group() {
             log_likelihood: 0.0,
             sigma: None,
             sigma_draws: Vec::new(),
+            noise_shape: None,
+            shape_draws: Vec::new(),
             residuals: Residuals { values: vec![0.1; 10], lag1: 0.8, ..Residuals::default() },
         }];
     });

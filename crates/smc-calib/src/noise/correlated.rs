@@ -1,0 +1,441 @@
+//! Correlated errors: an independent part beside an Ornstein-Uhlenbeck process.
+//!
+//! `e = sqrt(1 - w) u + sqrt(w) n`, both of variance sigma^2: covariance `sigma^2 K`,
+//! `K_ij = w [i = j] + (1 - w) exp(-|s_i - s_j|/l)`, with the distance measured in s. Given the correlation length l and
+//! the white share w, the Kalman filter whitens the residuals (G. E. Uhlenbeck, L. S. Ornstein, Phys. Rev. 36 (1930) 823;
+//! J. Durbin, S. J. Koopman, Time Series Analysis by State Space Methods (2012), chapter 4); its gains do not depend on the
+//! curve. sigma^2 is integrated out as for independent errors, l and w by quadrature.
+
+use super::NoiseError;
+use super::rule::{Lane, gauss_legendre, ln_sum_exp};
+use crate::Observations;
+use crate::lanes::{LANES, ln_of_positive};
+use serde::{Deserialize, Serialize};
+use statrs::function::gamma::ln_gamma;
+use std::fmt;
+
+/// Shortest correlation length, as a share of the range of the observations; the longest is the range.
+const SHORTEST: f64 = 0.01;
+/// Most observations: what is prepared for them takes about 3 kB each.
+const MAX_OBSERVATIONS: usize = 20_000;
+/// Smallest positive control value over the largest below which a curve begins near zero.
+const NEAR_ZERO: f64 = 0.1;
+
+/// What distances between observations are measured in.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DistanceScale {
+    /// Logarithm of the control variable; a value at 0 is infinitely far from all others.
+    Log,
+    /// The control variable itself.
+    Linear,
+}
+
+impl DistanceScale {
+    /// The scale for observations where none is given: logarithmic where no control value is negative and the smallest
+    /// positive one is less than a tenth of the largest (a curve over time that begins near zero), else linear.
+    pub fn of(control: &[f64]) -> Self {
+        let smallest = control.iter().copied().filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
+        let largest = control.iter().copied().fold(0.0, f64::max);
+        if control.iter().all(|s| *s >= 0.0) && smallest < NEAR_ZERO * largest {
+            Self::Log
+        } else {
+            Self::Linear
+        }
+    }
+
+    /// Place on the scale.
+    fn place(self, control: f64) -> f64 {
+        match self {
+            Self::Log => control.ln(),
+            Self::Linear => control,
+        }
+    }
+}
+
+impl fmt::Display for DistanceScale {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Log => "log",
+            Self::Linear => "linear",
+        })
+    }
+}
+
+/// One correlation length and white share, with the prior weight of each.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Node {
+    /// Correlation length, in the unit of the scale.
+    pub length: f64,
+    /// Share of the variance that is independent.
+    pub white: f64,
+    /// Which of the lengths, and which of the shares.
+    pub place: [usize; 2],
+    prior: f64,
+}
+
+/// The filter of one node at one observation: eight nodes side by side.
+#[derive(Clone, Debug, PartialEq)]
+struct Step {
+    /// Correlation with the observation before.
+    decay: Lane,
+    /// Share of the innovation that the process takes up.
+    gain: Lane,
+    /// One over the variance of the innovation, in sigma^2.
+    precision: Lane,
+    /// Log of the prior weight, minus half the log of the variances so far.
+    ln_scale: Lane,
+}
+
+/// The likelihood of a curve under correlated errors.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Correlated {
+    nu0: f64,
+    sum0: f64,
+    scale: DistanceScale,
+    control: Vec<f64>,
+    nodes: Vec<Node>,
+    /// Range of the observations on the scale.
+    range: f64,
+    rows: usize,
+    /// Filters, block of nodes by block of nodes, each through all observations.
+    steps: Vec<Step>,
+    /// Log constant of the density of the first 1, 2, .. observations.
+    constants: Vec<f64>,
+}
+
+impl Correlated {
+    /// The model for some observations; none where fewer than three of them lie at different places of the scale: there
+    /// is then no correlation to be seen.
+    pub(crate) fn new(
+        [nu0, sum0]: [f64; 2],
+        scale: Option<DistanceScale>,
+        [lengths, shares]: [usize; 2],
+        observations: &Observations,
+    ) -> Result<Option<Self>, NoiseError> {
+        let control = observations.control().to_vec();
+        let rows = control.len();
+        if rows > MAX_OBSERVATIONS {
+            return Err(NoiseError::TooManyCorrelated {
+                observations: rows,
+                most: MAX_OBSERVATIONS,
+            });
+        }
+        for (field, nodes) in [("lengths", lengths), ("shares", shares)] {
+            if !(1..=64).contains(&nodes) {
+                return Err(NoiseError::Nodes { field, nodes });
+            }
+        }
+        let scale = scale.unwrap_or_else(|| DistanceScale::of(&control));
+        if scale == DistanceScale::Log
+            && let Some(index) = control.iter().position(|s| *s < 0.0)
+        {
+            return Err(NoiseError::LogOfNegative { index, control: control[index] });
+        }
+        let mut places: Vec<f64> =
+            control.iter().map(|s| scale.place(*s)).filter(|s| s.is_finite()).collect();
+        places.dedup();
+        if places.len() < 3 {
+            return Ok(None);
+        }
+        let range = places[places.len() - 1] - places[0];
+        let nodes = nodes(range, lengths, shares);
+        let mut constants = Vec::with_capacity(rows);
+        let (base, ln_scale) = (ln_gamma(0.5 * nu0), 0.5 * (std::f64::consts::PI * sum0).ln());
+        for k in 1..=rows {
+            constants.push(ln_gamma(0.5 * (nu0 + k as f64)) - base - k as f64 * ln_scale);
+        }
+        let mut new =
+            Self { nu0, sum0, scale, control, nodes, range, rows, steps: Vec::new(), constants };
+        new.steps = new.nodes.chunks(LANES).flat_map(|block| new.prepared(block)).collect();
+        Ok(Some(new))
+    }
+
+    /// Filters of up to eight nodes; lanes without a node have weight zero.
+    fn prepared(&self, block: &[Node]) -> Vec<Step> {
+        let nothing = Step {
+            decay: [0.0; LANES],
+            gain: [0.0; LANES],
+            precision: [0.0; LANES],
+            ln_scale: [f64::NEG_INFINITY; LANES],
+        };
+        let mut steps = vec![nothing; self.rows];
+        for (lane, node) in block.iter().enumerate() {
+            let mut ln_scale = node.prior.ln();
+            for (step, of) in steps.iter_mut().zip(self.filter(node.length, node.white)) {
+                ln_scale -= 0.5 * of.variance.ln();
+                step.decay[lane] = of.decay;
+                step.gain[lane] = of.gain;
+                step.precision[lane] = 1.0 / of.variance;
+                step.ln_scale[lane] = ln_scale;
+            }
+        }
+        steps
+    }
+
+    /// The filter through the observations for one correlation length and white share.
+    fn filter(&self, length: f64, white: f64) -> impl Iterator<Item = Filter> {
+        let mut left = 0.0;
+        self.control.iter().enumerate().map(move |(k, control)| {
+            let decay = match k {
+                0 => 0.0,
+                _ => self.decay(self.control[k - 1], *control, length),
+            };
+            let known = decay * decay * left + (1.0 - white) * (1.0 - decay * decay);
+            let variance = known + white;
+            let gain = known / variance;
+            left = known * (1.0 - gain);
+            Filter { decay, gain, variance }
+        })
+    }
+
+    /// Correlation of the process between two control values.
+    fn decay(&self, a: f64, b: f64, length: f64) -> f64 {
+        if a == b {
+            return 1.0;
+        }
+        let distance = self.scale.place(b) - self.scale.place(a);
+        (-distance / length).exp()
+    }
+
+    /// Shape of the inverse gamma of sigma^2 after all observations, and twice its scale before them.
+    pub(crate) fn shape_and_sum(&self) -> (f64, f64) {
+        (0.5 * (self.nu0 + self.rows as f64), self.sum0)
+    }
+
+    /// What distances are measured in.
+    pub(crate) fn scale(&self) -> DistanceScale {
+        self.scale
+    }
+
+    /// Range of the observations on the scale.
+    pub(crate) fn range(&self) -> f64 {
+        self.range
+    }
+
+    /// Correlation lengths and white shares.
+    pub(crate) fn nodes(&self) -> &[Node] {
+        &self.nodes
+    }
+
+    /// Prior probabilities of the lengths, or of the shares.
+    pub(crate) fn prior(&self, axis: usize) -> Vec<f64> {
+        let count = self.nodes.iter().map(|n| n.place[axis] + 1).max().unwrap_or(0);
+        let mut prior = vec![0.0; count];
+        self.nodes.iter().for_each(|n| prior[n.place[axis]] += n.prior);
+        prior
+    }
+
+    /// The length, or the share, at a value of its distribution function under the prior.
+    pub(crate) fn quantity(&self, axis: usize, u: f64) -> f64 {
+        if axis == 0 { length(self.range, u) } else { share(u) }
+    }
+
+    /// Log likelihood of the curve.
+    pub(crate) fn ln_joint(&self, values: &[f64], outputs: &[f64]) -> f64 {
+        pulp::Arch::new().dispatch(|| {
+            let mut terms = vec![[0.0; LANES]; self.nodes.len().div_ceil(LANES)];
+            self.terms(values, outputs, &mut terms);
+            self.constants[self.rows - 1] + ln_sum_exp(&terms)
+        })
+    }
+
+    /// Log of prior weight times density of every node, without the constant.
+    #[inline(always)]
+    fn terms(&self, values: &[f64], outputs: &[f64], terms: &mut [Lane]) {
+        let power = 0.5 * (self.nu0 + self.rows as f64);
+        for (steps, terms) in self.steps.chunks_exact(self.rows).zip(terms) {
+            let (mut expected, mut sum) = ([0.0; LANES], [0.0; LANES]);
+            for ((step, value), output) in steps.iter().zip(values).zip(outputs) {
+                advance(step, value - output, &mut expected, &mut sum);
+            }
+            let ln_scale = &steps[self.rows - 1].ln_scale;
+            for ((t, s), scale) in terms.iter_mut().zip(sum).zip(ln_scale) {
+                *t = scale - power * ln_one_plus(s / self.sum0);
+            }
+        }
+    }
+
+    /// Log likelihood of the first 1, 2, .. observations.
+    pub(crate) fn ln_cumulative(&self, values: &[f64], outputs: &[f64], cumulative: &mut [f64]) {
+        pulp::Arch::new().dispatch(|| {
+            let blocks = self.nodes.len().div_ceil(LANES);
+            let mut state = vec![([0.0; LANES], [0.0; LANES]); blocks];
+            let mut terms = vec![[0.0; LANES]; blocks];
+            for k in 0..self.rows {
+                let residual = values[k] - outputs[k];
+                let power = 0.5 * (self.nu0 + (k + 1) as f64);
+                for (b, ((expected, sum), terms)) in state.iter_mut().zip(&mut terms).enumerate() {
+                    let step = &self.steps[b * self.rows + k];
+                    advance(step, residual, expected, sum);
+                    for ((t, s), scale) in terms.iter_mut().zip(sum).zip(&step.ln_scale) {
+                        *t = scale - power * ln_one_plus(*s / self.sum0);
+                    }
+                }
+                cumulative[k] = self.constants[k] + ln_sum_exp(&terms);
+            }
+        });
+    }
+
+    /// Posterior probability of every node given the curve, and its sum of squares of whitened residuals.
+    pub(crate) fn posterior(&self, values: &[f64], outputs: &[f64]) -> Vec<(f64, f64)> {
+        let mut terms = vec![[0.0; LANES]; self.nodes.len().div_ceil(LANES)];
+        self.terms(values, outputs, &mut terms);
+        let total = ln_sum_exp(&terms);
+        let power = 0.5 * (self.nu0 + self.rows as f64);
+        let last = |j: usize| self.steps[j / LANES * self.rows + self.rows - 1].ln_scale[j % LANES];
+        (0..self.nodes.len())
+            .map(|j| {
+                let term = terms[j / LANES][j % LANES];
+                let sum = self.sum0 * ((last(j) - term) / power).exp_m1().max(0.0);
+                ((term - total).exp(), sum)
+            })
+            .collect()
+    }
+
+    /// Residuals over the standard deviations that they were expected with, each given those before it, in sigma.
+    pub(crate) fn whitened(&self, residuals: &[f64], length: f64, white: f64) -> Vec<f64> {
+        let mut state = 0.0;
+        let filters = self.filter(length, white).zip(residuals);
+        filters
+            .map(|(f, residual)| {
+                let expected = f.decay * state;
+                let innovation = residual - expected;
+                state = expected + f.gain * innovation;
+                innovation / f.variance.sqrt()
+            })
+            .collect()
+    }
+
+    /// Mean and variance over sigma^2 of each residual given all others: `r_i - (Q r)_i/Q_ii` and `1/Q_ii`, where Q is the
+    /// inverse of K (P.-C. Buerkner, J. Gabry, A. Vehtari, Comput. Stat. 36 (2021) 1243), by the smoothing recursion of
+    /// P. de Jong, J. Am. Stat. Assoc. 83 (1988) 231.
+    pub(crate) fn given_others(
+        &self,
+        residuals: &[f64],
+        length: f64,
+        white: f64,
+    ) -> Vec<(f64, f64)> {
+        let filters: Vec<Filter> = self.filter(length, white).collect();
+        let mut innovations = Vec::with_capacity(self.rows);
+        let mut state = 0.0;
+        for (f, residual) in filters.iter().zip(residuals) {
+            let expected = f.decay * state;
+            innovations.push(residual - expected);
+            state = expected + f.gain * (residual - expected);
+        }
+        let mut found = vec![(0.0, 0.0); self.rows];
+        let (mut r, mut n) = (0.0, 0.0);
+        for k in (0..self.rows).rev() {
+            let f = &filters[k];
+            let next = filters.get(k + 1).map_or(0.0, |f| f.decay);
+            let (taken, left) = (next * f.gain, next * (1.0 - f.gain));
+            let scaled = innovations[k] / f.variance;
+            let (u, d) = (scaled - taken * r, 1.0 / f.variance + taken * taken * n);
+            found[k] = (residuals[k] - u / d, 1.0 / d);
+            (r, n) = (scaled + left * r, 1.0 / f.variance + left * left * n);
+        }
+        found
+    }
+
+    /// Mean, and variance over sigma^2, of the error of new observations at `control`, given the residuals: what is known
+    /// of the process there, and the independent part.
+    pub(crate) fn smoothed(
+        &self,
+        residuals: &[f64],
+        length: f64,
+        white: f64,
+        control: &[f64],
+    ) -> Vec<(f64, f64)> {
+        // Observations and new places in one order; a new place at an observation comes after it.
+        let observed = self.control.iter().zip(residuals).map(|(s, r)| (*s, Ok(*r)));
+        let asked = control.iter().enumerate().map(|(i, s)| (*s, Err(i)));
+        let mut all: Vec<(f64, Result<f64, usize>)> = observed.chain(asked).collect();
+        all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.is_err().cmp(&b.1.is_err())));
+        let mut passed: Vec<[f64; 5]> = Vec::with_capacity(all.len());
+        let (mut state, mut left, mut before) = (0.0, 1.0 - white, None);
+        for (s, what) in &all {
+            let decay = before.map_or(0.0, |before| self.decay(before, *s, length));
+            let expected = decay * state;
+            let known = decay * decay * left + (1.0 - white) * (1.0 - decay * decay);
+            (state, left) = (expected, known);
+            if let Ok(residual) = what {
+                let gain = known / (known + white);
+                state += gain * (residual - expected);
+                left *= 1.0 - gain;
+            }
+            passed.push([decay, expected, known, state, left]);
+            before = Some(*s);
+        }
+        let mut found = vec![(0.0, 1.0); control.len()];
+        for k in (0..all.len()).rev() {
+            let [.., mut mean, mut variance] = passed[k];
+            if let Some([decay, expected, known, later, of_later]) = passed.get(k + 1).copied()
+                && known > 0.0
+            {
+                let back = variance * decay / known;
+                mean += back * (later - expected);
+                variance += back * back * (of_later - known);
+            }
+            (passed[k][3], passed[k][4]) = (mean, variance);
+            if let Err(i) = all[k].1 {
+                found[i] = (mean, variance.max(0.0) + white);
+            }
+        }
+        found
+    }
+}
+
+/// The scalar filter at one observation; variances are in sigma^2.
+#[derive(Clone, Copy, Debug)]
+struct Filter {
+    decay: f64,
+    gain: f64,
+    /// Variance of the innovation.
+    variance: f64,
+}
+
+/// Takes up one residual.
+#[inline(always)]
+fn advance(step: &Step, residual: f64, expected: &mut Lane, sum: &mut Lane) {
+    for i in 0..LANES {
+        let predicted = step.decay[i] * expected[i];
+        let innovation = residual - predicted;
+        sum[i] += innovation * innovation * step.precision[i];
+        expected[i] = predicted + step.gain[i] * innovation;
+    }
+}
+
+/// ln(1 + x) for x of at least 0; infinity counts as the largest number.
+#[inline(always)]
+fn ln_one_plus(x: f64) -> f64 {
+    ln_of_positive((1.0 + x).min(f64::MAX))
+}
+
+/// The correlation length at a value of its distribution function: log-uniform.
+fn length(range: f64, u: f64) -> f64 {
+    range * SHORTEST.powf(1.0 - u)
+}
+
+/// The white share at a value of its distribution function: density w^(-2/3)/3.
+fn share(u: f64) -> f64 {
+    u.powi(3)
+}
+
+/// A product of Gauss-Legendre rules.
+fn nodes(range: f64, lengths: usize, shares: usize) -> Vec<Node> {
+    let shares = gauss_legendre(shares);
+    gauss_legendre(lengths)
+        .iter()
+        .enumerate()
+        .flat_map(|(i, (u, p))| {
+            shares.iter().enumerate().map(move |(j, (v, q))| Node {
+                length: length(range, *u),
+                white: share(*v),
+                place: [i, j],
+                prior: p * q,
+            })
+        })
+        .collect()
+}

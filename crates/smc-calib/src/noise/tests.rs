@@ -1,0 +1,298 @@
+//! Noise models against dense linear algebra and direct sums.
+
+use super::correlated::Correlated;
+use super::robust;
+use super::*;
+use crate::Observations;
+use nalgebra::{DMatrix, DVector};
+use statrs::function::gamma::ln_gamma;
+
+const NU0: f64 = 4.0;
+const S0: f64 = 0.05;
+
+/// Times with a row at 0 and two equal ones, values, and a curve that misses them.
+fn data(m: usize) -> (Observations, Vec<f64>) {
+    let mut control: Vec<f64> = (0..m).map(|k| 0.3 * (k as f64).powf(1.7)).collect();
+    if m > 6 {
+        control[5] = control[4];
+    }
+    let wave = |k: usize| (0.37 * k as f64).sin() * 0.04 + 0.01 * ((7 * k) % 5) as f64;
+    let values = (0..m).map(|k| 0.5 + wave(k)).collect();
+    let outputs = (0..m).map(|k| 0.5 + 0.02 * (0.21 * k as f64).cos()).collect();
+    (Observations::new(control, values).expect("observations"), outputs)
+}
+
+fn residuals(observations: &Observations, outputs: &[f64]) -> Vec<f64> {
+    observations.values().iter().zip(outputs).map(|(v, o)| v - o).collect()
+}
+
+/// Correlation of the process between two places; places without a logarithm are far from all others.
+fn process(scale: DistanceScale, a: f64, b: f64, length: f64) -> f64 {
+    let place = |s: f64| if scale == DistanceScale::Log { s.ln() } else { s };
+    if a == b { 1.0 } else { (-(place(a) - place(b)).abs() / length).exp() }
+}
+
+fn covariance(control: &[f64], scale: DistanceScale, length: f64, white: f64) -> DMatrix<f64> {
+    DMatrix::from_fn(control.len(), control.len(), |i, j| {
+        let own = if i == j { white } else { 0.0 };
+        own + (1.0 - white) * process(scale, control[i], control[j], length)
+    })
+}
+
+/// Log density of a multivariate Student t of covariance structure K.
+fn student(k: &DMatrix<f64>, r: &[f64]) -> f64 {
+    let m = r.len() as f64;
+    let factor = k.clone().cholesky().expect("definite");
+    let r = DVector::from_row_slice(r);
+    let squares = r.dot(&factor.solve(&r));
+    let ln_det = 2.0 * factor.l().diagonal().iter().map(|d| d.ln()).sum::<f64>();
+    let sum0 = NU0 * S0 * S0;
+    ln_gamma(0.5 * (NU0 + m))
+        - ln_gamma(0.5 * NU0)
+        - 0.5 * m * (std::f64::consts::PI * sum0).ln()
+        - 0.5 * ln_det
+        - 0.5 * (NU0 + m) * (squares / sum0).ln_1p()
+}
+
+fn correlated(scale: DistanceScale, nodes: [usize; 2]) -> Noise {
+    Noise::Correlated { nu0: NU0, s0: S0, scale: Some(scale), nodes }
+}
+
+fn model(scale: DistanceScale, nodes: [usize; 2], observations: &Observations) -> Correlated {
+    Correlated::new([NU0, NU0 * S0 * S0], Some(scale), nodes, observations)
+        .expect("a model")
+        .expect("three different places")
+}
+
+fn ln_sum(terms: &[f64]) -> f64 {
+    let top = terms.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    top + terms.iter().map(|t| (t - top).exp()).sum::<f64>().ln()
+}
+
+#[test]
+fn the_correlated_likelihood_is_that_of_dense_linear_algebra_after_every_observation() {
+    for scale in [DistanceScale::Log, DistanceScale::Linear] {
+        for (m, nodes) in [(3, [1, 1]), (7, [3, 2]), (8, [4, 4]), (44, [5, 3])] {
+            let (observations, outputs) = data(m.max(4));
+            let r = residuals(&observations, &outputs);
+            let likelihood =
+                Likelihood::new(&correlated(scale, nodes), &observations).expect("a model");
+            let model = model(scale, nodes, &observations);
+            let prior = |axis: usize| model.prior(axis);
+            let exact = |rows: usize| {
+                let terms: Vec<f64> = model
+                    .nodes()
+                    .iter()
+                    .map(|n| {
+                        let k =
+                            covariance(&observations.control()[..rows], scale, n.length, n.white);
+                        let weight = prior(0)[n.place[0]] * prior(1)[n.place[1]];
+                        weight.ln() + student(&k, &r[..rows])
+                    })
+                    .collect();
+                ln_sum(&terms)
+            };
+            let mut path = vec![0.0; r.len()];
+            likelihood.ln_cumulative(&outputs, &mut path);
+            for (k, ln) in path.iter().enumerate() {
+                let exact = exact(k + 1);
+                assert!((ln - exact).abs() < 1e-10 * exact.abs().max(1.0), "{m} {k}: {ln} {exact}");
+            }
+            let joint = likelihood.ln_joint(&outputs);
+            assert!((joint - path[r.len() - 1]).abs() < 1e-11 * joint.abs().max(1.0));
+            let mut sum = 0.0;
+            likelihood.recursion(&outputs, |_, ln| sum += ln);
+            assert!((joint - sum).abs() < 1e-10 * joint.abs().max(1.0));
+        }
+    }
+}
+
+#[test]
+fn without_correlation_the_likelihood_is_the_independent_one() {
+    // A range of 1e9 lengths: no two observations are alike.
+    let control: Vec<f64> = (0..20).map(f64::from).collect();
+    let (near, outputs) = data(20);
+    let observations = Observations::new(control, near.values().to_vec()).expect("observations");
+    let model = model(DistanceScale::Linear, [2, 2], &observations);
+    let r = residuals(&observations, &outputs);
+    let squares: f64 = r.iter().map(|r| r * r).sum();
+    let whitened = model.whitened(&r, 1e-9, 0.3);
+    let found: f64 = whitened.iter().map(|r| r * r).sum();
+    assert!((found / squares - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn residuals_given_all_others_are_those_of_the_inverse_covariance() {
+    for scale in [DistanceScale::Log, DistanceScale::Linear] {
+        let (observations, outputs) = data(12);
+        let r = residuals(&observations, &outputs);
+        let model = model(scale, [2, 2], &observations);
+        for (length, white) in [(0.7, 0.2), (3.0, 0.01), (0.05, 0.9)] {
+            let k = covariance(observations.control(), scale, length, white);
+            let inverse = k.try_inverse().expect("definite");
+            let qr = &inverse * DVector::from_row_slice(&r);
+            for (i, (mean, variance)) in
+                model.given_others(&r, length, white).into_iter().enumerate()
+            {
+                let exact = (r[i] - qr[i] / inverse[(i, i)], 1.0 / inverse[(i, i)]);
+                assert!((mean - exact.0).abs() < 1e-9, "{i}: {mean} {}", exact.0);
+                assert!((variance / exact.1 - 1.0).abs() < 1e-9, "{i}: {variance} {}", exact.1);
+            }
+        }
+    }
+}
+
+#[test]
+fn errors_of_new_observations_are_those_of_the_conditional_normal() {
+    for scale in [DistanceScale::Log, DistanceScale::Linear] {
+        let (observations, outputs) = data(9);
+        let r = residuals(&observations, &outputs);
+        let model = model(scale, [2, 2], &observations);
+        let control = observations.control();
+        let new = [0.0, 0.1, control[3], 5.0, control[8], 40.0, 1e6];
+        for (length, white) in [(0.7, 0.2), (3.0, 0.01)] {
+            let k = covariance(control, scale, length, white).cholesky().expect("definite");
+            let solved = k.solve(&DVector::from_row_slice(&r));
+            let found = model.smoothed(&r, length, white, &new);
+            for (s, (mean, variance)) in new.iter().zip(found) {
+                let with = DVector::from_fn(control.len(), |i, _| {
+                    (1.0 - white) * process(scale, *s, control[i], length)
+                });
+                let exact = (with.dot(&solved), 1.0 - with.dot(&k.solve(&with)));
+                assert!((mean - exact.0).abs() < 1e-10, "{s}: {mean} {}", exact.0);
+                assert!((variance - exact.1).abs() < 1e-10, "{s}: {variance} {}", exact.1);
+            }
+        }
+    }
+}
+
+#[test]
+fn posterior_probabilities_of_the_nodes_sum_to_one_and_know_their_sums_of_squares() {
+    let (observations, outputs) = data(30);
+    let r = residuals(&observations, &outputs);
+    let model = model(DistanceScale::Log, [5, 4], &observations);
+    let found = model.posterior(observations.values(), &outputs);
+    assert!((found.iter().map(|(p, _)| p).sum::<f64>() - 1.0).abs() < 1e-12);
+    for (node, (_, sum)) in model.nodes().iter().zip(found) {
+        let whitened = model.whitened(&r, node.length, node.white);
+        let exact: f64 = whitened.iter().map(|r| r * r).sum();
+        assert!((sum / exact - 1.0).abs() < 1e-9, "{sum} {exact}");
+    }
+}
+
+#[test]
+fn fewer_than_three_different_places_have_independent_errors() {
+    for control in [vec![1.0, 1.0, 2.0], vec![0.0, 1.0, 2.0], vec![1.0]] {
+        let values = vec![0.5; control.len()];
+        let observations = Observations::new(control, values.clone()).expect("observations");
+        let of = |noise: &Noise| {
+            Likelihood::new(noise, &observations).expect("a model").ln_joint(&values)
+        };
+        let independent = of(&Noise::Inferred { nu0: NU0, s0: S0 });
+        assert_eq!(of(&correlated(DistanceScale::Log, [4, 4])), independent);
+    }
+}
+
+#[test]
+fn the_scale_is_logarithmic_for_curves_that_begin_near_zero() {
+    for (control, scale) in [
+        (vec![0.0, 1.0, 100.0], DistanceScale::Log),
+        (vec![1.0, 5.0, 10.1], DistanceScale::Log),
+        (vec![1.0, 5.0, 10.0], DistanceScale::Linear),
+        (vec![-1.0, 0.01, 10.0], DistanceScale::Linear),
+        (vec![0.0, 0.0], DistanceScale::Linear),
+    ] {
+        assert_eq!(DistanceScale::of(&control), scale, "{control:?}");
+    }
+}
+
+#[test]
+fn distances_that_cannot_be_measured_are_refused() {
+    let observations =
+        Observations::new(vec![-1.0, 0.5, 1.0, 2.0], vec![0.0; 4]).expect("observations");
+    let refused = |noise: &Noise| Likelihood::new(noise, &observations).err();
+    assert_eq!(
+        refused(&correlated(DistanceScale::Log, [4, 4])),
+        Some(NoiseError::LogOfNegative { index: 0, control: -1.0 })
+    );
+    assert_eq!(
+        refused(&correlated(DistanceScale::Linear, [0, 4])),
+        Some(NoiseError::Nodes { field: "lengths", nodes: 0 })
+    );
+    assert_eq!(
+        refused(&correlated(DistanceScale::Linear, [4, 65])),
+        Some(NoiseError::Nodes { field: "shares", nodes: 65 })
+    );
+    for noise in [Noise::Robust { nu0: 0.0, s0: 1.0 }, Noise::Robust { nu0: 1.0, s0: -1.0 }] {
+        assert!(matches!(refused(&noise), Some(NoiseError::NotPositive { .. })));
+    }
+}
+
+/// ln of the integral of prior times density over sigma and the share of outliers, by a fine rule.
+fn robust_by_force(r: &[f64]) -> f64 {
+    let (a, b) = (0.5 * NU0, 0.5 * NU0 * S0 * S0);
+    let step = 0.01;
+    let mut terms = Vec::new();
+    for j in 0..1200 {
+        let u = (S0 * 1e-2_f64).ln() + step * f64::from(j);
+        let prior = 2f64.ln() + a * b.ln() - ln_gamma(a) - 2.0 * a * u - b * (-2.0 * u).exp();
+        for (share, weight) in rule::gauss_legendre(24) {
+            let share = robust::share(share);
+            let ln: f64 = r.iter().map(|r| robust::ln_density(*r, u.exp(), share)).sum();
+            terms.push(step.ln() + f64::ln(weight) + prior + ln);
+        }
+    }
+    ln_sum(&terms)
+}
+
+#[test]
+fn the_robust_likelihood_is_the_integral_over_sigma_and_the_share_of_outliers() {
+    for m in [1, 2, 5, 31, 32, 33, 44, 100] {
+        let (observations, mut outputs) = data(m);
+        if m > 20 {
+            outputs[10] += 0.3;
+        }
+        let r = residuals(&observations, &outputs);
+        let noise = Noise::Robust { nu0: NU0, s0: S0 };
+        let likelihood = Likelihood::new(&noise, &observations).expect("a model");
+        let mut path = vec![0.0; m];
+        likelihood.ln_cumulative(&outputs, &mut path);
+        let joint = likelihood.ln_joint(&outputs);
+        let exact = robust_by_force(&r);
+        assert!((joint - exact).abs() < 2e-3, "{m}: {joint} {exact}");
+        assert!((joint - path[m - 1]).abs() < 1e-9 * joint.abs().max(1.0), "{joint} {path:?}");
+        for k in (0..m).step_by(9) {
+            let exact = robust_by_force(&r[..=k]);
+            assert!((path[k] - exact).abs() < 2e-3, "{m}, {k}: {} {exact}", path[k]);
+        }
+    }
+}
+
+#[test]
+fn densities_outlier_probabilities_and_scores_of_single_residuals_agree() {
+    let (sigma, share) = (0.2, 0.1);
+    for r in [-3.0, -0.5, 0.0, 0.1, 0.7, 40.0] {
+        let normal = |sigma: f64| (crate::normal::ln_density(r / sigma)).exp() / sigma;
+        let (own, wide) = ((1.0 - share) * normal(sigma), share * normal(robust::WIDE * sigma));
+        let ln = robust::ln_density(r, sigma, share);
+        assert!((ln - (own + wide).ln()).abs() < 1e-9 * ln.abs().max(1.0), "{r}");
+        assert!((robust::outlier(r, sigma, share) - wide / (own + wide)).abs() < 1e-12, "{r}");
+    }
+    assert_eq!(robust::outlier(1e200, sigma, share), 1.0);
+    assert!((robust::score(0.1, sigma, 0.0) - 0.5).abs() < 1e-9);
+    assert!(robust::score(-0.4, sigma, share) > -2.0, "a long tail makes scores smaller");
+}
+
+#[test]
+fn curves_far_from_the_data_have_a_finite_or_zero_likelihood() {
+    let (observations, _) = data(44);
+    for noise in [Noise::correlated(), Noise::robust()] {
+        let likelihood = Likelihood::new(&noise, &observations).expect("a model");
+        for size in [1e3, 1e100, 1e200, 1e308] {
+            let ln = likelihood.ln_joint(&[size; 44]);
+            assert!(ln < -100.0 && !ln.is_nan(), "{noise:?} {size}: {ln}");
+        }
+        let exact = likelihood.ln_joint(observations.values());
+        assert!(exact.is_finite() && exact > 0.0);
+    }
+}
