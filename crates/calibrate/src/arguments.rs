@@ -5,7 +5,7 @@ use std::str::FromStr as _;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use dem_core::{Kinetics, SolverKind};
 use figures::Width;
-use smc_calib::{FixedSigma, Noise};
+use smc_calib::{DistanceScale, FixedSigma, Noise};
 use workbench::error::nearest;
 use workbench::input::experiment::checked_phi;
 use workbench::input::material::Material;
@@ -191,7 +191,8 @@ pub(crate) fn window(text: &str) -> Result<[f64; 2], String> {
     }
 }
 
-/// A noise model: `inferred`, `inferred:NU0,S0`, `fixed:SIGMA`, `fixed:table`, `fixed-relative:SHARE` or `ess-target:SHARE`.
+/// A noise model: `inferred`, `correlated` or `robust`, each with `:NU0,S0` or without, `correlated:log` and
+/// `correlated:linear`, `fixed:SIGMA`, `fixed:table`, `fixed-relative:SHARE` or `ess-target:SHARE`.
 pub(crate) fn noise(text: &str) -> Result<Noise, String> {
     let (kind, value) = match text.split_once(':') {
         Some((kind, value)) => (kind.trim(), Some(value.trim())),
@@ -201,13 +202,31 @@ pub(crate) fn noise(text: &str) -> Result<Noise, String> {
         let share = positive(value)?;
         if share < 1.0 { Ok(share) } else { Err("expected a share between 0 and 1".to_owned()) }
     };
+    let prior = |value: &str| {
+        let (nu0, s0) = value
+            .split_once(',')
+            .ok_or_else(|| format!("expected {kind}:NU0,S0, as in {kind}:4,0.05"))?;
+        Ok::<_, String>((positive(nu0)?, positive(s0)?))
+    };
     match (kind, value) {
         ("inferred", None) => Ok(Noise::default()),
-        ("inferred", Some(value)) => {
-            let (nu0, s0) =
-                value.split_once(',').ok_or("expected inferred:NU0,S0, as in inferred:4,0.05")?;
-            Ok(Noise::Inferred { nu0: positive(nu0)?, s0: positive(s0)? })
+        ("inferred", Some(value)) => prior(value).map(|(nu0, s0)| Noise::Inferred { nu0, s0 }),
+        ("correlated", None) => Ok(Noise::correlated()),
+        ("correlated", Some("log")) => Ok(scaled(DistanceScale::Log)),
+        ("correlated", Some("linear")) => Ok(scaled(DistanceScale::Linear)),
+        ("correlated", Some("robust")) | ("robust", Some("correlated")) => Err(
+            "outliers among correlated errors are not available: every set of rows could be the outliers; use correlated or \
+             robust"
+                .to_owned(),
+        ),
+        ("correlated", Some(value)) => {
+            let of = |(nu0, s0)| Noise::Correlated { nu0, s0, scale: None, nodes: None };
+            prior(value)
+                .map(of)
+                .map_err(|error| format!("{error}, or correlated:log or correlated:linear"))
         }
+        ("robust", None) => Ok(Noise::robust()),
+        ("robust", Some(value)) => prior(value).map(|(nu0, s0)| Noise::Robust { nu0, s0 }),
         ("fixed", Some("table")) => Ok(Noise::Fixed { sigma: FixedSigma::PerPoint }),
         ("fixed", Some(value)) => {
             Ok(Noise::Fixed { sigma: FixedSigma::Absolute(positive(value)?) })
@@ -224,13 +243,19 @@ pub(crate) fn noise(text: &str) -> Result<Noise, String> {
             Err("expected a share of the samples, as in ess-target:0.2".to_owned())
         }
         _ => {
-            let kinds = ["inferred", "fixed", "fixed-relative", "ess-target"];
+            let kinds =
+                ["inferred", "correlated", "robust", "fixed", "fixed-relative", "ess-target"];
             Err(match nearest(kind, kinds) {
                 Some(near) => format!("unknown noise model; did you mean {near}?"),
                 None => format!("unknown noise model; use one of {}", kinds.join(", ")),
             })
         }
     }
+}
+
+/// Correlated noise with a given scale of distances.
+fn scaled(scale: DistanceScale) -> Noise {
+    Noise::Correlated { nu0: 4.0, s0: 0.05, scale: Some(scale), nodes: None }
 }
 
 #[cfg(test)]
@@ -244,10 +269,25 @@ mod tests {
         assert_eq!(noise("fixed:0.03"), fixed(FixedSigma::Absolute(0.03)));
         assert_eq!(noise("fixed:table"), fixed(FixedSigma::PerPoint));
         assert_eq!(noise("fixed-relative:0.05"), fixed(FixedSigma::Relative(0.05)));
+        assert_eq!(noise("correlated"), Ok(Noise::correlated()));
+        assert_eq!(noise("correlated:linear"), Ok(scaled(DistanceScale::Linear)));
+        assert_eq!(noise("robust:3,0.1"), Ok(Noise::Robust { nu0: 3.0, s0: 0.1 }));
         assert_eq!(noise("ess-target:0.2"), Ok(Noise::EssTarget { share: 0.2 }));
-        for wrong in
-            ["fixed", "fixed:", "fixed:-1", "fixed:nan", "ess-target:2", "infered", "", ":"]
-        {
+        for wrong in [
+            "fixed",
+            "fixed:",
+            "fixed:-1",
+            "fixed:nan",
+            "ess-target:2",
+            "infered",
+            "",
+            ":",
+            "correlated:",
+            "correlated:4",
+            "correlated:robust",
+            "robust:log",
+            "robust:4,0",
+        ] {
             assert!(noise(wrong).is_err(), "{wrong}");
         }
         assert!(noise("infered").expect_err("misspelt").contains("mean inferred?"));

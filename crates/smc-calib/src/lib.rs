@@ -55,8 +55,8 @@ pub use error::CalibrateError;
 pub use joint::{Group, JointProblem};
 pub use leave_one_out::{LeaveOneOut, LeaveOneOutPoint, leave_one_out, leave_one_out_of};
 pub use noise::{
-    DistanceScale, FixedSigma, Likelihood, NOISE_NODES, Noise, NoiseDraw, NoiseError,
-    NoiseQuantity, NoiseShape, ShapeSummary,
+    DistanceScale, FixedSigma, Likelihood, Noise, NoiseDraw, NoiseError, NoiseQuantity, NoiseShape,
+    ShapeSummary,
 };
 pub use observations::{ObservationError, Observations};
 pub use posterior::{

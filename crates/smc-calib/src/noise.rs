@@ -41,12 +41,12 @@ pub enum Noise {
         /// What s is; by the rule of [`DistanceScale::of`] where it is not given.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         scale: Option<DistanceScale>,
-        /// Number of quadrature nodes over l and over w.
-        #[serde(default = "default_nodes")]
-        nodes: [usize; 2],
+        /// Number of quadrature nodes over l and over w; by the number of observations where it is not given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        nodes: Option<[usize; 2]>,
     },
-    /// Normal with outliers: `(1 - eps) N(0, sigma^2) + eps N(0, (10 sigma)^2)`, independent of each other. sigma^2 as in
-    /// [`Noise::Inferred`], eps has density proportional to eps^(-2/3) over 0 to 0.3; both are integrated out.
+    /// Normal with outliers: `0.95 N(0, sigma^2) + 0.05 N(0, (7 sigma)^2)`, independent of each other. sigma^2 as in
+    /// [`Noise::Inferred`], integrated out.
     Robust {
         /// Prior degrees of freedom.
         nu0: f64,
@@ -72,17 +72,25 @@ impl Default for Noise {
     }
 }
 
-/// Quadrature nodes over correlation length and white share: measured, see `results/noise/`.
-pub const NOISE_NODES: [usize; 2] = [12, 8];
-
-fn default_nodes() -> [usize; 2] {
-    NOISE_NODES
-}
-
 impl Noise {
     /// Correlated errors with the default prior, scale and nodes.
     pub fn correlated() -> Self {
-        Self::Correlated { nu0: 4.0, s0: 0.05, scale: None, nodes: NOISE_NODES }
+        Self::Correlated { nu0: 4.0, s0: 0.05, scale: None, nodes: None }
+    }
+
+    /// The model with the scale that it takes for observations at `control`.
+    pub fn at(self, control: &[f64]) -> Self {
+        match self {
+            Self::Correlated { nu0, s0, scale: None, nodes } => {
+                Self::Correlated { nu0, s0, scale: Some(DistanceScale::of(control)), nodes }
+            }
+            other => other,
+        }
+    }
+
+    /// Whether errors near each other may be alike.
+    pub fn is_correlated(&self) -> bool {
+        matches!(self, Self::Correlated { .. })
     }
 
     /// Errors with outliers and the default prior.

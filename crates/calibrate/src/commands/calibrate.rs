@@ -57,9 +57,11 @@ pub(crate) struct CalibrateArgs {
     #[arg(long, value_name = "A/R", default_value = "1e-4", value_parser = arguments::tolerance, help_heading = "Model")]
     tolerance: f64,
 
-    /// How measurements scatter: inferred, inferred:NU0,S0, fixed:SIGMA, fixed:table (the column
-    /// sigma), fixed-relative:SHARE of the value, ess-target:SHARE (GrainLearning's tuning; the result
-    /// is not a posterior). inferred stands for inferred:4,0.05
+    /// How measurements scatter: inferred (independent), correlated (alike near each other; correlated:log
+    /// and correlated:linear say what distances are measured in), robust (with outliers), fixed:SIGMA,
+    /// fixed:table (the column sigma), fixed-relative:SHARE of the value, ess-target:SHARE (GrainLearning's
+    /// tuning; the result is not a posterior). inferred, correlated and robust stand for inferred:4,0.05 and
+    /// so on: NU0,S0 of the prior of sigma
     #[arg(long, value_name = "MODEL", default_value = "inferred", value_parser = arguments::noise, help_heading = "Model")]
     noise: Noise,
 

@@ -16,8 +16,8 @@ use std::fmt;
 
 /// Shortest correlation length, as a share of the range of the observations; the longest is the range.
 const SHORTEST: f64 = 0.01;
-/// Most observations: what is prepared for them takes about 3 kB each.
-const MAX_OBSERVATIONS: usize = 20_000;
+/// Most observations: what is prepared for them takes up to 20 kB each.
+const MAX_OBSERVATIONS: usize = 10_000;
 /// Smallest positive control value over the largest below which a curve begins near zero.
 const NEAR_ZERO: f64 = 0.1;
 
@@ -111,11 +111,12 @@ impl Correlated {
     pub(crate) fn new(
         [nu0, sum0]: [f64; 2],
         scale: Option<DistanceScale>,
-        [lengths, shares]: [usize; 2],
+        nodes: Option<[usize; 2]>,
         observations: &Observations,
     ) -> Result<Option<Self>, NoiseError> {
         let control = observations.control().to_vec();
         let rows = control.len();
+        let [lengths, shares] = nodes.unwrap_or_else(|| nodes_for(rows));
         if rows > MAX_OBSERVATIONS {
             return Err(NoiseError::TooManyCorrelated {
                 observations: rows,
@@ -140,7 +141,7 @@ impl Correlated {
             return Ok(None);
         }
         let range = places[places.len() - 1] - places[0];
-        let nodes = nodes(range, lengths, shares);
+        let nodes = product(range, lengths, shares);
         let mut constants = Vec::with_capacity(rows);
         let (base, ln_scale) = (ln_gamma(0.5 * nu0), 0.5 * (std::f64::consts::PI * sum0).ln());
         for k in 1..=rows {
@@ -423,8 +424,22 @@ fn share(u: f64) -> f64 {
     u.powi(3)
 }
 
+/// Number of correlation lengths and of white shares for so many observations.
+///
+/// The posterior of v, w = v^3, becomes narrower with the number of observations, that of ln l does not. Measured against
+/// 40 x 32 nodes: ln Z of PS, PA12 and PEEK within 2e-4, their means within 4e-4 standard deviations; log likelihoods of
+/// synthetic data within 1e-3 (90 % of 44 observations), 1e-3 (200) and 2e-3 (500).
+fn nodes_for(observations: usize) -> [usize; 2] {
+    let lengths = match observations {
+        0..=20 => 8,
+        21..=60 => 10,
+        _ => 12,
+    };
+    [lengths, ((2.2 * (observations as f64).sqrt()).ceil() as usize).clamp(10, 48)]
+}
+
 /// A product of Gauss-Legendre rules.
-fn nodes(range: f64, lengths: usize, shares: usize) -> Vec<Node> {
+fn product(range: f64, lengths: usize, shares: usize) -> Vec<Node> {
     let shares = gauss_legendre(shares);
     gauss_legendre(lengths)
         .iter()

@@ -3,7 +3,7 @@
 use super::DistanceScale;
 use super::correlated::Correlated;
 use super::likelihood::{Kind, Likelihood};
-use super::robust;
+use super::robust::{self, OUTLIER_SHARE, OUTLIER_WIDTH};
 use super::rule::quantile_of_nodes;
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, Gamma};
@@ -38,6 +38,8 @@ pub enum NoiseShape {
     Robust {
         /// Share of outliers.
         outlier_share: f64,
+        /// Standard deviation of an outlier over that of the other errors.
+        outlier_width: f64,
     },
 }
 
@@ -59,8 +61,10 @@ pub enum ShapeSummary {
     },
     /// Of errors with outliers.
     Robust {
-        /// Share of outliers.
-        outlier_share: NoiseQuantity,
+        /// Share of outliers that the model expects.
+        outlier_share: f64,
+        /// Standard deviation of an outlier over that of the other errors.
+        outlier_width: f64,
         /// Probability of each observation to be an outlier.
         outliers: Vec<f64>,
     },
@@ -85,7 +89,9 @@ impl NoiseDraw {
     /// Factor on the standard deviation of a new error, at `u` evenly distributed over (0, 1): that of an outlier or 1.
     pub fn widening(&self, u: f64) -> f64 {
         match self.shape {
-            Some(NoiseShape::Robust { outlier_share }) if u < outlier_share => robust::WIDE,
+            Some(NoiseShape::Robust { outlier_share, outlier_width }) if u < outlier_share => {
+                outlier_width
+            }
             _ => 1.0,
         }
     }
@@ -104,7 +110,7 @@ pub(crate) struct NoiseDraws {
 struct Tally {
     count: f64,
     moments: [f64; 2],
-    /// Probability of each correlation length and white share, or of each share of outliers.
+    /// Probability of each correlation length and white share.
     places: [Vec<f64>; 2],
     outliers: Vec<f64>,
 }
@@ -168,12 +174,11 @@ impl Likelihood {
                     white_share: quantity(1, second),
                 })
             }
-            Kind::Robust(model) => {
-                let prior: Vec<f64> = model.shares().iter().map(|(_, weight)| *weight).collect();
-                let outliers = tally.outliers.iter().map(|sum| sum / tally.count).collect();
-                let outlier_share = NoiseQuantity::of(&prior, first, robust::share);
-                Some(ShapeSummary::Robust { outlier_share, outliers })
-            }
+            Kind::Robust(_) => Some(ShapeSummary::Robust {
+                outlier_share: OUTLIER_SHARE,
+                outlier_width: OUTLIER_WIDTH,
+                outliers: tally.outliers.iter().map(|sum| sum / tally.count).collect(),
+            }),
             _ => None,
         }
     }
@@ -219,22 +224,22 @@ impl Tally {
 
     fn robust(
         &mut self,
-        known: &[robust::Node],
+        known: &[(f64, f64)],
         residuals: &[f64],
         rng: &mut impl Rng,
     ) -> Option<NoiseDraw> {
         self.count += 1.0;
-        for node in known {
-            self.moments[0] += node.probability * node.sigma;
-            self.moments[1] += node.probability * node.sigma * node.sigma;
-            self.add(0, node.place, node.probability);
+        for (sigma, p) in known {
+            self.moments[0] += p * sigma;
+            self.moments[1] += p * sigma * sigma;
         }
-        let node = known.get(chosen(known.iter().map(|n| n.probability), rng.random()))?;
+        let (sigma, _) = *known.get(chosen(known.iter().map(|(_, p)| *p), rng.random()))?;
         for (sum, residual) in self.outliers.iter_mut().zip(residuals) {
-            *sum += robust::outlier(*residual, node.sigma, node.share);
+            *sum += robust::outlier(*residual, sigma);
         }
-        let shape = NoiseShape::Robust { outlier_share: node.share };
-        Some(NoiseDraw { sigma: node.sigma, shape: Some(shape) })
+        let shape =
+            NoiseShape::Robust { outlier_share: OUTLIER_SHARE, outlier_width: OUTLIER_WIDTH };
+        Some(NoiseDraw { sigma, shape: Some(shape) })
     }
 }
 
@@ -306,10 +311,8 @@ impl Likelihood {
             }
             Kind::Robust(model) => {
                 let known = model.posterior(self.values(), outputs);
-                let node = known.iter().max_by(|a, b| a.probability.total_cmp(&b.probability))?;
-                Some(
-                    residuals().iter().map(|r| robust::score(*r, node.sigma, node.share)).collect(),
-                )
+                let (sigma, _) = known.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+                Some(residuals().iter().map(|r| robust::score(*r, *sigma)).collect())
             }
             _ => None,
         }
@@ -327,9 +330,8 @@ impl Likelihood {
                 };
                 Some(given.into_iter().zip(&residuals).map(ln).collect())
             }
-            (Kind::Robust(_), NoiseShape::Robust { outlier_share }) => {
-                let ln = |r: &f64| robust::ln_density(*r, draw.sigma, outlier_share);
-                Some(residuals.iter().map(ln).collect())
+            (Kind::Robust(_), NoiseShape::Robust { .. }) => {
+                Some(residuals.iter().map(|r| robust::ln_density(*r, draw.sigma)).collect())
             }
             _ => None,
         }

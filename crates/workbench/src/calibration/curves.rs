@@ -2,8 +2,7 @@
 
 use dem_core::{Kinetics, Sintering};
 use rayon::prelude::*;
-use smc_calib::Weighted;
-use smc_calib::{FixedSigma, Noise, SimError, Simulator as _};
+use smc_calib::{FixedSigma, Likelihood, Noise, NoiseDraw, SimError, Simulator as _, Weighted};
 
 use super::of_pair::{OfPair, simulation_failure};
 use crate::error::{Failure, RunError};
@@ -92,15 +91,19 @@ fn bands(of: &OfPair<'_>, on_grid: &NeckGrowth) -> Result<Bands, Failure> {
         distinct.iter().flat_map(|&sample| &posterior.samples[sample].theta).copied().collect();
     let mut outputs = vec![0.0; distinct.len() * points];
     let results = on_grid.simulate_batch(0, &thetas, &mut outputs);
-    let kept: Vec<(&[f64], Option<f64>, f64)> = draws
-        .iter()
+    let errors = Errors::new(of)?;
+    let kept: Vec<Drawn<'_>> = draws
+        .par_iter()
         .enumerate()
-        .filter_map(|(k, &(sample, sigma))| {
+        .filter_map(|(k, &(sample, noise))| {
             let run = distinct.binary_search(&sample).ok()?;
             let curve = results[run].is_ok().then(|| &outputs[run * points..][..points])?;
-            // Noise by the golden-ratio sequence: stratified, and the same for every time, so that the band is smooth.
-            let u = ((k as f64 + 0.5) * 0.618_033_988_749_894_9).fract();
-            Some((curve, sigma, smc_calib::normal::quantile(u)))
+            // Noise by golden-ratio sequences: stratified, and the same for every time, so that the band is smooth.
+            let u = |step: f64| ((k as f64 + 0.5) * step).fract();
+            let widening = noise.map_or(1.0, |noise| noise.widening(u(0.754_877_666_246_692_8)));
+            let score = smc_calib::normal::quantile(u(0.618_033_988_749_894_9)) * widening;
+            let errors = errors.at(of, sample, noise, on_grid.times_s());
+            Some(Drawn { curve, noise, score, errors })
         })
         .collect();
     if kept.is_empty() {
@@ -113,15 +116,13 @@ fn bands(of: &OfPair<'_>, on_grid: &NeckGrowth) -> Result<Bands, Failure> {
         Noise::Fixed { sigma: FixedSigma::Relative(share) } => share,
         _ => 0.0,
     };
-    let noise_is_known = relative > 0.0 || kept.iter().all(|(_, sigma, _)| sigma.is_some());
+    let noise_is_known = relative > 0.0 || kept.iter().all(|drawn| drawn.noise.is_some());
     let rows: Vec<[f64; 7]> = (0..points)
         .into_par_iter()
         .map(|point| {
-            let values: Vec<f64> = kept.iter().map(|(curve, ..)| curve[point]).collect();
+            let values: Vec<f64> = kept.iter().map(|drawn| drawn.curve[point]).collect();
             let mean = values.iter().sum::<f64>() / values.len() as f64;
-            let noisy = kept.iter().map(|(curve, sigma, score)| {
-                curve[point] + sigma.map_or(relative * curve[point], |sigma| sigma) * score
-            });
+            let noisy = kept.iter().map(|drawn| drawn.noisy(point, relative));
             let [noisy_lower, noisy_upper] = Weighted::equal(noisy.collect()).interval(0.9);
             let values = Weighted::equal(values);
             let ([lower50, upper50], [lower90, upper90]) =
@@ -134,13 +135,65 @@ fn bands(of: &OfPair<'_>, on_grid: &NeckGrowth) -> Result<Bands, Failure> {
     Ok(Bands { columns, noise_is_known })
 }
 
+/// A draw on the grid.
+struct Drawn<'a> {
+    curve: &'a [f64],
+    noise: Option<NoiseDraw>,
+    /// Error over its standard deviation.
+    score: f64,
+    /// Mean and standard deviation of the errors; empty where they are those of the noise everywhere.
+    errors: Vec<[f64; 2]>,
+}
+
+impl Drawn<'_> {
+    /// Value of a new measurement at a time of the grid.
+    fn noisy(&self, point: usize, relative: f64) -> f64 {
+        let value = self.curve[point];
+        match self.errors.get(point) {
+            Some([mean, sd]) => value + mean + sd * self.score,
+            None => value + self.noise.map_or(relative * value, |noise| noise.sigma) * self.score,
+        }
+    }
+}
+
+/// Errors that are alike near the observations.
+struct Errors(Option<Likelihood>);
+
+impl Errors {
+    fn new(of: &OfPair<'_>) -> Result<Self, Failure> {
+        let noise = &of.measured.noise;
+        if !noise.is_correlated() {
+            return Ok(Self(None));
+        }
+        let likelihood = Likelihood::new(noise, &of.measured.observations()?)
+            .map_err(|error| Failure::from(RunError::new(error)))?;
+        Ok(Self(Some(likelihood)))
+    }
+
+    /// Errors of a draw at some times, in the experiment that was observed.
+    fn at(
+        &self,
+        of: &OfPair<'_>,
+        sample: usize,
+        noise: Option<NoiseDraw>,
+        times: &[f64],
+    ) -> Vec<[f64; 2]> {
+        let (Some(likelihood), Some(noise)) = (&self.0, noise) else { return Vec::new() };
+        let mut curve = vec![0.0; of.measured.values.len()];
+        match of.model.simulate(&of.posterior.samples[sample].theta, &mut curve) {
+            Ok(()) => likelihood.errors_at(&noise, &curve, times),
+            Err(_) => Vec::new(),
+        }
+    }
+}
+
 /// Evenly chosen draws, at most [`GRID_DRAWS`]: their samples, and the noise of this pair's observable.
-fn representative_draws(of: &OfPair<'_>) -> Vec<(usize, Option<f64>)> {
+fn representative_draws(of: &OfPair<'_>) -> Vec<(usize, Option<NoiseDraw>)> {
     let all = &of.posterior.draws;
-    let sigma = |draw: usize| match of.posterior.groups.get(of.group) {
-        Some(group) => group.sigma_draws.get(draw).copied(),
-        None => all[draw].sigma,
+    let noise = |draw: usize| match of.posterior.groups.get(of.group) {
+        Some(group) => group.noise_draw(draw),
+        None => all[draw].noise(),
     };
     let kept = all.len().min(GRID_DRAWS);
-    (0..kept).map(|k| k * all.len() / kept).map(|draw| (all[draw].sample, sigma(draw))).collect()
+    (0..kept).map(|k| k * all.len() / kept).map(|draw| (all[draw].sample, noise(draw))).collect()
 }

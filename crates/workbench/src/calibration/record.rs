@@ -94,14 +94,15 @@ fn found(
     // With very many observations the bands are at some of them only.
     let observed: Vec<f64> = predictive.iter().map(|band| observable.values[band.index]).collect();
     let mean: Vec<f64> = predictive.iter().map(|band| band.mean).collect();
-    let (sigma, residuals) = match posterior.groups.get(group) {
-        Some(group) => (group.sigma, group.residuals.clone()),
-        None => (posterior.sigma, posterior.residuals.clone()),
+    let (sigma, noise_shape, residuals) = match posterior.groups.get(group) {
+        Some(group) => (group.sigma, group.noise_shape.clone(), group.residuals.clone()),
+        None => (posterior.sigma, posterior.noise_shape.clone(), posterior.residuals.clone()),
     };
     Ok(ObservableRecord {
         name: observable.name.clone(),
         label,
         sigma,
+        noise_shape,
         map_error: FitError::of(&observable.values, &map),
         mean_error: FitError::of(&observed, &mean),
         map,

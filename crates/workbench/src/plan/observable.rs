@@ -3,7 +3,7 @@
 use std::path::{Component, Path};
 
 use campaign::{Format, Interpolation, ResultSpec};
-use smc_calib::{FixedSigma, Noise};
+use smc_calib::{DistanceScale, FixedSigma, Noise};
 
 use super::types::ObservablePlan;
 use crate::error::{InputError, Mistake};
@@ -53,7 +53,7 @@ pub(super) fn observable(
             .help("noise = { kind = \"inferred\", nu0 = 4, s0 = ABOUT }, ABOUT in the unit of the values")
             .help("or noise = { kind = \"fixed\", sigma = KNOWN }, or { kind = \"fixed-table\" } with a sigma column"));
     };
-    observable.noise = noise(&noise_table)?;
+    observable.noise = noise(&noise_table)?.at(&observable.control);
     let per_point = Noise::Fixed { sigma: FixedSigma::PerPoint };
     if observable.noise == per_point && observable.sigma.is_none() {
         return Err(fields
@@ -143,6 +143,8 @@ pub(super) fn noise(fields: &Fields<'_>) -> Result<Noise, InputError> {
     #[derive(Clone, Copy)]
     enum Kind {
         Inferred,
+        Correlated,
+        Robust,
         Fixed,
         Relative,
         Table,
@@ -153,6 +155,8 @@ pub(super) fn noise(fields: &Fields<'_>) -> Result<Noise, InputError> {
             "kind",
             &[
                 ("inferred", Kind::Inferred),
+                ("correlated", Kind::Correlated),
+                ("robust", Kind::Robust),
                 ("fixed", Kind::Fixed),
                 ("fixed-relative", Kind::Relative),
                 ("fixed-table", Kind::Table),
@@ -160,7 +164,9 @@ pub(super) fn noise(fields: &Fields<'_>) -> Result<Noise, InputError> {
             ],
         )?
         .ok_or_else(|| {
-            fields.missing("kind").expected("one of inferred, fixed, fixed-relative, fixed-table")
+            fields
+                .missing("kind")
+                .expected("one of inferred, correlated, robust, fixed, fixed-relative, fixed-table")
         })?
         .value;
     let needed = |key: &'static str, what: &str| {
@@ -169,11 +175,19 @@ pub(super) fn noise(fields: &Fields<'_>) -> Result<Noise, InputError> {
             .map(|at| at.value)
             .ok_or_else(|| fields.missing(key).expected(format_args!("a number > 0 [{what}]")))
     };
+    let nu0 = || Ok::<_, InputError>(fields.positive("nu0", "1")?.map_or(4.0, |at| at.value));
     let noise = match kind {
-        Kind::Inferred => Noise::Inferred {
-            nu0: fields.positive("nu0", "1")?.map_or(4.0, |at| at.value),
-            s0: needed("s0", "unit of the values")?,
-        },
+        Kind::Inferred => Noise::Inferred { nu0: nu0()?, s0: needed("s0", "unit of the values")? },
+        Kind::Robust => Noise::Robust { nu0: nu0()?, s0: needed("s0", "unit of the values")? },
+        Kind::Correlated => {
+            let scales = [("log", DistanceScale::Log), ("linear", DistanceScale::Linear)];
+            Noise::Correlated {
+                nu0: nu0()?,
+                s0: needed("s0", "unit of the values")?,
+                scale: fields.choice("scale", &scales)?.map(|at| at.value),
+                nodes: nodes(fields)?,
+            }
+        }
         Kind::Fixed => {
             Noise::Fixed { sigma: FixedSigma::Absolute(needed("sigma", "unit of the values")?) }
         }
@@ -183,6 +197,18 @@ pub(super) fn noise(fields: &Fields<'_>) -> Result<Noise, InputError> {
     };
     fields.finish()?;
     Ok(noise)
+}
+
+/// Quadrature nodes over correlation length and white share, if they are given.
+fn nodes(fields: &Fields<'_>) -> Result<Option<[usize; 2]>, InputError> {
+    let Some(At { value, line }) = fields.pair("nodes")? else { return Ok(None) };
+    if value.iter().all(|n| (1.0..=64.0).contains(n) && n.fract() == 0.0) {
+        return Ok(Some(value.map(|n| n as usize)));
+    }
+    Err(fields
+        .error("nodes", line, Mistake::OutOfRange)
+        .found(format_args!("[{}, {}]", value[0], value[1]))
+        .expected("[LENGTHS, SHARES], each a whole number of 1 to 64"))
 }
 
 fn result(fields: &Fields<'_>, has_control: bool) -> Result<ResultSpec, InputError> {

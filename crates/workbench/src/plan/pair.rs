@@ -222,10 +222,10 @@ pub(super) fn pair_experiment(
         unit: String::new(),
         control_unit: "s".to_owned(),
         window: experiment.fitted_window(window_s),
+        noise: noise.at(&table.time_s),
         control: table.time_s,
         values: table.contact_ratio,
         sigma: table.sigma,
-        noise,
         result: None,
     };
     let name = if is_word(&experiment.name) { &experiment.name } else { "pair" };

@@ -108,6 +108,12 @@ fn builtin(experiment: &ExperimentPlan, pair: &PairPlan) -> String {
 fn noise(noise: &Noise) -> String {
     match noise {
         Noise::Inferred { nu0, s0 } => format!("kind = \"inferred\", nu0 = {nu0:?}, s0 = {s0:?}"),
+        Noise::Robust { nu0, s0 } => format!("kind = \"robust\", nu0 = {nu0:?}, s0 = {s0:?}"),
+        Noise::Correlated { nu0, s0, scale, nodes } => {
+            let scale = scale.map_or_else(String::new, |scale| format!(", scale = \"{scale}\""));
+            let nodes = nodes.map_or_else(String::new, |[l, w]| format!(", nodes = [{l}, {w}]"));
+            format!("kind = \"correlated\", nu0 = {nu0:?}, s0 = {s0:?}{scale}{nodes}")
+        }
         Noise::Fixed { sigma: FixedSigma::Absolute(sigma) } => {
             format!("kind = \"fixed\", sigma = {sigma:?}")
         }
@@ -163,6 +169,7 @@ mod tests {
     use super::*;
     use crate::input::material::Material;
     use dem_core::{Kinetics, SolverKind};
+    use smc_calib::DistanceScale;
     use std::path::PathBuf;
 
     fn reads_back(options: &PairOptions) {
@@ -181,6 +188,14 @@ mod tests {
             Noise::Fixed { sigma: FixedSigma::Absolute(0.03) },
             Noise::Fixed { sigma: FixedSigma::Relative(0.05) },
             Noise::EssTarget { share: 0.2 },
+            Noise::correlated(),
+            Noise::Correlated {
+                nu0: 3.0,
+                s0: 0.02,
+                scale: Some(DistanceScale::Linear),
+                nodes: Some([20, 15]),
+            },
+            Noise::Robust { nu0: 3.0, s0: 0.01 },
         ];
         for material in Material::ALL {
             reads_back(&of(material));

@@ -8,7 +8,7 @@ use campaign::slurm::SlurmSettings;
 use campaign::{Call, ResultSpec};
 use dem_core::{Kinetics, PairScene, PairSpec, Powder, SolverKind, SolverSettings};
 use serde::{Deserialize, Serialize};
-use smc_calib::{Noise, ObservationError, Observations, Parameter, Settings};
+use smc_calib::{FixedSigma, Noise, ObservationError, Observations, Parameter, Settings};
 
 use crate::error::{InputError, Mistake};
 use crate::input::material::Material;
@@ -202,6 +202,18 @@ impl Planned {
         if observations < parameters {
             self.warnings
                 .push(smc_calib::Concern::FewObservations { observations, parameters }.to_string());
+        }
+        let per_point = Noise::Fixed { sigma: FixedSigma::PerPoint };
+        for (experiment, observable) in self.plan.observables() {
+            if observable.sigma.is_some() && observable.noise != per_point {
+                self.warnings.push(format!(
+                    "the standard deviations of {} in {} are not used: its noise is {}; to use them: noise fixed-table \
+                     (--noise fixed:table)",
+                    self.plan.label(experiment, observable),
+                    observable.table,
+                    super::words::noise_in_words(&observable.noise)
+                ));
+            }
         }
         self
     }

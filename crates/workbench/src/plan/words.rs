@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use campaign::{Format, Interpolation};
-use smc_calib::{FixedSigma, Noise, PriorSpec};
+use smc_calib::{DistanceScale, FixedSigma, Noise, PriorSpec};
 
 use super::types::{
     ExecutorPlan, ExperimentPlan, ObservablePlan, PairPlan, Plan, Planned, SimulatorPlan,
@@ -186,6 +186,17 @@ pub fn noise_in_words(noise: &Noise) -> String {
         Noise::Inferred { nu0, s0 } => {
             format!("inferred: sigma^2 ~ Inverse-Gamma({nu0}/2, {nu0} * {s0}^2/2), integrated out")
         }
+        Noise::Correlated { nu0, s0, scale, .. } => format!(
+            "correlated: independent part and Ornstein-Uhlenbeck part, distances {}; sigma^2 ~ Inverse-Gamma({nu0}/2, {nu0} * {s0}^2/2), integrated out, as are correlation length and white share",
+            match scale {
+                Some(DistanceScale::Linear) => "in the control variable",
+                Some(DistanceScale::Log) => "in the logarithm of the control variable",
+                None => "in the control variable or its logarithm",
+            }
+        ),
+        Noise::Robust { nu0, s0 } => format!(
+            "robust: independent, 5 % of them outliers of 7 sigma; sigma^2 ~ Inverse-Gamma({nu0}/2, {nu0} * {s0}^2/2), integrated out"
+        ),
         Noise::Fixed { sigma: FixedSigma::Absolute(sigma) } => format!("fixed: sigma {sigma}"),
         Noise::Fixed { sigma: FixedSigma::Relative(share) } => {
             format!("fixed: sigma {share} times each measured value")

@@ -11,7 +11,7 @@ mod read;
 use serde::{Deserialize, Serialize};
 use smc_calib::{
     BandPoint, Counters, EffectiveSampleSize, Evidence, Failure, MapPoint, ParameterSummary,
-    PathPoint, Residuals, SigmaSummary, StageRecord, StopReason, Trust,
+    PathPoint, Residuals, ShapeSummary, SigmaSummary, StageRecord, StopReason, Trust,
 };
 
 pub use neck_growth::{
@@ -90,6 +90,9 @@ pub struct ObservableRecord {
     pub label: String,
     /// Noise standard deviation, in the unit of the values; none where the table states it row by row.
     pub sigma: Option<SigmaSummary>,
+    /// What else the noise has: correlation length and white share, or the outliers; none for independent normal noise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_shape: Option<ShapeSummary>,
     /// How far the MAP is from the measurements, in their unit.
     pub map_error: FitError,
     /// How far the posterior mean is from the measurements.

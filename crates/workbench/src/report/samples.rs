@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use campaign::Format;
-use smc_calib::{Parameter, ParameterSummary, Posterior};
+use smc_calib::{NoiseShape, Parameter, ParameterSummary, Posterior};
 
 use crate::error::{InputError, Mistake};
 use crate::input::data_table::{DataTable, quoted};
@@ -62,10 +62,21 @@ pub(super) fn draws_csv(record: &Record, posterior: &Posterior) -> String {
         let unit = if unit.is_empty() { "1" } else { unit };
         text.push(',');
         text.push_str(&quoted(&format!("sigma_{} [{unit}]", group.name)));
+        for column in group.shape_draws.first().map_or(&[][..], shape_columns) {
+            text.push(',');
+            text.push_str(&quoted(&format!("{column}_{} [1]", group.name)));
+        }
     }
     // One observable has the noise of the draw itself.
     let single = posterior.groups.is_empty();
-    text.push_str(if single { ",sigma [1],sample\n" } else { ",sample\n" });
+    if single {
+        text.push_str(",sigma [1]");
+        let shape = posterior.draws.first().and_then(|draw| draw.shape);
+        for column in shape.as_ref().map_or(&[][..], shape_columns) {
+            let _ = write!(text, ",{column} [1]");
+        }
+    }
+    text.push_str(",sample\n");
     text.reserve(posterior.draws.len() * 150);
     for (place, draw) in posterior.draws.iter().enumerate() {
         let sample = &posterior.samples[draw.sample];
@@ -73,13 +84,30 @@ pub(super) fn draws_csv(record: &Record, posterior: &Posterior) -> String {
         if single {
             let sigma = draw.sigma.map_or_else(String::new, |sigma| sigma.to_string());
             let _ = write!(text, ",{sigma}");
+            shape_values(&mut text, draw.shape);
         }
         for group in &with_sigma {
             let _ = write!(text, ",{}", group.sigma_draws[place]);
+            shape_values(&mut text, group.shape_draws.get(place).copied());
         }
         let _ = writeln!(text, ",{}", draw.sample);
     }
     text
+}
+
+/// Columns of what the noise has beside sigma. Correlation lengths are in the logarithm of the control variable, or in its
+/// unit: `noise_shape` of `posterior.json` says which.
+fn shape_columns(shape: &NoiseShape) -> &'static [&'static str] {
+    match shape {
+        NoiseShape::Correlated { .. } => &["correlation_length", "white_share"],
+        NoiseShape::Robust { .. } => &[],
+    }
+}
+
+fn shape_values(text: &mut String, shape: Option<NoiseShape>) {
+    if let Some(NoiseShape::Correlated { length, white_share }) = shape {
+        let _ = write!(text, ",{length},{white_share}");
+    }
 }
 
 fn header(parameters: &[ParameterSummary]) -> String {
