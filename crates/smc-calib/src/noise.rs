@@ -45,7 +45,7 @@ pub enum Noise {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         nodes: Option<[usize; 2]>,
     },
-    /// Normal with outliers: `0.95 N(0, sigma^2) + 0.05 N(0, (7 sigma)^2)`, independent of each other. sigma^2 as in
+    /// Normal with outliers: `0.995 N(0, sigma^2) + 0.005 N(0, (10 sigma)^2)`, independent of each other. sigma^2 as in
     /// [`Noise::Inferred`], integrated out.
     Robust {
         /// Prior degrees of freedom.

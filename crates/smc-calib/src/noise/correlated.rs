@@ -18,6 +18,9 @@ use std::fmt;
 const SHORTEST: f64 = 0.01;
 /// Most observations: what is prepared for them takes up to 20 kB each.
 const MAX_OBSERVATIONS: usize = 10_000;
+/// Largest nu0 plus number of observations whose powers are multiplied out. Weights and sums of squares of two nodes differ
+/// by a factor of up to about 1e5, so that the sum stays above 1e-300.
+const MULTIPLIED: f64 = 100.0;
 /// Smallest positive control value over the largest below which a curve begins near zero.
 const NEAR_ZERO: f64 = 0.1;
 
@@ -103,6 +106,18 @@ pub(crate) struct Correlated {
     steps: Vec<Step>,
     /// Log constant of the density of the first 1, 2, .. observations.
     constants: Vec<f64>,
+    /// For each observation, where powers can be multiplied out; else empty.
+    powers: Vec<Power>,
+}
+
+/// The power (nu0 + k)/2 as a whole number and perhaps a root, and the weights of the nodes.
+#[derive(Clone, Debug, PartialEq)]
+struct Power {
+    whole: u32,
+    root: bool,
+    /// Over `exp(ln_weight)`.
+    weights: Vec<Lane>,
+    ln_weight: f64,
 }
 
 impl Correlated {
@@ -147,10 +162,24 @@ impl Correlated {
         for k in 1..=rows {
             constants.push(ln_gamma(0.5 * (nu0 + k as f64)) - base - k as f64 * ln_scale);
         }
+        let (steps, powers) = (Vec::new(), Vec::new());
         let mut new =
-            Self { nu0, sum0, scale, control, nodes, range, rows, steps: Vec::new(), constants };
+            Self { nu0, sum0, scale, control, nodes, range, rows, steps, constants, powers };
         new.steps = new.nodes.chunks(LANES).flat_map(|block| new.prepared(block)).collect();
+        if nu0.fract() == 0.0 && rows as f64 + nu0 <= MULTIPLIED {
+            new.powers = (0..rows).map(|k| new.power(k)).collect();
+        }
         Ok(Some(new))
+    }
+
+    /// The power after observation `k`.
+    fn power(&self, k: usize) -> Power {
+        let twice = self.nu0 as u32 + k as u32 + 1;
+        let logs: Vec<Lane> =
+            self.steps.iter().skip(k).step_by(self.rows).map(|step| step.ln_scale).collect();
+        let ln_weight = logs.iter().flatten().copied().fold(f64::NEG_INFINITY, f64::max);
+        let weights = logs.iter().map(|lane| lane.map(|ln| (ln - ln_weight).exp())).collect();
+        Power { whole: twice / 2, root: twice % 2 == 1, weights, ln_weight }
     }
 
     /// Filters of up to eight nodes; lanes without a node have weight zero.
@@ -266,17 +295,71 @@ impl Correlated {
             let mut terms = vec![[0.0; LANES]; blocks];
             for k in 0..self.rows {
                 let residual = values[k] - outputs[k];
-                let power = 0.5 * (self.nu0 + (k + 1) as f64);
-                for (b, ((expected, sum), terms)) in state.iter_mut().zip(&mut terms).enumerate() {
-                    let step = &self.steps[b * self.rows + k];
-                    advance(step, residual, expected, sum);
-                    for ((t, s), scale) in terms.iter_mut().zip(sum).zip(&step.ln_scale) {
-                        *t = scale - power * ln_one_plus(*s / self.sum0);
-                    }
+                for (b, (expected, sum)) in state.iter_mut().enumerate() {
+                    advance(&self.steps[b * self.rows + k], residual, expected, sum);
                 }
-                cumulative[k] = self.constants[k] + ln_sum_exp(&terms);
+                let ln = match self.powers.get(k) {
+                    Some(power) => self.ln_sum_of_powers(k, power, &state, &mut terms),
+                    None => self.ln_sum_of_logs(k, &state, &mut terms),
+                };
+                cumulative[k] = self.constants[k] + ln;
             }
         });
+    }
+
+    /// Log of the sum over the nodes of weight times `(1 + S/(nu0 s0^2))^(-(nu0 + k)/2)`, by logarithms.
+    #[inline(always)]
+    fn ln_sum_of_logs(&self, k: usize, state: &[(Lane, Lane)], terms: &mut [Lane]) -> f64 {
+        let half = 0.5 * (self.nu0 + (k + 1) as f64);
+        for (b, ((_, sum), terms)) in state.iter().zip(terms.iter_mut()).enumerate() {
+            let scale = &self.steps[b * self.rows + k].ln_scale;
+            for i in 0..LANES {
+                terms[i] = scale[i] - half * ln_one_plus(sum[i] / self.sum0);
+            }
+        }
+        ln_sum_exp(terms)
+    }
+
+    /// The same by multiplications, four times faster: for whole nu0, and few enough observations that no number leaves the
+    /// range.
+    #[inline(always)]
+    fn ln_sum_of_powers(
+        &self,
+        k: usize,
+        power: &Power,
+        state: &[(Lane, Lane)],
+        terms: &mut [Lane],
+    ) -> f64 {
+        let mut least = [f64::MAX; LANES];
+        for (_, sum) in state {
+            for (least, sum) in least.iter_mut().zip(sum) {
+                *least = least.min(*sum);
+            }
+        }
+        let least = self.sum0 + least.iter().copied().fold(f64::MAX, f64::min);
+        let mut total = [0.0; LANES];
+        for (b, (_, sum)) in state.iter().enumerate() {
+            for i in 0..LANES {
+                let mut base = least / (self.sum0 + sum[i]);
+                let mut product = if power.root { base.sqrt() } else { 1.0 };
+                let mut left = power.whole;
+                while left > 0 {
+                    if left & 1 == 1 {
+                        product *= base;
+                    }
+                    base *= base;
+                    left >>= 1;
+                }
+                terms[b][i] = product * power.weights[b][i];
+            }
+        }
+        for terms in terms.iter() {
+            for (total, t) in total.iter_mut().zip(terms) {
+                *total += t;
+            }
+        }
+        let half = 0.5 * (self.nu0 + (k + 1) as f64);
+        total.iter().sum::<f64>().ln() + power.ln_weight - half * (least / self.sum0).ln()
     }
 
     /// Posterior probability of every node given the curve, and its sum of squares of whitened residuals.
@@ -427,8 +510,8 @@ fn share(u: f64) -> f64 {
 /// Number of correlation lengths and of white shares for so many observations.
 ///
 /// The posterior of v, w = v^3, becomes narrower with the number of observations, that of ln l does not. Measured against
-/// 40 x 32 nodes: ln Z of PS, PA12 and PEEK within 2e-4, their means within 4e-4 standard deviations; log likelihoods of
-/// synthetic data within 1e-3 (90 % of 44 observations), 1e-3 (200) and 2e-3 (500).
+/// 40 x 32 nodes: ln Z of PS, PA12 and PEEK within 1e-3, their means within 3e-4 standard deviations; log likelihoods of
+/// 13 kinds of synthetic data at 10 to 500 observations within 3e-3 for 90 % of them, 0.016 at most.
 fn nodes_for(observations: usize) -> [usize; 2] {
     let lengths = match observations {
         0..=20 => 8,

@@ -195,7 +195,7 @@ pub fn noise_in_words(noise: &Noise) -> String {
             }
         ),
         Noise::Robust { nu0, s0 } => format!(
-            "robust: independent, 5 % of them outliers of 7 sigma; sigma^2 ~ Inverse-Gamma({nu0}/2, {nu0} * {s0}^2/2), integrated out"
+            "robust: independent, 0.5 % of them outliers of 10 sigma; sigma^2 ~ Inverse-Gamma({nu0}/2, {nu0} * {s0}^2/2), integrated out"
         ),
         Noise::Fixed { sigma: FixedSigma::Absolute(sigma) } => format!("fixed: sigma {sigma}"),
         Noise::Fixed { sigma: FixedSigma::Relative(share) } => {
