@@ -34,6 +34,7 @@ pub mod psis;
 pub mod quadrature;
 pub mod reference;
 mod residuals;
+mod reweight;
 mod sampler;
 pub mod sbc;
 mod settings;
@@ -67,6 +68,7 @@ pub use posterior::{
 pub use predictive::{predictive_band, predictive_band_of_group};
 pub use prior::{Coordinate, Prior, PriorError, PriorSpec};
 pub use problem::{Parameter, Problem};
+pub use reweight::{Reweighted, reweighted};
 pub use settings::Settings;
 pub use simulator::{FnSimulator, SimError, Simulator};
 pub use stage::{ComponentRecord, MixtureRecord, StageRecord};

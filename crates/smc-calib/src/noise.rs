@@ -88,6 +88,17 @@ impl Noise {
         }
     }
 
+    /// The same expectation of sigma with correlated errors; none where sigma is not one number for all observations, or
+    /// correlation is there already.
+    pub fn with_correlation(&self) -> Option<Self> {
+        let (nu0, s0) = match *self {
+            Self::Inferred { nu0, s0 } | Self::Robust { nu0, s0 } => (nu0, s0),
+            Self::Fixed { sigma: FixedSigma::Absolute(sigma) } => (4.0, sigma),
+            _ => return None,
+        };
+        Some(Self::Correlated { nu0, s0, scale: None, nodes: None })
+    }
+
     /// Whether errors near each other may be alike.
     pub fn is_correlated(&self) -> bool {
         matches!(self, Self::Correlated { .. })

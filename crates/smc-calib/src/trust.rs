@@ -67,6 +67,14 @@ impl Trust {
         self.verdict == Verdict::Converged
     }
 
+    /// Whether intervals can be taken as they are: converged, and no errors that are more alike than the noise model has
+    /// them, which makes intervals too narrow.
+    pub fn trusted(&self) -> bool {
+        let narrow =
+            |c: &Concern| matches!(c, Concern::ResidualsNotIndependent { lag1, .. } if *lag1 > 0.0);
+        self.converged() && !self.concerns.iter().any(narrow)
+    }
+
     /// One line with the verdict and its grounds. `evidence` belongs to the same result.
     pub fn line(&self, evidence: &Evidence) -> String {
         let wished = self.effective_samples_wished;

@@ -5,13 +5,16 @@ use smc_calib::{BandPoint, Posterior};
 use super::of_pair::OfPair;
 use crate::error::{Failure, RunError};
 use crate::plan::{Plan, SimulatorPlan};
-use crate::record::{ExperimentRecord, FitError, ObservableRecord, Record, SCHEMA_VERSION};
+use crate::record::{
+    ExperimentRecord, FitError, ObservableRecord, Record, SCHEMA_VERSION, Sensitivity,
+};
 
 /// The record of a plan's posterior; `warnings` are those on the input.
 pub(super) fn record(
     plan: &Plan,
     warnings: &[String],
     posterior: &Posterior,
+    sensitivity: Option<Sensitivity>,
 ) -> Result<Record, Failure> {
     let trust = posterior.trust();
     let mut advice = warnings.to_vec();
@@ -70,6 +73,7 @@ pub(super) fn record(
         stages: posterior.stages.clone(),
         failures: posterior.failures.clone(),
         stop: posterior.stop,
+        sensitivity,
         advice,
         counters: posterior.counters,
     })

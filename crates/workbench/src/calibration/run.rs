@@ -16,6 +16,7 @@ use smc_calib::Posterior;
 
 use super::record;
 use super::sampling::{Calibration, Stages, failure, groups, sample};
+use super::sensitivity::sensitivity;
 use super::store::{self, Stored, refused};
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::output::{Published, RunFolder, Staging, make_room, pool, pretty};
@@ -213,17 +214,21 @@ impl Driver<'_> {
             stage_seconds,
             report_seconds: 0.0,
         };
-        pool.install(|| self.publish(&posterior, timings, begun))
+        pool.install(|| {
+            let beside = sensitivity(plan, &posterior, &experiments, self.watch)?;
+            let record = record::record(plan, &self.stored.warnings, &posterior, beside)?;
+            self.publish(record, &posterior, timings, begun)
+        })
     }
 
     /// Writes the results beside the runs.
     fn publish(
         &self,
+        record: Record,
         posterior: &Posterior,
         mut timings: Timings,
         begun: Instant,
     ) -> Result<Finished, Failure> {
-        let record = record::record(&self.stored.plan, &self.stored.warnings, posterior)?;
         let staging = Staging::beside_runs(self.dir, FILE_NAME)?;
         let write = |name: &str, bytes: &[u8]| {
             staging.write(self.dir, name, bytes).map_err(|error| {

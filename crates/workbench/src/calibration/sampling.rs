@@ -7,6 +7,7 @@ use campaign::{Campaign, CampaignError};
 use smc_calib::{CalibrateError, Group, JointProblem, Observer, Posterior, Simulator, StageRecord};
 
 use super::record::record;
+use super::sensitivity::sensitivity;
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::plan::{Plan, Planned};
 use crate::record::Record;
@@ -50,7 +51,8 @@ impl Calibration {
             return Err(Failure::Interrupted);
         }
         let posterior = sampled.map_err(|error| failure(planned, error))?;
-        let record = record(plan, &planned.warnings, &posterior)?;
+        let sensitivity = sensitivity(plan, &posterior, &experiments, watch)?;
+        let record = record(plan, &planned.warnings, &posterior, sensitivity)?;
         Ok(Self { record, posterior })
     }
 }

@@ -35,6 +35,8 @@ pub struct ObservationTable {
     pub contact_ratio: Vec<f64>,
     /// Standard deviation of each contact ratio, above 0, where the table states it.
     pub sigma: Option<Vec<f64>>,
+    /// Line of each observation in the file, from 1.
+    pub lines: Vec<usize>,
 }
 
 impl ObservationTable {
@@ -56,8 +58,10 @@ impl ObservationTable {
             })?;
         }
         let with_sigma = table.columns().iter().any(|name| name == "sigma");
+        let time_s = times(&table)?;
         Ok(Self {
-            time_s: times(&table)?,
+            lines: (0..time_s.len()).map(|row| table.line_of(row)).collect(),
+            time_s,
             contact_ratio: contact_ratios(&table)?,
             sigma: with_sigma.then(|| sigmas(&table)).transpose()?,
         })
@@ -84,13 +88,13 @@ impl ObservationTable {
     /// The observations with `start <= time <= end`; there may be none.
     pub fn within(&self, [start, end]: [f64; 2]) -> Self {
         let keep: Vec<bool> = self.time_s.iter().map(|&t| start <= t && t <= end).collect();
-        let kept = |values: &Vec<f64>| {
-            values.iter().zip(&keep).filter(|(_, keep)| **keep).map(|(value, _)| *value).collect()
-        };
+        let rows = || keep.iter().enumerate().filter(|(_, keep)| **keep).map(|(row, _)| row);
+        let kept = |values: &Vec<f64>| rows().map(|row| values[row]).collect();
         Self {
             time_s: kept(&self.time_s),
             contact_ratio: kept(&self.contact_ratio),
             sigma: self.sigma.as_ref().map(kept),
+            lines: rows().map(|row| self.lines[row]).collect(),
         }
     }
 
@@ -225,6 +229,7 @@ mod tests {
             time_s: vec![0.0, 0.5],
             contact_ratio: vec![0.1, 0.41],
             sigma: None,
+            lines: Vec::new(),
         };
         for text in [
             "time_s,contact_ratio\n0,0.1\n0.5,0.41\n",
@@ -235,7 +240,8 @@ mod tests {
             "contact_ratio,time_s\r0.1,0\r0.41,0.5\r",
             "\"time_s\",\"contact_ratio\"\n\"0\",\"0.1\"\n0.5,0.41\n",
         ] {
-            assert_eq!(ObservationTable::parse("t.csv", text).as_ref(), Ok(&expected), "{text:?}");
+            let found = ObservationTable::parse("t.csv", text).expect(text);
+            assert_eq!(ObservationTable { lines: Vec::new(), ..found }, expected, "{text:?}");
         }
     }
 
@@ -281,8 +287,10 @@ mod tests {
             time_s: vec![0.0, 1.0, 2.0, 3.0],
             contact_ratio: vec![0.1, 0.2, 0.3, 0.4],
             sigma: Some(vec![0.01, 0.02, 0.03, 0.04]),
+            lines: vec![2, 3, 5, 6],
         };
         let kept = table.within([1.0, 2.0]);
+        assert_eq!(kept.lines, [3, 5]);
         assert_eq!(kept.time_s, [1.0, 2.0]);
         assert_eq!(kept.contact_ratio, [0.2, 0.3]);
         assert_eq!(kept.sigma, Some(vec![0.02, 0.03]));
@@ -329,6 +337,7 @@ mod tests {
             let time_s: Vec<f64> = rows.iter().map(|row| { time += row.0; time }).collect();
             prop_assume!(time_s.is_sorted_by(|a, b| a < b));
             let table = ObservationTable {
+                lines: (2..rows.len() + 2).collect(),
                 time_s,
                 contact_ratio: rows.iter().map(|row| row.1).collect(),
                 sigma: with_sigma.then(|| rows.iter().map(|row| row.2).collect()),

@@ -32,6 +32,7 @@ pub(super) fn observable(
         control: Vec::new(),
         values: Vec::new(),
         sigma: None,
+        lines: Vec::new(),
         noise: Noise::default(),
         result: None,
     };
@@ -124,6 +125,7 @@ fn measurements(
     observable.control = kept(&control);
     observable.values = kept(&values);
     observable.sigma = sigma.as_deref().map(kept);
+    observable.lines = keep.iter().map(|&row| table.line_of(row)).collect();
     Ok(())
 }
 

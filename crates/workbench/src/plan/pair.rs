@@ -226,6 +226,7 @@ pub(super) fn pair_experiment(
         control: table.time_s,
         values: table.contact_ratio,
         sigma: table.sigma,
+        lines: table.lines,
         result: None,
     };
     let name = if is_word(&experiment.name) { &experiment.name } else { "pair" };

@@ -129,6 +129,9 @@ pub struct ObservablePlan {
     pub values: Vec<f64>,
     /// Standard deviations of the values, where the table states them.
     pub sigma: Option<Vec<f64>>,
+    /// Line of each value in the table.
+    #[serde(default)]
+    pub lines: Vec<usize>,
     /// Noise model.
     pub noise: Noise,
     /// Where a run leaves the simulated values; none for the built-in simulator.

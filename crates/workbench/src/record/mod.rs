@@ -7,6 +7,7 @@
 
 mod neck_growth;
 mod read;
+mod sensitivity;
 
 use serde::{Deserialize, Serialize};
 use smc_calib::{
@@ -19,6 +20,7 @@ pub use neck_growth::{
     ProductSummary,
 };
 pub use read::{FILE_NAME, SCHEMA_VERSION, locate, parse, read};
+pub use sensitivity::{Method, Sensitivity, SensitivityOf};
 
 use crate::error::{InputError, Mistake};
 use crate::plan::{ObservablePlan, PairPlan, Plan};
@@ -60,6 +62,9 @@ pub struct Record {
     pub failures: Vec<Failure>,
     /// Why the run ended.
     pub stop: StopReason,
+    /// The result under correlated errors, where the residuals are alike and the noise model has them independent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensitivity: Option<Sensitivity>,
     /// Reasons to be careful in plain words: warnings on the input, and the concerns of `trust`.
     pub advice: Vec<String>,
     /// Work done.

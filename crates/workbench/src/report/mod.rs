@@ -2,6 +2,7 @@
 
 mod details;
 mod drawing;
+mod noise;
 mod pictures;
 mod samples;
 mod summary;

@@ -6,6 +6,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 use smc_calib::{Concern, ParameterSummary};
 
+use super::noise::{beside, noise_line};
 use crate::error::RunError;
 use crate::number::{percentile, shown_unit, significant};
 use crate::output::pretty;
@@ -56,11 +57,15 @@ pub fn text(record: &Record, seconds: Option<f64>, out: Option<&Path>) -> String
     }
     for (plan, found) in record.observables() {
         text.push_str(&fit_line(plan, found, neck));
+        text.push_str(&noise_line(plan, found));
     }
     if let Some(knee) = neck.and_then(|neck| neck.knee.as_ref()) {
         text.push_str(&knee_line(knee));
     }
     let _ = writeln!(text, "  sampling: {}", record.trust.line(&record.log_evidence));
+    if let Some(sensitivity) = &record.sensitivity {
+        text.push_str(&beside(sensitivity, record, width));
+    }
     for failure in &record.failures {
         let _ = writeln!(text, "  failed {} times: {}", failure.count, failure.cause);
     }
@@ -209,7 +214,7 @@ pub fn json(record: &Record, out: Option<&Path>) -> Result<String, RunError> {
     pretty(&json!({
         "name": record.plan.name,
         "is_posterior": record.is_posterior,
-        "trusted": record.trust.converged(),
+        "trusted": record.trust.trusted(),
         "trust": record.trust,
         "parameters": record.parameters,
         "observables": observables,
@@ -218,6 +223,7 @@ pub fn json(record: &Record, out: Option<&Path>) -> Result<String, RunError> {
         "ess": record.ess,
         "khat": record.khat,
         "failures": record.failures,
+        "sensitivity": record.sensitivity,
         "advice": record.advice,
         "out": out.map(|path| path.display().to_string()),
     }))

@@ -1,0 +1,100 @@
+//! What a run says of its noise: correlation, outliers, and the result under correlated errors beside its own.
+
+use std::fmt::Write as _;
+
+use smc_calib::{DistanceScale, NoiseQuantity, ShapeSummary};
+
+use crate::number::{shown_unit, significant};
+use crate::plan::ObservablePlan;
+use crate::record::{Method, ObservableRecord, Record, Sensitivity};
+
+/// Probability above which an observation is called an outlier.
+const OUTLIER: f64 = 0.5;
+/// Most rows that are named.
+const NAMED: usize = 10;
+
+/// Correlation length and white share, or the suspected rows; empty for independent normal errors.
+pub(super) fn noise_line(plan: &ObservablePlan, found: &ObservableRecord) -> String {
+    match &found.noise_shape {
+        None => String::new(),
+        Some(ShapeSummary::Correlated { scale, length, white_share, .. }) => {
+            let range = |q: &NoiseQuantity| {
+                let [lower, upper] = q.eti95.map(|end| significant(end, 2));
+                format!("{} (95 % {lower} .. {upper})", significant(q.median, 2))
+            };
+            let control = plan.control_column.as_deref().unwrap_or("the row number");
+            let scale = match scale {
+                DistanceScale::Log => format!("ln {control}"),
+                DistanceScale::Linear => control.to_owned(),
+            };
+            format!(
+                "  errors: correlation length {} in {scale}, white share {}\n",
+                range(length),
+                range(white_share)
+            )
+        }
+        Some(ShapeSummary::Robust { outliers, .. }) => {
+            let suspect: Vec<usize> =
+                (0..outliers.len()).filter(|row| outliers[*row] > OUTLIER).collect();
+            if suspect.is_empty() {
+                return "  errors: no row is an outlier\n".to_owned();
+            }
+            let mut named: Vec<String> =
+                suspect.iter().take(NAMED).map(|row| row_in_words(plan, *row)).collect();
+            if suspect.len() > NAMED {
+                named.push(format!("{} more", suspect.len() - NAMED));
+            }
+            format!("  suspect rows of {}: {}\n", plan.table, named.join(", "))
+        }
+    }
+}
+
+/// A row by its line in the table, where that is known, and its control value.
+fn row_in_words(plan: &ObservablePlan, row: usize) -> String {
+    let control = match (&plan.control_column, shown_unit(&plan.control_unit)) {
+        (None, _) => format!("row {}", row + 1),
+        (Some(_), unit) => format!("{} {unit}", significant(plan.control[row], 4)),
+    };
+    match plan.lines.get(row) {
+        Some(line) => format!("line {line} ({})", control.trim_end()),
+        None => control.trim_end().to_owned(),
+    }
+}
+
+/// The result under correlated errors, beside the run's own.
+pub(super) fn beside(sensitivity: &Sensitivity, record: &Record, width: usize) -> String {
+    let mut text = String::new();
+    let how = match sensitivity.method {
+        Method::Sampled => "sampled again",
+        Method::Weighted => "the same runs, weighted",
+    };
+    let _ = writeln!(
+        text,
+        "  with correlated errors ({how}; log evidence {} against {}):",
+        significant(sensitivity.log_evidence, 5),
+        significant(record.log_evidence.value, 5),
+    );
+    if !sensitivity.trusted {
+        let _ = writeln!(
+            text,
+            "    not known from these runs ({:.0} effective samples, k-hat {:.2}): run with --noise correlated",
+            sensitivity.ess, sensitivity.khat
+        );
+        return text;
+    }
+    for (parameter, summary) in sensitivity.parameters.iter().zip(&record.parameters) {
+        let _ = writeln!(
+            text,
+            "    {:<w$} {:>9} {:<9} 95 % {} .. {}; moves by {:+.1} sd, {} times as wide",
+            summary.parameter.name,
+            significant(parameter.median, 3),
+            shown_unit(&summary.parameter.unit),
+            significant(parameter.eti95[0], 3),
+            significant(parameter.eti95[1], 3),
+            parameter.shift,
+            significant(parameter.widening, 2),
+            w = width.saturating_sub(2),
+        );
+    }
+    text
+}
