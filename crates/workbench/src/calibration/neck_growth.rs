@@ -5,6 +5,7 @@ use smc_calib::Weighted;
 
 use super::curves::{AtData, curves};
 use super::of_pair::{OfPair, simulation_failure};
+use crate::careful::Careful;
 use crate::error::Failure;
 use crate::input::material::Material;
 use crate::pair::frenkel_fit;
@@ -44,12 +45,8 @@ impl OfPair<'_> {
     /// Advice on kinetics whose data inform a product but neither of its factors.
     pub(super) fn advice(&self) -> Option<String> {
         let kinetics = self.pair.kinetics;
-        (kinetics.uses_c1_delta_c() && !kinetics.separates_c1_from_delta_c()).then(|| {
-            format!(
-                "under the {kinetics} kinetics c1 and delta_c enter only as c1 * delta_c^2: the data inform the product, \
-                 and the prior alone divides it between the two"
-            )
-        })
+        (kinetics.uses_c1_delta_c() && !kinetics.separates_c1_from_delta_c())
+            .then(|| Careful::ProductOnly { kinetics: kinetics.to_string() }.to_string())
     }
 
     fn paper_comparison(&self, material: Material) -> PaperComparison {

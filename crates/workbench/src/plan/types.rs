@@ -8,8 +8,9 @@ use campaign::slurm::SlurmSettings;
 use campaign::{Call, ResultSpec};
 use dem_core::{Kinetics, PairScene, PairSpec, Powder, SolverKind, SolverSettings};
 use serde::{Deserialize, Serialize};
-use smc_calib::{Noise, ObservationError, Observations, Parameter, Settings};
+use smc_calib::{Concern, Noise, ObservationError, Observations, Parameter, Settings};
 
+use crate::careful::{self, Simulations};
 use crate::error::{InputError, Mistake};
 use crate::input::material::Material;
 use crate::pair::parameter::ParameterName;
@@ -200,8 +201,8 @@ impl Planned {
     pub(super) fn warned(mut self) -> Self {
         let (observations, parameters) = (self.plan.observations(), self.plan.parameters.len());
         if observations < parameters {
-            self.warnings
-                .push(smc_calib::Concern::FewObservations { observations, parameters }.to_string());
+            let few = Concern::FewObservations { observations, parameters };
+            self.warnings.push(careful::concern(&few, self.plan.simulations()));
         }
         self
     }
@@ -218,6 +219,11 @@ impl Plan {
     /// Names of the parameters, in order.
     pub fn parameter_names(&self) -> Vec<String> {
         self.parameters.iter().map(|parameter| parameter.name.clone()).collect()
+    }
+
+    /// The simulations that it asks for.
+    pub(crate) fn simulations(&self) -> Simulations {
+        Simulations { number: self.budget(), of_programs: self.commands().next().is_some() }
     }
 
     /// Experiments that a program of the user's simulates, with their places among the experiments.
