@@ -43,6 +43,8 @@ fn each_material_at_the_default_budget_agrees_with_quadrature() {
         ran.succeeded();
         assert!(ran.stdout.contains("sampling: converged"), "{}", ran.stdout);
         assert!(ran.stderr.contains("quadrature"), "{}", ran.stderr);
+        assert!(!ran.stdout.contains("two modes"), "{}", ran.stdout);
+        assert!(ran.stdout.contains("as printed in Table 3"), "{}", ran.stdout);
         assert_eq!(names(&sandbox, &format!("results/{material}")), FILES);
     }
 }
@@ -148,6 +150,7 @@ fn an_own_powder_is_calibrated_from_files_alone() {
         file["experiments"][0]["neck_growth"]["paper"].is_null(),
         "a powder of one's own has no values in the paper"
     );
+    assert!(!ran.stdout.contains("Table 3"), "{}", ran.stdout);
     assert_eq!(file["plan"]["experiments"][0]["simulator"]["powder"]["radius_m"], 21.0e-6);
 }
 

@@ -6,12 +6,14 @@
 
 mod concern;
 pub mod limits;
+mod modes;
 #[cfg(test)]
 mod tests;
 
 pub use concern::Concern;
 
 use self::limits::*;
+use self::modes::two_modes;
 use crate::posterior::{Evidence, ParameterSummary, Posterior, Residuals};
 use crate::prior::PriorSpec;
 use serde::{Deserialize, Serialize};
@@ -53,8 +55,14 @@ pub struct Trust {
     pub effective_samples_wished: f64,
     /// Pareto shape of the importance weights, the largest over the weights and all parameters.
     pub khat: f64,
-    /// Pareto shape from which on weights cannot be trusted.
+    /// Pareto shape from which on weights cannot be trusted where a sample has the share below.
     pub khat_limit: f64,
+    /// Largest share of one sample in the weights or in the moments of a parameter.
+    #[serde(default)]
+    pub largest_share: f64,
+    /// Share from which on a heavy tail can change an estimate.
+    #[serde(default)]
+    pub largest_share_limit: f64,
     /// Whether the standard error of the log evidence can be believed.
     pub evidence_error_known: bool,
     /// Reasons to be careful.
@@ -75,8 +83,13 @@ impl Trust {
         } else {
             String::new()
         };
+        let harmless = if !khat_holds(self.khat) && self.largest_share < self.largest_share_limit {
+            ", but no sample has a hundredth of an estimate"
+        } else {
+            ""
+        };
         format!(
-            "{}; {:.0} effective samples{of}, k-hat {:.2} (limit {}), {}",
+            "{}; {:.0} effective samples{of}, k-hat {:.2} (limit {}{harmless}), {}",
             self.verdict,
             self.effective_samples,
             self.khat,
@@ -128,6 +141,11 @@ pub fn khat_holds(khat: f64) -> bool {
     khat < KHAT_LIMIT
 }
 
+/// Whether estimates with a tail of this Pareto shape, to which one sample contributes this share at most, can be trusted.
+fn tail_holds(khat: f64, largest_share: f64) -> bool {
+    khat_holds(khat) || largest_share < LARGEST_SHARE
+}
+
 /// Whether two estimates of the log evidence agree; `se` is the standard error of their difference.
 pub(crate) fn agree(a: f64, b: f64, se: f64) -> bool {
     (a - b).abs() <= EVIDENCE_ERRORS * se
@@ -147,7 +165,7 @@ impl Posterior {
             .clamp(FEWEST_EFFECTIVE_SAMPLES, EFFECTIVE_SAMPLES);
         let ess = self.ess.importance;
         let sound = self.is_posterior
-            && khat_holds(self.khat)
+            && self.tails_hold()
             && self.log_evidence.agree
             && ess >= FEWEST_EFFECTIVE_SAMPLES;
         Trust {
@@ -160,6 +178,8 @@ impl Posterior {
             effective_samples_wished: wished,
             khat: self.khat,
             khat_limit: KHAT_LIMIT,
+            largest_share: self.parameters.iter().map(|p| p.largest_share).fold(0.0, f64::max),
+            largest_share_limit: LARGEST_SHARE,
             evidence_error_known: sound,
             concerns: self.concerns(wished),
         }
@@ -178,6 +198,7 @@ impl Posterior {
             list.extend(self.about_weights());
             list.extend(self.about_budget(wished));
             list.extend(self.parameters.iter().filter_map(about_information));
+            list.extend(two_modes(self));
         }
         let (observations, parameters) = (self.residuals.values.len(), self.parameters.len());
         if observations < parameters {
@@ -196,15 +217,24 @@ impl Posterior {
         list
     }
 
+    /// Whether no heavy tail can change an estimate.
+    fn tails_hold(&self) -> bool {
+        // Each parameter's k-hat and share are at least those of the weights themselves.
+        !self.khat.is_nan() && self.parameters.iter().all(|p| tail_holds(p.khat, p.largest_share))
+    }
+
     /// Tails of the importance weights, and the two estimates of the evidence.
     fn about_weights(&self) -> Vec<Concern> {
-        let heavy: Vec<_> = self.parameters.iter().filter(|p| !khat_holds(p.khat)).collect();
+        let heavy: Vec<_> =
+            self.parameters.iter().filter(|p| !tail_holds(p.khat, p.largest_share)).collect();
         let mut list: Vec<Concern> = if heavy.len() == self.parameters.len() {
-            vec![Concern::HighKhat { parameter: None, khat: self.khat }]
+            let largest_share = heavy.iter().map(|p| p.largest_share).fold(0.0, f64::max);
+            vec![Concern::HighKhat { parameter: None, khat: self.khat, largest_share }]
         } else {
             let of_one = |p: &&ParameterSummary| Concern::HighKhat {
                 parameter: Some(p.parameter.name.clone()),
                 khat: p.khat,
+                largest_share: p.largest_share,
             };
             heavy.iter().map(of_one).collect()
         };
@@ -228,7 +258,7 @@ impl Posterior {
             if ess < FEWEST_OF_SMALL_BUDGET {
                 signs.push("fewer than ten effective samples");
             }
-            if !khat_holds(self.khat) {
+            if !self.tails_hold() {
                 signs.push("the importance weights have a heavy tail");
             }
             if !self.log_evidence.agree {

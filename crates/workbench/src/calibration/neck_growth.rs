@@ -77,6 +77,8 @@ impl OfPair<'_> {
     /// The posterior pushed, sample by sample, through the map to the form of Table 3.
     fn printed_parameters(&self, paper: Option<&PaperComparison>) -> Vec<PrintedParameter> {
         let three = [ParameterName::C1, ParameterName::TauS, ParameterName::DeltaC];
+        // Table 3 knows the paper's three powders, and no other.
+        let Some(paper) = paper else { return Vec::new() };
         if three.iter().any(|name| self.model.place(*name).is_none()) {
             return Vec::new();
         }
@@ -94,7 +96,7 @@ impl OfPair<'_> {
                 let log10 = self.weighted(|theta| push(theta)[place].log10());
                 let back = |[lower, upper]: [f64; 2]| [10f64.powf(lower), 10f64.powf(upper)];
                 let (mean_log10, sd_log10) = log10.moments();
-                let paper = paper.map(|paper| paper.printed[place]);
+                let printed = paper.printed[place];
                 PrintedParameter {
                     name: name.to_owned(),
                     unit: unit.to_owned(),
@@ -105,8 +107,8 @@ impl OfPair<'_> {
                     eti50: back(log10.interval(0.5)),
                     eti90: back(log10.interval(0.9)),
                     eti95: back(log10.interval(0.95)),
-                    paper,
-                    paper_percentile: paper.map(|value| 100.0 * log10.share_below(value.log10())),
+                    paper: Some(printed),
+                    paper_percentile: Some(100.0 * log10.share_below(printed.log10())),
                 }
             })
             .collect()

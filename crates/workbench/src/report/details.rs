@@ -60,10 +60,16 @@ pub fn details(record: &Record) -> String {
             printed.paper_percentile.map_or_else(String::new, |p| format!("{p:.1} %")),
         );
     }
+    if !printed.is_empty() {
+        text.push_str(OF_TABLE3);
+    }
     text.push_str(&moments_and_correlation(&record.parameters, &record.correlation));
     text.push_str(&stages(&record.stages));
     text
 }
+
+/// Why the paper's value has another percentile there than in SI.
+const OF_TABLE3: &str = "C1 of Table 3 is, in SI, C1 times delta_c over R^2: another quantity, whose percentile is another\n";
 
 /// The columns that all tables of values begin with: name, MAP, median, 50 % and 95 % interval.
 fn row([name, map, median, half, most]: [&str; 5]) -> String {
