@@ -55,6 +55,26 @@ impl Sandbox {
         }
     }
 
+    /// The bytes of a run's `posterior.json`.
+    #[track_caller]
+    pub(crate) fn posterior_bytes(&self, folder: &str) -> Vec<u8> {
+        fs::read(self.path().join(folder).join("posterior.json")).expect("posterior.json")
+    }
+
+    /// A run's `posterior.json`, held against the schema.
+    #[track_caller]
+    pub(crate) fn posterior(&self, folder: &str) -> serde_json::Value {
+        let file = serde_json::from_slice(&self.posterior_bytes(folder)).expect("JSON");
+        let schema = root().join("crates/workbench/schema/posterior.schema.json");
+        let schema = fs::read_to_string(schema).expect("the schema");
+        let schema = serde_json::from_str(&schema).expect("JSON");
+        let validator = jsonschema::validator_for(&schema).expect("a schema");
+        let mistakes: Vec<String> =
+            validator.iter_errors(&file).map(|error| error.to_string()).collect();
+        assert!(mistakes.is_empty(), "{mistakes:#?}");
+        file
+    }
+
     /// Every file with its contents, to see that nothing changed.
     pub(crate) fn snapshot(&self) -> BTreeMap<PathBuf, Vec<u8>> {
         let mut files = BTreeMap::new();

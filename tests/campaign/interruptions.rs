@@ -6,13 +6,13 @@ use std::time::{Duration, Instant};
 
 use rustix::process::Signal;
 
-use super::{Driver, LINE_SH, line, line_plan, posterior_bytes, runs, status, until};
+use super::{Driver, LINE_SH, line, line_plan, runs, status, until};
 
 #[test]
 fn an_interrupted_run_is_taken_up_with_the_same_bits_and_one_driver_has_it() {
     let whole = line(24, "0");
     whole.run("--plan line.toml --quiet").succeeded();
-    let bytes = posterior_bytes(&whole, "results/line");
+    let bytes = whole.posterior_bytes("results/line");
     assert_eq!(runs(&whole), 24);
 
     for (signal, code) in
@@ -45,7 +45,7 @@ fn an_interrupted_run_is_taken_up_with_the_same_bits_and_one_driver_has_it() {
         assert!((1..24).contains(&finished), "{finished}");
         let before = runs(&sandbox);
         sandbox.run("--resume results/line --quiet").succeeded();
-        assert_eq!(posterior_bytes(&sandbox, "results/line"), bytes);
+        assert_eq!(sandbox.posterior_bytes("results/line"), bytes);
         assert_eq!(runs(&sandbox) - before, 24 - finished, "nothing that finished is run again");
     }
 }
@@ -54,7 +54,7 @@ fn an_interrupted_run_is_taken_up_with_the_same_bits_and_one_driver_has_it() {
 fn a_changed_plan_and_damaged_files_are_named_and_the_rest_is_used() {
     let sandbox = line(24, "0");
     sandbox.run("--plan line.toml --quiet").succeeded();
-    let bytes = posterior_bytes(&sandbox, "results/line");
+    let bytes = sandbox.posterior_bytes("results/line");
 
     // Another plan is refused, by its first difference; another executor is not.
     sandbox.write("other.toml", line_plan(24, "0").replace("upper = 5.0", "upper = 6.0"));
@@ -85,7 +85,7 @@ fn a_changed_plan_and_damaged_files_are_named_and_the_rest_is_used() {
     ran.succeeded();
     assert!(ran.stderr.contains("results.jsonl, line 8"), "{}", ran.stderr);
     assert_eq!(runs(&sandbox) - before, 1);
-    assert_eq!(posterior_bytes(&sandbox, "results/line"), bytes);
+    assert_eq!(sandbox.posterior_bytes("results/line"), bytes);
 
     // A damaged plan is mended with the plan.
     let resolved = sandbox.path().join("results/line/campaign/resolved-plan.json");
@@ -94,14 +94,14 @@ fn a_changed_plan_and_damaged_files_are_named_and_the_rest_is_used() {
     sandbox.run("--resume results/line").refused(&["resolved-plan.json", "--plan"]);
     let before = runs(&sandbox);
     sandbox.run("--resume results/line --plan line.toml").succeeded();
-    assert_eq!(posterior_bytes(&sandbox, "results/line"), bytes);
+    assert_eq!(sandbox.posterior_bytes("results/line"), bytes);
     assert_eq!(runs(&sandbox), before);
     let record = sandbox.path().join("results/line/campaign/campaign.json");
     let text = fs::read_to_string(&record).expect("campaign.json");
     fs::write(&record, &text[..text.len() / 2]).expect("cut off");
     sandbox.run("--resume results/line").refused(&["campaign.json", "--plan FILE"]);
     sandbox.run("--resume results/line --plan line.toml").succeeded();
-    assert_eq!(posterior_bytes(&sandbox, "results/line"), bytes);
+    assert_eq!(sandbox.posterior_bytes("results/line"), bytes);
     assert_eq!(runs(&sandbox), before, "its runs are used");
 }
 
@@ -124,7 +124,7 @@ fn a_full_disk_stops_the_run_with_a_clear_word_and_loses_nothing() {
     let stored = status(&sandbox, "results/line")["finished"].as_u64().expect("a number");
     assert!(stored > 0, "{stored}");
     sandbox.run("--resume results/line --quiet").succeeded();
-    assert_eq!(posterior_bytes(&sandbox, "results/line"), posterior_bytes(&whole, "results/line"));
+    assert_eq!(sandbox.posterior_bytes("results/line"), whole.posterior_bytes("results/line"));
 }
 
 /// Numbers that look random, from a seed.
@@ -147,7 +147,7 @@ fn a_hundred_kills_at_random_moments_and_the_same_posterior() {
     let begun = Instant::now();
     sandbox.run("--plan line.toml --quiet").succeeded();
     let whole = begun.elapsed();
-    let bytes = posterior_bytes(&sandbox, "results/line");
+    let bytes = sandbox.posterior_bytes("results/line");
     let seed = std::env::var("SEED").ok().and_then(|seed| seed.parse().ok()).unwrap_or(1);
     let mut random = Random(seed);
     let (mut kills, mut finished, mut made) = (0, 0, 0);
@@ -178,7 +178,7 @@ fn a_hundred_kills_at_random_moments_and_the_same_posterior() {
         match (ended, code) {
             (None, None) => kills += 1,
             (_, Some(0)) => {
-                assert!(posterior_bytes(&sandbox, &dir) == bytes, "{dir} differs");
+                assert!(sandbox.posterior_bytes(&dir) == bytes, "{dir} differs");
                 finished += 1;
             }
             other => panic!("{dir}: {other:?}\n{stderr}"),

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
-use crate::sandbox::{Sandbox, root};
+use crate::sandbox::Sandbox;
 
 /// y = a t, with the time that a run takes and a note of every run that is made.
 const LINE_SH: &str = r#"#!/bin/sh
@@ -63,24 +63,6 @@ fn line(samples: usize, seconds: &str) -> Sandbox {
 /// Runs of the simulator so far.
 fn runs(sandbox: &Sandbox) -> usize {
     fs::read_to_string(sandbox.path().join("runs.txt")).map_or(0, |text| text.lines().count())
-}
-
-fn posterior_bytes(sandbox: &Sandbox, dir: &str) -> Vec<u8> {
-    let path = sandbox.path().join(dir).join("posterior.json");
-    fs::read(path).expect("posterior.json")
-}
-
-/// Reads the posterior of a run and holds it against the schema.
-fn posterior(sandbox: &Sandbox, dir: &str) -> Value {
-    let file = serde_json::from_slice(&posterior_bytes(sandbox, dir)).expect("JSON");
-    let schema = root().join("crates/workbench/schema/posterior.schema.json");
-    let schema = fs::read_to_string(schema).expect("the schema");
-    let schema = serde_json::from_str(&schema).expect("JSON");
-    let validator = jsonschema::validator_for(&schema).expect("a schema");
-    let mistakes: Vec<String> =
-        validator.iter_errors(&file).map(|error| error.to_string()).collect();
-    assert!(mistakes.is_empty(), "{mistakes:#?}");
-    file
 }
 
 fn status(sandbox: &Sandbox, dir: &str) -> Value {

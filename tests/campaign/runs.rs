@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::{LINE_CSV, LINE_SH, line, line_plan, posterior, posterior_bytes, status};
+use super::{LINE_CSV, LINE_SH, line, line_plan, status};
 use crate::sandbox::{Sandbox, root};
 
 #[test]
@@ -26,7 +26,7 @@ fn the_example_runs_and_finds_what_it_was_made_of() {
     ran.succeeded();
     assert!(ran.stdout.contains("stiffness"), "{}", ran.stdout);
     assert!(ran.stdout.lines().count() < 16, "{}", ran.stdout);
-    let file = posterior(&sandbox, "results/impact");
+    let file = sandbox.posterior("results/impact");
     for (place, truth) in [(0, 1000.0), (1, 0.0045)] {
         let median = file["parameters"][place]["in_si"]["median"].as_f64().expect("a number");
         assert!((median / truth - 1.0).abs() < 0.15, "{median} for {truth}");
@@ -65,9 +65,9 @@ fn the_example_runs_and_finds_what_it_was_made_of() {
     // The same again is not run again, and nothing is lost to a second --plan.
     let again = sandbox.run("--plan plans/impact.toml");
     again.refused(&["holds a run already", "--resume results/impact"]);
-    let bytes = posterior_bytes(&sandbox, "results/impact");
+    let bytes = sandbox.posterior_bytes("results/impact");
     sandbox.run("--resume results/impact --quiet").succeeded();
-    assert_eq!(posterior_bytes(&sandbox, "results/impact"), bytes);
+    assert_eq!(sandbox.posterior_bytes("results/impact"), bytes);
     for command in ["status", "export", "--resume"] {
         sandbox.run(&format!("{command} plans")).refused(&["plans"]);
         sandbox.run(&format!("{command} nowhere")).refused(&["nowhere"]);
@@ -140,8 +140,8 @@ result = {{ file = "neck.csv", control = "time_s", value = "contact_ratio", inte
     sandbox.write("command.toml", command);
     sandbox.run("--plan builtin.toml --quiet").succeeded();
     sandbox.run("--plan command.toml --quiet").succeeded();
-    let one = moments(&posterior(&sandbox, "results/builtin"));
-    let other = moments(&posterior(&sandbox, "results/command"));
+    let one = moments(&sandbox.posterior("results/builtin"));
+    let other = moments(&sandbox.posterior("results/command"));
     assert_eq!(one.len(), 7);
     for (a, b) in one.iter().zip(&other) {
         assert!((a - b).abs() <= 1e-8 * a.abs().max(1e-3), "{one:?}\n{other:?}");
@@ -170,7 +170,7 @@ esac
     sandbox.write("line.toml", plan.replace("\"none\"", "\"failed\""));
     let ran = sandbox.run("--plan line.toml");
     ran.succeeded();
-    let file = posterior(&sandbox, "results/line");
+    let file = sandbox.posterior("results/line");
     sandbox.run("export results/line").succeeded();
     let samples = fs::read_to_string(sandbox.path().join("results/line/export/samples.csv"));
     let samples = samples.expect("samples.csv");
@@ -268,7 +268,7 @@ fn sample_tables_of_grain_learning_are_run_as_they_stand_and_written_again() {
         assert!((row[0] - truth).abs() < 1e-12, "{row:?}");
     }
     // Weights are the likelihoods: of the inferred noise, a Student t of 4 + 3 degrees of freedom.
-    let file = posterior(&sandbox, "results/line");
+    let file = sandbox.posterior("results/line");
     let weight = |a: f64| {
         let s: f64 = [(1.0, 2.1), (2.0, 3.9), (3.0, 6.2)]
             .map(|(t, y)| (y - a * t) * (y - a * t))

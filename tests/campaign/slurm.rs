@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 
 use rustix::process::Signal;
 
-use super::{Driver, line, line_plan, posterior_bytes, runs, until};
+use super::{Driver, line, line_plan, runs, until};
 use crate::sandbox::{Sandbox, root};
 
 /// A Slurm of two nodes on this machine, for as long as the test takes.
@@ -63,7 +63,7 @@ fn a_real_slurm_gives_the_bits_of_local_runs_through_every_interruption() {
     };
     let sandbox = line(24, "0.2");
     sandbox.run("--plan line.toml --quiet").succeeded();
-    let bytes = posterior_bytes(&sandbox, "results/line");
+    let bytes = sandbox.posterior_bytes("results/line");
     let executor = "kind = \"slurm\"\nchunk = 3\npoll_min_s = 0.1\npoll_max_s = 0.5\ngrace_s = 2\n";
     let local = "kind = \"local\"\nparallel = 2\n";
     sandbox.write("slurm.toml", line_plan(24, "0.2").replace(local, executor));
@@ -94,7 +94,7 @@ fn a_real_slurm_gives_the_bits_of_local_runs_through_every_interruption() {
             let (code, stderr) = driver.wait();
             assert_eq!(code, Some(0), "{name}: {stderr}");
         }
-        assert!(posterior_bytes(&sandbox, name) == bytes, "{name} differs from the local run");
+        assert!(sandbox.posterior_bytes(name) == bytes, "{name} differs from the local run");
         if name != "cancelled" {
             assert_eq!(runs(&sandbox) - before, 24, "{name}: no run is made twice");
         }

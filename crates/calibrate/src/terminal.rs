@@ -8,7 +8,7 @@ use std::time::Duration;
 use campaign::Stop;
 use indicatif::{ProgressBar, ProgressStyle};
 use smc_calib::StageRecord;
-use workbench::error::Failure;
+use workbench::error::{Failure, RunError};
 use workbench::output::Published;
 use workbench::watch::Watch;
 
@@ -81,14 +81,20 @@ impl Terminal {
         }
     }
 
-    /// Prints a result on standard output; `text` is asked for only where it is printed: `json` always, else unless
-    /// `quiet`.
-    pub(crate) fn print(
+    /// Prints a result on standard output: always where it is asked for as JSON, else its text unless `quiet`. Only the
+    /// one that is printed is made.
+    pub(crate) fn print_result(
         &self,
-        json: bool,
-        text: impl FnOnce() -> Result<String, Failure>,
+        as_json: bool,
+        json: impl FnOnce() -> Result<String, RunError>,
+        text: impl FnOnce() -> String,
     ) -> Result<(), Failure> {
-        if json || !self.quiet { write(text()?.as_bytes()) } else { Ok(()) }
+        if as_json { write(json()?.as_bytes()) } else { self.print(text) }
+    }
+
+    /// Prints a text on standard output unless `quiet`.
+    pub(crate) fn print(&self, text: impl FnOnce() -> String) -> Result<(), Failure> {
+        if self.quiet { Ok(()) } else { write(text().as_bytes()) }
     }
 }
 

@@ -5,13 +5,14 @@ mod draws;
 mod likelihood;
 mod robust;
 mod rule;
+mod scale;
 #[cfg(test)]
 mod tests;
 
-pub use correlated::DistanceScale;
 pub(crate) use draws::NoiseDraws;
 pub use draws::{NoiseDraw, NoiseQuantity, NoiseShape, ShapeSummary};
 pub use likelihood::Likelihood;
+pub use scale::DistanceScale;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -97,6 +98,17 @@ impl Noise {
             _ => return None,
         };
         Some(Self::Correlated { nu0, s0, scale: None, nodes: None })
+    }
+
+    /// Name of the kind, as in files.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Inferred { .. } => "inferred",
+            Self::Correlated { .. } => "correlated",
+            Self::Robust { .. } => "robust",
+            Self::Fixed { .. } => "fixed",
+            Self::EssTarget { .. } => "ess-target",
+        }
     }
 
     /// Whether errors near each other may be alike.

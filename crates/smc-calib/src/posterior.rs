@@ -208,6 +208,9 @@ pub struct ParameterSummary {
     pub map: f64,
     /// Pareto shape for this parameter's moments.
     pub khat: f64,
+    /// Largest share of one sample in the weights or in this parameter's moments.
+    #[serde(default)]
+    pub largest_share: f64,
     /// Information gained: divergence of the marginal posterior from the prior, in bits.
     pub information_gain_bits: f64,
     /// Prior mean in the coordinate.

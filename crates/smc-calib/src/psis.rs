@@ -39,6 +39,13 @@ pub fn khat(values: &[f64]) -> f64 {
     pareto(&excess).map_or(UNKNOWN, |(k, _)| k)
 }
 
+/// Share of the largest of some non-negative values in their sum; 1 where there is nothing to sum.
+pub fn largest_share(values: &[f64]) -> f64 {
+    let (sum, largest) = values.iter().fold((0.0, 0.0f64), |(s, l), v| (s + v, l.max(*v)));
+    let share = largest / sum;
+    if share.is_finite() { share } else { 1.0 }
+}
+
 /// Importance weights with their largest ones smoothed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Smoothed {
@@ -179,6 +186,13 @@ mod tests {
         one[3] = 1.0;
         assert_eq!(khat(&one), UNKNOWN);
         assert_eq!(khat(&[1.0, 2.0]), UNKNOWN);
+    }
+
+    #[test]
+    fn the_largest_share_is_that_of_the_sum() {
+        assert_eq!(largest_share(&[1.0, 3.0, 0.0, 4.0]), 0.5);
+        assert_eq!((largest_share(&[]), largest_share(&[0.0, 0.0])), (1.0, 1.0));
+        assert_eq!(largest_share(&[1.0, f64::INFINITY]), 1.0);
     }
 
     #[test]

@@ -49,7 +49,7 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
         columns(problem, |j, i| problem.parameters[j].prior.to_coordinate(theta[j][i]), n);
 
     let map = find_map(target, &sampler, &estimator).map_err(|error| error.after(&stages))?;
-    let weight_khat = psis::khat(&raw);
+    let (weight_khat, weight_share) = (psis::khat(&raw), psis::largest_share(&raw));
     let parameters: Vec<ParameterSummary> = (0..d)
         .into_par_iter()
         .map(|j| {
@@ -57,6 +57,7 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
             let columns = Columns { z: &z, theta: &theta[j], coordinate: &coordinate[j] };
             let mut summary = parameter_summary(&problem.parameters[j], &columns, &estimator);
             summary.khat = summary.khat.max(weight_khat);
+            summary.largest_share = summary.largest_share.max(weight_share);
             summary.map = map.theta[j];
             summary
         })
@@ -144,18 +145,20 @@ fn parameter_summary(p: &Parameter, of: &Columns<'_>, estimator: &Estimator) -> 
     let coordinate = p.prior.coordinate();
     let in_coordinate = Marginal::new(of.coordinate, estimator).moments();
     let mean = in_coordinate.mean;
-    let khat_of = |power: i32| {
+    let tail_of = |power: i32| {
         let weighted = estimator.weights.iter().zip(of.coordinate);
         let values: Vec<f64> = weighted.map(|(w, x)| w * (x - mean).abs().powi(power)).collect();
-        psis::khat(&values)
+        (psis::khat(&values), psis::largest_share(&values))
     };
+    let (first, second) = (tail_of(1), tail_of(2));
     ParameterSummary {
         parameter: p.clone(),
         coordinate,
         in_si: in_si(coordinate, &in_coordinate, mean_and_sd(of.theta, estimator)),
         in_coordinate,
         map: f64::NAN,
-        khat: khat_of(1).max(khat_of(2)),
+        khat: first.0.max(second.0),
+        largest_share: first.1.max(second.1),
         information_gain_bits: Marginal::new(of.z, estimator).information_gain_bits(),
         prior_mean: p.prior.mean(),
         prior_sd: p.prior.sd(),

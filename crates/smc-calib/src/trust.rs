@@ -6,12 +6,15 @@
 
 mod concern;
 pub mod limits;
+mod modes;
 #[cfg(test)]
 mod tests;
 
 pub use concern::Concern;
 
 use self::limits::*;
+use self::modes::two_modes;
+use crate::Noise;
 use crate::posterior::{Evidence, ParameterSummary, Posterior, Residuals};
 use crate::prior::PriorSpec;
 use serde::{Deserialize, Serialize};
@@ -53,8 +56,14 @@ pub struct Trust {
     pub effective_samples_wished: f64,
     /// Pareto shape of the importance weights, the largest over the weights and all parameters.
     pub khat: f64,
-    /// Pareto shape from which on weights cannot be trusted.
+    /// Pareto shape from which on weights cannot be trusted where a sample has the share below.
     pub khat_limit: f64,
+    /// Largest share of one sample in the weights or in the moments of a parameter.
+    #[serde(default)]
+    pub largest_share: f64,
+    /// Share from which on a heavy tail can change an estimate.
+    #[serde(default)]
+    pub largest_share_limit: f64,
     /// Whether the standard error of the log evidence can be believed.
     pub evidence_error_known: bool,
     /// Reasons to be careful.
@@ -70,8 +79,7 @@ impl Trust {
     /// Whether intervals can be taken as they are: converged, and no errors that are more alike than the noise model has
     /// them, which makes intervals too narrow.
     pub fn trusted(&self) -> bool {
-        let narrow =
-            |c: &Concern| matches!(c, Concern::ResidualsNotIndependent { lag1, .. } if *lag1 > 0.0);
+        let narrow = |c: &Concern| matches!(c, Concern::ResidualsNotIndependent { lag1, modelled: false, .. } if *lag1 > 0.0);
         self.converged() && !self.concerns.iter().any(narrow)
     }
 
@@ -83,8 +91,13 @@ impl Trust {
         } else {
             String::new()
         };
+        let harmless = if !khat_holds(self.khat) && self.largest_share < self.largest_share_limit {
+            ", but no sample has a hundredth of an estimate"
+        } else {
+            ""
+        };
         format!(
-            "{}; {:.0} effective samples{of}, k-hat {:.2} (limit {}), {}",
+            "{}; {:.0} effective samples{of}, k-hat {:.2} (limit {}{harmless}), {}",
             self.verdict,
             self.effective_samples,
             self.khat,
@@ -136,6 +149,11 @@ pub fn khat_holds(khat: f64) -> bool {
     khat < KHAT_LIMIT
 }
 
+/// Whether estimates with a tail of this Pareto shape, to which one sample contributes this share at most, can be trusted.
+fn tail_holds(khat: f64, largest_share: f64) -> bool {
+    khat_holds(khat) || largest_share < LARGEST_SHARE
+}
+
 /// Whether two estimates of the log evidence agree; `se` is the standard error of their difference.
 pub(crate) fn agree(a: f64, b: f64, se: f64) -> bool {
     (a - b).abs() <= EVIDENCE_ERRORS * se
@@ -155,7 +173,7 @@ impl Posterior {
             .clamp(FEWEST_EFFECTIVE_SAMPLES, EFFECTIVE_SAMPLES);
         let ess = self.ess.importance;
         let sound = self.is_posterior
-            && khat_holds(self.khat)
+            && self.tails_hold()
             && self.log_evidence.agree
             && ess >= FEWEST_EFFECTIVE_SAMPLES;
         Trust {
@@ -168,6 +186,8 @@ impl Posterior {
             effective_samples_wished: wished,
             khat: self.khat,
             khat_limit: KHAT_LIMIT,
+            largest_share: self.parameters.iter().map(|p| p.largest_share).fold(0.0, f64::max),
+            largest_share_limit: LARGEST_SHARE,
             evidence_error_known: sound,
             concerns: self.concerns(wished),
         }
@@ -186,6 +206,7 @@ impl Posterior {
             list.extend(self.about_weights());
             list.extend(self.about_budget(wished));
             list.extend(self.parameters.iter().filter_map(about_information));
+            list.extend(two_modes(self));
         }
         let (observations, parameters) = (self.residuals.values.len(), self.parameters.len());
         if observations < parameters {
@@ -204,15 +225,24 @@ impl Posterior {
         list
     }
 
+    /// Whether no heavy tail can change an estimate.
+    fn tails_hold(&self) -> bool {
+        // Each parameter's k-hat and share are at least those of the weights themselves.
+        !self.khat.is_nan() && self.parameters.iter().all(|p| tail_holds(p.khat, p.largest_share))
+    }
+
     /// Tails of the importance weights, and the two estimates of the evidence.
     fn about_weights(&self) -> Vec<Concern> {
-        let heavy: Vec<_> = self.parameters.iter().filter(|p| !khat_holds(p.khat)).collect();
+        let heavy: Vec<_> =
+            self.parameters.iter().filter(|p| !tail_holds(p.khat, p.largest_share)).collect();
         let mut list: Vec<Concern> = if heavy.len() == self.parameters.len() {
-            vec![Concern::HighKhat { parameter: None, khat: self.khat }]
+            let largest_share = heavy.iter().map(|p| p.largest_share).fold(0.0, f64::max);
+            vec![Concern::HighKhat { parameter: None, khat: self.khat, largest_share }]
         } else {
             let of_one = |p: &&ParameterSummary| Concern::HighKhat {
                 parameter: Some(p.parameter.name.clone()),
                 khat: p.khat,
+                largest_share: p.largest_share,
             };
             heavy.iter().map(of_one).collect()
         };
@@ -236,7 +266,7 @@ impl Posterior {
             if ess < FEWEST_OF_SMALL_BUDGET {
                 signs.push("fewer than ten effective samples");
             }
-            if !khat_holds(self.khat) {
+            if !self.tails_hold() {
                 signs.push("the importance weights have a heavy tail");
             }
             if !self.log_evidence.agree {
@@ -255,10 +285,11 @@ impl Posterior {
         })
     }
 
-    /// Residuals of each group with its name; of a single group without a name.
-    fn residuals(&self) -> impl Iterator<Item = (Option<String>, &Residuals)> {
-        let one = self.groups.is_empty().then_some((None, &self.residuals));
-        one.into_iter().chain(self.groups.iter().map(|g| (Some(g.name.clone()), &g.residuals)))
+    /// Residuals and noise of each group with its name; of a single group without a name.
+    fn residuals(&self) -> impl Iterator<Item = (Option<String>, &Noise, &Residuals)> {
+        let one = self.groups.is_empty().then_some((None, &self.noise, &self.residuals));
+        let several = self.groups.iter().map(|g| (Some(g.name.clone()), &g.noise, &g.residuals));
+        one.into_iter().chain(several)
     }
 
     /// Posterior mass at the bounds of parameter `j`.
@@ -323,12 +354,13 @@ fn about_magnitude(p: &ParameterSummary) -> Option<Concern> {
         .then_some(Concern::OrderOfMagnitude { parameter, factor })
 }
 
-fn about_independence((group, r): (Option<String>, &Residuals)) -> Option<Concern> {
+fn about_independence((group, noise, r): (Option<String>, &Noise, &Residuals)) -> Option<Concern> {
     let dependent = r.values.len() >= FEWEST_RESIDUALS && !r.independent;
     let (lag1, runs_z) = (r.lag1, r.runs_z);
-    dependent.then_some(Concern::ResidualsNotIndependent { lag1, runs_z, group })
+    let modelled = noise.is_correlated();
+    dependent.then_some(Concern::ResidualsNotIndependent { lag1, runs_z, modelled, group })
 }
 
-fn about_fit((group, r): (Option<String>, &Residuals)) -> Option<Concern> {
+fn about_fit((group, _, r): (Option<String>, &Noise, &Residuals)) -> Option<Concern> {
     r.misfit.filter(|ratio| *ratio > MISFIT_LIMIT).map(|ratio| Concern::PoorFit { ratio, group })
 }

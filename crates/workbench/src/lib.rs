@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 pub mod calibration;
+mod careful;
 pub mod check;
 pub mod compare;
 pub mod densify;

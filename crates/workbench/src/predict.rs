@@ -9,6 +9,7 @@ use dem_core::{
 };
 use serde::Serialize;
 
+use crate::careful::Careful;
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::number::significant;
 use crate::pair::draws::PairDraws;
@@ -145,9 +146,7 @@ pub fn predict(
     if kinetics == Kinetics::Pokluda || kinetics == Kinetics::ThreeStagePokluda {
         let limit = 2f64.cbrt();
         if targets.iter().any(|target| (target - limit).abs() < 1e-3) {
-            advice.push(format!(
-                "under the {kinetics} kinetics a/R approaches 2^(1/3) for ever: times to it have no meaning"
-            ));
+            advice.push(Careful::NeverReached { kinetics: kinetics.to_string() }.to_string());
         }
     }
     Ok(Prediction {

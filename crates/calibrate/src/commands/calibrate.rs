@@ -224,9 +224,7 @@ fn say(args: &CalibrateArgs, terminal: &Terminal, finished: Finished) -> Result<
     let Finished { record, out, published, timings } = &finished;
     terminal.announce(published, out);
     terminal.advise(&record.advice);
-    terminal.print(args.json, || match args.json {
-        true => Ok(report::json(record, Some(out))?),
-        false => Ok(report::text(record, Some(timings.inference_seconds), Some(out))),
-    })?;
+    let text = || report::text(record, Some(timings.inference_seconds), Some(out));
+    terminal.print_result(args.json, || report::json(record, Some(out)), text)?;
     Ok(finished)
 }

@@ -87,14 +87,13 @@ pub(crate) fn run(args: &CompareArgs) -> Result<(), Failure> {
         Ok::<_, Failure>((compared, published))
     })?;
     terminal.announce(&published, &args.out);
-    terminal.print(args.json, || {
-        if args.json {
-            return Ok(pretty(&compared.report)?);
-        }
-        let comparisons: String = compared.report.comparisons.iter().map(render::terminal).collect();
+    let text = || {
+        let comparisons: String =
+            compared.report.comparisons.iter().map(render::terminal).collect();
         let out = args.out.display();
-        Ok(format!(
+        format!(
             "{comparisons}files: {out}/ (compare.md, compare.csv, compare.json, compare-*.png, .svg)\n"
-        ))
-    })
+        )
+    };
+    terminal.print_result(args.json, || pretty(&compared.report), text)
 }

@@ -62,10 +62,8 @@ pub(crate) fn run(args: &SceneArgs) -> Result<(), Failure> {
     let terminal = Terminal::new(args.quiet, OnInterrupt::Detach);
     let found = job.run(pool(args.threads)?, &terminal)?;
     terminal.announce(&found.published, job.out());
-    terminal.print(args.json, || match args.json {
-        true => Ok(pretty(&found.record)?),
-        false => Ok(found.record.text(found.seconds, job.out())),
-    })?;
+    let text = || found.record.text(found.seconds, job.out());
+    terminal.print_result(args.json, || pretty(&found.record), text)?;
     terminal.advise(&found.record.advice);
     Ok(())
 }

@@ -56,12 +56,12 @@ pub(crate) fn run(args: &Table3Args) -> Result<(), Failure> {
             .iter()
             .for_each(|line| terminal.warn(&format!("{}: {line}", material.name)));
     }
-    terminal.print(false, || {
-        Ok(format!(
+    terminal.print(|| {
+        format!(
             "{}files: {}/ (table3.md, .csv, .json, .tex; report.md; figure2, 4, 5, 6)\n",
             render::terminal(&table.report),
             args.out.display()
-        ))
+        )
     })
 }
 

@@ -8,11 +8,10 @@
 
 use super::NoiseError;
 use super::rule::{Lane, gauss_legendre, ln_sum_exp};
+use super::scale::DistanceScale;
 use crate::Observations;
 use crate::lanes::{LANES, ln_of_positive};
-use serde::{Deserialize, Serialize};
 use statrs::function::gamma::ln_gamma;
-use std::fmt;
 
 /// Shortest correlation length, as a share of the range of the observations; the longest is the range.
 const SHORTEST: f64 = 0.01;
@@ -21,50 +20,6 @@ const MAX_OBSERVATIONS: usize = 10_000;
 /// Largest nu0 plus number of observations whose powers are multiplied out. Weights and sums of squares of two nodes differ
 /// by a factor of up to about 1e5, so that the sum stays above 1e-300.
 const MULTIPLIED: f64 = 100.0;
-/// Smallest positive control value over the largest below which a curve begins near zero.
-const NEAR_ZERO: f64 = 0.1;
-
-/// What distances between observations are measured in.
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum DistanceScale {
-    /// Logarithm of the control variable; a value at 0 is infinitely far from all others.
-    Log,
-    /// The control variable itself.
-    Linear,
-}
-
-impl DistanceScale {
-    /// The scale for observations where none is given: logarithmic where no control value is negative and the smallest
-    /// positive one is less than a tenth of the largest (a curve over time that begins near zero), else linear.
-    pub fn of(control: &[f64]) -> Self {
-        let smallest = control.iter().copied().filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
-        let largest = control.iter().copied().fold(0.0, f64::max);
-        if control.iter().all(|s| *s >= 0.0) && smallest < NEAR_ZERO * largest {
-            Self::Log
-        } else {
-            Self::Linear
-        }
-    }
-
-    /// Place on the scale.
-    fn place(self, control: f64) -> f64 {
-        match self {
-            Self::Log => control.ln(),
-            Self::Linear => control,
-        }
-    }
-}
-
-impl fmt::Display for DistanceScale {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Log => "log",
-            Self::Linear => "linear",
-        })
-    }
-}
 
 /// One correlation length and white share, with the prior weight of each.
 #[derive(Clone, Copy, Debug, PartialEq)]

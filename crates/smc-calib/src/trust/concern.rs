@@ -28,6 +28,9 @@ pub enum Concern {
         parameter: Option<String>,
         /// Pareto shape.
         khat: f64,
+        /// Largest share of one sample in the weights or the moments.
+        #[serde(default)]
+        largest_share: f64,
     },
     /// Evidence from all samples and from the final proposal alone differ by more than three standard errors.
     EvidenceDisagrees {
@@ -52,6 +55,15 @@ pub enum Concern {
         /// Information gained, in bits.
         bits: f64,
     },
+    /// The posterior has two groups of samples with hardly anything between them.
+    TwoModes {
+        /// Parameter that tells them apart best.
+        parameter: String,
+        /// Median of that parameter in each group, in SI.
+        centres: [f64; 2],
+        /// Share of the posterior in each group.
+        shares: [f64; 2],
+    },
     /// Fewer observations than parameters.
     FewObservations {
         /// Observations.
@@ -65,6 +77,9 @@ pub enum Concern {
         lag1: f64,
         /// z-score of the number of runs.
         runs_z: f64,
+        /// Whether the noise model has correlated errors; the residuals are then those that it leaves.
+        #[serde(default)]
+        modelled: bool,
         /// Group of observations, where there are several.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         group: Option<String>,
@@ -126,9 +141,10 @@ impl Concern {
         match self {
             Self::NotAPosterior => "the noise was tuned to a wished-for effective sample size and proposals were not corrected for".to_owned(),
             Self::FewEffectiveSamples { ess, .. } => format!("only {ess:.0} effective samples"),
-            Self::HighKhat { parameter, khat } => format!(
-                "the importance weights{} have a heavy tail (k-hat {khat:.2}, trustworthy below {KHAT_LIMIT})",
-                parameter.as_ref().map_or(String::new(), |p| format!(" for {p}"))
+            Self::HighKhat { parameter, khat, largest_share } => format!(
+                "the importance weights{} have a heavy tail (k-hat {khat:.2}, trustworthy below {KHAT_LIMIT}; one sample has {:.0} % of an estimate)",
+                parameter.as_ref().map_or(String::new(), |p| format!(" for {p}")),
+                100.0 * largest_share
             ),
             Self::EvidenceDisagrees { pooled, frozen, se } => format!(
                 "two estimates of the log evidence differ ({pooled:.3} from all samples, {frozen:.3} from the final ones, standard error {se:.3})"
@@ -138,11 +154,17 @@ impl Concern {
                 "the data say {}about {parameter} ({bits:.2} bits)",
                 if *bits < UNINFORMED_BITS { "almost nothing " } else { "little " }
             ),
+            Self::TwoModes { parameter, centres: [a, b], shares: [p, q] } => format!(
+                "two modes: {:.0} % near {parameter} = {a:.3e}, {:.0} % near {parameter} = {b:.3e}",
+                100.0 * p,
+                100.0 * q
+            ),
             Self::FewObservations { observations, parameters } => {
                 format!("{observations} observations for {parameters} parameters")
             }
-            Self::ResidualsNotIndependent { lag1, runs_z, group } => format!(
-                "neighbouring residuals{} {} (lag-1 correlation {lag1:.2}, runs test z {runs_z:.1})",
+            Self::ResidualsNotIndependent { lag1, runs_z, group, modelled } => format!(
+                "neighbouring residuals{}{} {} (lag-1 correlation {lag1:.2}, runs test z {runs_z:.1})",
+                if *modelled { " that correlated errors leave" } else { "" },
                 of_group(group),
                 if *lag1 < 0.0 { "alternate" } else { "are alike" }
             ),
@@ -181,9 +203,15 @@ impl Concern {
                 "its posterior is its prior"
             }
             Self::NotInformed { .. } => "its posterior is near its prior",
+            Self::TwoModes { .. } => {
+                "means and medians lie between them, and intervals span the gap"
+            }
             Self::FewObservations { .. } => "the priors decide what the data cannot",
             Self::ResidualsNotIndependent { lag1, .. } if *lag1 < 0.0 => {
                 "the noise is not independent, and the intervals are too wide or the model is wrong"
+            }
+            Self::ResidualsNotIndependent { modelled: true, .. } => {
+                "the model misses the shape, or the errors are alike in another way than this noise has it"
             }
             Self::ResidualsNotIndependent { .. } => {
                 "the noise is not independent or the model misses the shape, and the intervals are too narrow"
@@ -210,7 +238,13 @@ impl Concern {
             Self::NotInformed { .. } | Self::OrderOfMagnitude { .. } => {
                 "measure where it matters, or give a prior that holds what is known of it"
             }
+            Self::TwoModes { .. } => {
+                "look at the corner figure, and exclude one by a prior where it cannot be"
+            }
             Self::FewObservations { .. } => "measure more, or fix what is known",
+            Self::ResidualsNotIndependent { lag1, modelled: false, .. } if *lag1 > 0.0 => {
+                "mend the model where the residuals follow a pattern, else take correlated noise"
+            }
             Self::ResidualsNotIndependent { .. } => {
                 "look at the residuals, and mend the model where they follow a pattern"
             }

@@ -4,6 +4,19 @@
 /// slowly with the number of samples for any error bar (A. Vehtari et al., JMLR 25 (2024) 72, section 3.2).
 pub const KHAT_LIMIT: f64 = 0.7;
 
+/// Share of one sample in an estimate from which on a heavy tail can change it. What n draws of a heavy tail miss is about
+/// as much as the largest of them contributes. Below this a k-hat above [`KHAT_LIMIT`] describes a tail of hardly any mass:
+/// the Pareto distribution is fitted to what exceeds a cut, however little that is, and weights that are nearly all alike
+/// (few observations, wide priors: none can exceed the likelihood over the prior's share of all proposals) have an excess
+/// of any shape.
+///
+/// Measured against quadrature on posteriors from one and two observations, nine models of one to three parameters on
+/// log-uniform and uniform priors, inferred and known noise, three seeds. Of 90 runs of 16 384 simulations, 5 have a k-hat of
+/// 0.7 or more; their largest share is 0.8 %, their largest error 0.2 % of an sd in a mean and 1.7 % in an sd: none is
+/// called heavy. Of 183 runs of 512 and 2048, 89 have such a k-hat, each with a share of 1.6 % or more; all 73 runs with
+/// such a k-hat and an error above 5 % have a share of 3.6 % or more: all are called heavy.
+pub const LARGEST_SHARE: f64 = 0.01;
+
 /// Effective samples wished for: they give a mean to a twentieth of the posterior's standard deviation, and the ends of
 /// a 95 % interval to about a seventh of it.
 pub const EFFECTIVE_SAMPLES: f64 = 400.0;
@@ -35,6 +48,16 @@ pub const BOUND_SCORE: f64 = 2.326_347_874;
 /// Posterior probability of the outermost hundredth of a bounded prior above which its bound cuts the posterior off:
 /// ten times that of the prior.
 pub const BOUND_SHARE: f64 = 0.1;
+
+/// Density between two modes, over that of the lower one, below which they are called two: that of two equal normals whose
+/// centres are 4.1 sds apart.
+pub const VALLEY: f64 = 0.25;
+
+/// Least share of the posterior in a mode.
+pub const MODE_SHARE: f64 = 0.02;
+
+/// Fewest effective samples in a mode: fewer are a clump that chance makes.
+pub const MODE_SAMPLES: f64 = 20.0;
 
 /// Size of the correlation above which two parameters are not told apart: along one combination of them the posterior
 /// is then more than ten times narrower than along the other.

@@ -16,6 +16,7 @@ fn parameter(name: &str) -> ParameterSummary {
         in_si: Moments { eti95, ..Moments::default() },
         map: 1.0,
         khat: 0.2,
+        largest_share: 0.001,
         information_gain_bits: 3.0,
         prior_mean: 0.0,
         prior_sd: 1.0,
@@ -134,21 +135,85 @@ fn effective_samples_are_judged_at_400_at_a_third_of_few_simulations_and_at_40()
 
 #[test]
 fn a_khat_of_seven_tenths_is_one_too_many() {
-    let set = |khat| {
+    let set = |khat: f64| {
         move |p: &mut Posterior| {
             p.khat = khat;
-            p.parameters.iter_mut().for_each(|parameter| parameter.khat = khat);
+            p.parameters
+                .iter_mut()
+                .for_each(|parameter| (parameter.khat, parameter.largest_share) = (khat, 0.05));
         }
     };
     assert!(after(set(0.699)).converged());
     for khat in [0.7, 10.0] {
         let trust = after(set(khat));
         assert_eq!(trust.verdict, Verdict::Untrusted);
-        assert_eq!(trust.concerns, [Concern::HighKhat { parameter: None, khat }]);
+        assert_eq!(
+            trust.concerns,
+            [Concern::HighKhat { parameter: None, khat, largest_share: 0.05 }]
+        );
     }
     assert_eq!(after(|p| p.khat = f64::NAN).verdict, Verdict::Untrusted);
-    let of_one = concern(|p| (p.khat, p.parameters[1].khat) = (0.8, 0.8));
-    assert_eq!(of_one, Some(Concern::HighKhat { parameter: Some("b".to_owned()), khat: 0.8 }));
+    let of_one = concern(|p| {
+        (p.khat, p.parameters[1].khat, p.parameters[1].largest_share) = (0.8, 0.8, 0.05);
+    });
+    let parameter = Some("b".to_owned());
+    assert_eq!(of_one, Some(Concern::HighKhat { parameter, khat: 0.8, largest_share: 0.05 }));
+}
+
+#[test]
+fn a_heavy_tail_counts_from_a_sample_with_a_hundredth_of_an_estimate_on() {
+    let with = |largest_share| {
+        after(|p| {
+            (p.khat, p.parameters[1].khat) = (1.3, 1.3);
+            p.parameters[1].largest_share = largest_share;
+        })
+    };
+    let below = with(0.0099);
+    assert!(below.converged() && below.concerns.is_empty());
+    let line = below.line(&sound().log_evidence);
+    assert!(line.contains("k-hat 1.30 (limit 0.7, but no sample has a hundredth"), "{line}");
+    let above = with(0.01);
+    assert_eq!(above.verdict, Verdict::Untrusted);
+    assert!(matches!(above.concerns[..], [Concern::HighKhat { .. }]), "{:?}", above.concerns);
+    assert!(above.line(&sound().log_evidence).contains("k-hat 1.30 (limit 0.7),"));
+}
+
+/// Quantiles of two normals of sd 0.1 in the first parameter, centres this many sds apart, with this share at the second.
+fn of_two_normals(apart: f64, share: f64) -> Option<Concern> {
+    let n = 2000;
+    concern(|p| {
+        let prior = Prior::new(PriorSpec::Normal { mean: 0.0, sd: 1.0 }).expect("a prior");
+        let half = 0.05 * apart;
+        let one = |k: usize, centre: f64, share: f64| {
+            let score = crate::normal::quantile((k as f64 + 0.5) / n as f64);
+            // Spread the second parameter evenly, whatever the first is.
+            let second = crate::normal::quantile((k as f64 * 0.618_034 + 0.5).fract().max(1e-3));
+            let theta = vec![centre + 0.1 * score, second];
+            Sample { theta, ..sample(0.0, share / n as f64) }
+        };
+        p.samples =
+            (0..n).flat_map(|k| [one(k, -half, 1.0 - share), one(k, half, share)]).collect();
+        for parameter in &mut p.parameters {
+            parameter.parameter.prior = prior.clone();
+            (parameter.in_coordinate.mean, parameter.in_coordinate.sd) = (0.0, 1.0);
+        }
+        p.parameters[0].in_coordinate.sd = 0.1f64.hypot(half);
+    })
+}
+
+#[test]
+fn two_normals_are_two_modes_from_about_five_sds_on_and_with_two_hundredths_of_the_posterior() {
+    assert_eq!((of_two_normals(0.0, 0.5), of_two_normals(3.9, 0.5)), (None, None));
+    match of_two_normals(5.0, 0.3) {
+        Some(Concern::TwoModes { parameter, centres: [a, b], shares: [p, q] }) => {
+            assert_eq!(parameter, "a");
+            assert!((a + 0.25).abs() < 0.02 && (b - 0.25).abs() < 0.02, "{a} {b}");
+            assert!((p - 0.7).abs() < 0.02 && (q - 0.3).abs() < 0.02, "{p} {q}");
+        }
+        other => panic!("{other:?}"),
+    }
+    assert!(of_two_normals(12.0, 0.025).is_some());
+    assert_eq!(of_two_normals(12.0, 0.015), None);
 }
 
 #[test]

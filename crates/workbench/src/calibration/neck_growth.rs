@@ -5,6 +5,7 @@ use smc_calib::Weighted;
 
 use super::curves::{AtData, curves};
 use super::of_pair::{OfPair, simulation_failure};
+use crate::careful::Careful;
 use crate::error::Failure;
 use crate::input::material::Material;
 use crate::pair::frenkel_fit;
@@ -44,12 +45,8 @@ impl OfPair<'_> {
     /// Advice on kinetics whose data inform a product but neither of its factors.
     pub(super) fn advice(&self) -> Option<String> {
         let kinetics = self.pair.kinetics;
-        (kinetics.uses_c1_delta_c() && !kinetics.separates_c1_from_delta_c()).then(|| {
-            format!(
-                "under the {kinetics} kinetics c1 and delta_c enter only as c1 * delta_c^2: the data inform the product, \
-                 and the prior alone divides it between the two"
-            )
-        })
+        (kinetics.uses_c1_delta_c() && !kinetics.separates_c1_from_delta_c())
+            .then(|| Careful::ProductOnly { kinetics: kinetics.to_string() }.to_string())
     }
 
     fn paper_comparison(&self, material: Material) -> PaperComparison {
@@ -80,6 +77,8 @@ impl OfPair<'_> {
     /// The posterior pushed, sample by sample, through the map to the form of Table 3.
     fn printed_parameters(&self, paper: Option<&PaperComparison>) -> Vec<PrintedParameter> {
         let three = [ParameterName::C1, ParameterName::TauS, ParameterName::DeltaC];
+        // Table 3 knows the paper's three powders, and no other.
+        let Some(paper) = paper else { return Vec::new() };
         if three.iter().any(|name| self.model.place(*name).is_none()) {
             return Vec::new();
         }
@@ -97,7 +96,7 @@ impl OfPair<'_> {
                 let log10 = self.weighted(|theta| push(theta)[place].log10());
                 let back = |[lower, upper]: [f64; 2]| [10f64.powf(lower), 10f64.powf(upper)];
                 let (mean_log10, sd_log10) = log10.moments();
-                let paper = paper.map(|paper| paper.printed[place]);
+                let printed = paper.printed[place];
                 PrintedParameter {
                     name: name.to_owned(),
                     unit: unit.to_owned(),
@@ -108,8 +107,8 @@ impl OfPair<'_> {
                     eti50: back(log10.interval(0.5)),
                     eti90: back(log10.interval(0.9)),
                     eti95: back(log10.interval(0.95)),
-                    paper,
-                    paper_percentile: paper.map(|value| 100.0 * log10.share_below(value.log10())),
+                    paper: Some(printed),
+                    paper_percentile: Some(100.0 * log10.share_below(printed.log10())),
                 }
             })
             .collect()

@@ -3,6 +3,7 @@
 use smc_calib::{BandPoint, Posterior};
 
 use super::of_pair::OfPair;
+use crate::careful::{self, Careful};
 use crate::error::{Failure, RunError};
 use crate::plan::{Plan, SimulatorPlan};
 use crate::record::{
@@ -18,7 +19,8 @@ pub(super) fn record(
 ) -> Result<Record, Failure> {
     let trust = posterior.trust();
     let mut advice = warnings.to_vec();
-    advice.extend(trust.concerns.iter().map(ToString::to_string));
+    let asked = plan.simulations();
+    advice.extend(trust.concerns.iter().map(|concern| careful::concern(concern, asked)));
     let mut experiments = Vec::new();
     let mut group = 0;
     let mut first = 0;
@@ -47,11 +49,7 @@ pub(super) fn record(
         experiments.push(ExperimentRecord { name, observables, neck_growth });
     }
     if plan.design.is_some() {
-        advice.push(
-            "the parameter sets were given: they are weighted as draws from the prior, which is right only if they are \
-             that"
-                .to_owned(),
-        );
+        advice.push(Careful::GivenParameterSets.to_string());
     }
     // Input and sampler may say the same (fewer observations than parameters): it is said once.
     let mut seen = std::collections::BTreeSet::new();

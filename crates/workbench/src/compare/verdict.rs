@@ -2,6 +2,7 @@
 
 use super::comparison::{Comparison, Entry};
 use super::strength::{Strength, bayes_factor};
+use crate::careful::Careful;
 use crate::number::significant;
 use smc_calib::trust::limits::EVIDENCE_ERRORS;
 
@@ -72,57 +73,45 @@ pub(super) fn in_words(comparison: &Comparison) -> Vec<String> {
 /// Reasons to be careful: where the prior or the method decides.
 pub(super) fn warnings(comparison: &Comparison) -> Vec<String> {
     let mut warnings = Vec::new();
-    let Some(best) = comparison.best() else { return warnings };
+    let Some(best) = comparison.best() else { return Vec::new() };
     for entry in &comparison.entries {
         if !entry.trusted {
-            warnings.push(format!(
-                "{}: its posterior is not to be trusted (effective sample size {:.0}, k-hat {:.2}); run more simulations with \
-                 --samples",
-                entry.kinetics, entry.ess, entry.khat,
-            ));
+            warnings.push(Careful::UntrustedKinetics {
+                kinetics: entry.kinetics.to_string(),
+                ess: entry.ess,
+                khat: entry.khat,
+            });
         }
         if entry.kinetics == best.kinetics {
             continue;
         }
+        let (one, other) = (best.kinetics.to_string(), entry.kinetics.to_string());
         let difference = -entry.log_bayes_factor;
         let error = entry.log_evidence_se.hypot(best.log_evidence_se);
         if difference < EVIDENCE_ERRORS * error {
-            warnings.push(format!(
-                "{} against {}: the evidences differ by {}, no more than their Monte Carlo error {} allows to tell",
-                best.kinetics,
-                entry.kinetics,
-                significant(difference, 2),
-                significant(error, 2),
-            ));
+            let (best, other) = (one.clone(), other.clone());
+            warnings.push(Careful::EvidencesTooClose { best, other, difference, error });
         }
         // Lindley: a prior ten times wider in an informed parameter that one of the two has and the other
         // has not costs it ln 10, whatever the data say.
-        let extra = entry.informed_parameters.abs_diff(best.informed_parameters);
-        let reach = std::f64::consts::LN_10 * extra as f64;
-        if extra > 0 && difference < reach {
-            warnings.push(format!(
-                "{} against {}: the prior decides: they differ in {extra} informed parameter{}, and a prior one decade wider or \
-                 narrower in each moves ln K by {}, more than the {} between them (Lindley's paradox)",
-                best.kinetics,
-                entry.kinetics,
-                if extra == 1 { "" } else { "s" },
-                significant(reach, 2),
-                significant(difference, 2),
-            ));
+        let parameters = entry.informed_parameters.abs_diff(best.informed_parameters);
+        let reach = std::f64::consts::LN_10 * parameters as f64;
+        if parameters > 0 && difference < reach {
+            warnings.push(Careful::PriorDecides {
+                best: one,
+                other,
+                parameters,
+                reach,
+                difference,
+            });
         }
     }
     if !best.residuals_independent && best.residual_lag1 > 0.0 {
-        let share = (1.0 - best.residual_lag1) / (1.0 + best.residual_lag1);
-        warnings.push(format!(
-            "the likelihood takes the {} observations for independent, but neighbouring residuals are alike even under {} \
-             (lag-1 correlation {:.2}): they are worth about {:.0}, and the logarithms of the Bayes factors, roughly, {:.0} % of \
-             what stands here",
-            comparison.observations,
-            best.kinetics,
-            best.residual_lag1,
-            share * comparison.observations as f64,
-            100.0 * share,
-        ));
+        warnings.push(Careful::DependentComparison {
+            kinetics: best.kinetics.to_string(),
+            observations: comparison.observations,
+            lag1: best.residual_lag1,
+        });
     }
     if !comparison.with_phi()
         && comparison
@@ -130,11 +119,8 @@ pub(super) fn warnings(comparison: &Comparison) -> Vec<String> {
             .as_deref()
             .is_some_and(|why| why.contains("measured"))
     {
-        warnings.push(format!(
-            "the final contact ratio {} was read off the data that it helps to fit, for every kinetics alike; --phi \
-             calibrates it instead",
-            significant(comparison.final_contact_ratio, 3),
-        ));
+        let value = comparison.final_contact_ratio;
+        warnings.push(Careful::FinalContactRatioReadOff { value });
     }
-    warnings
+    warnings.iter().map(ToString::to_string).collect()
 }

@@ -6,9 +6,9 @@ use dem_core::Kinetics;
 use dem_core::bed::SinteringTable;
 
 use super::curve::Target;
+use crate::careful::Careful;
 use crate::error::{InputError, Mistake};
 use crate::input::scene_file::SceneInput;
-use crate::number::significant;
 use crate::pair::draws::PairDraws;
 use crate::pair::parameter::ParameterName;
 
@@ -84,20 +84,14 @@ pub(super) fn advice(calibrated: &PairDraws, input: &SceneInput) -> Vec<String> 
         ),
     ] {
         if (scene / calibrated - 1.0).abs() > 0.01 {
-            advice.push(format!(
-                "the scene's {what} is {} {unit}, the posterior was calibrated with {} {unit}: another powder?",
-                significant(scene, 3),
-                significant(calibrated, 3)
-            ));
+            let (what, unit) = (what.to_owned(), unit.to_owned());
+            advice.push(Careful::OtherPowder { what, unit, scene, calibrated }.to_string());
         }
     }
     let (phi, fitted) = (material.final_contact_ratio, calibrated.pair.final_contact_ratio);
     if calibrated.value(ParameterName::Phi, 0).is_none() && (phi / fitted - 1.0).abs() > 1e-3 {
-        advice.push(format!(
-            "contacts of the scene grow up to a/R = {}, those of the calibrated pair up to {}",
-            significant(phi, 4),
-            significant(fitted, 4)
-        ));
+        let other = Careful::OtherFinalContactRatio { scene: phi, calibrated: fitted };
+        advice.push(other.to_string());
     }
     advice
 }

@@ -10,6 +10,7 @@ use serde_json::Value;
 use super::curve::{Curve, Point, Target, TimeTo, bands};
 use super::draws::Draw;
 use super::spread::{Spread, divide};
+use crate::careful::Careful;
 use crate::number::significant;
 use crate::scene::NECKS_MEET;
 use figures::DensificationFigure;
@@ -355,37 +356,25 @@ fn advice_on(
 ) -> Vec<String> {
     let mut advice = Vec::new();
     if failed > 0 {
-        advice.push(format!(
-            "the beds of {failed} of {} draws could not be computed and are in no number: see \"failed\" in \
-             densify.json; the same command tries them again",
-            draws + failed
-        ));
+        advice.push(Careful::FailedBeds { failed, draws: draws + failed });
     }
     if target.outside_model > 0 {
-        advice.push(format!(
-            "{} of {} draws that reach the target do so outside the model, after necks have met on more than {} % of \
-             the particles: take their times as a continuation, not as a prediction",
-            target.outside_model,
-            target.draws,
-            100.0 * ends.necks_meet
-        ));
+        advice.push(Careful::TargetOutsideModel {
+            outside: target.outside_model,
+            draws: target.draws,
+            limit: ends.necks_meet,
+        });
     }
     if draws < 20 {
-        advice.push(format!(
-            "{draws} draws are few for a 90 % interval: its ends are the extreme draws"
-        ));
+        advice.push(Careful::FewDraws { draws });
     }
     match spread {
-        Some(spread) if spread.r_squared_left_out < 0.8 => advice.push(format!(
-            "only {:.0} % of the spread is explained for draws left out: the shares of the parameters are indicative",
-            100.0 * spread.r_squared_left_out.max(0.0)
-        )),
+        Some(spread) if spread.r_squared_left_out < 0.8 => {
+            advice.push(Careful::SpreadUnexplained { share: spread.r_squared_left_out.max(0.0) });
+        }
         Some(_) => {}
-        None if target.draws > 0 => advice.push(
-            "too few draws reach the target, or at one time, to say which parameter the spread comes from"
-                .to_owned(),
-        ),
+        None if target.draws > 0 => advice.push(Careful::SpreadUnknown),
         None => {}
     }
-    advice
+    advice.iter().map(ToString::to_string).collect()
 }

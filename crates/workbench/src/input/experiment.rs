@@ -35,6 +35,7 @@ use std::path::{Path, PathBuf};
 use dem_core::Powder;
 
 use self::particles::{particles, radius};
+use crate::careful::Careful;
 use crate::error::{InputError, Mistake};
 use crate::input::material::Material;
 use crate::input::observation_table::ObservationTable;
@@ -295,18 +296,22 @@ impl Experiment {
         let mut warnings = Vec::new();
         let largest = self.table.contact_ratio.iter().copied().fold(0.0, f64::max);
         if largest > 1.15 * self.final_contact_ratio {
-            warnings.push(format!(
-                "{}: a/R reaches {largest}, but the model stops at final_contact_ratio = {}: later rows cannot be fitted",
-                self.table_name, self.final_contact_ratio
-            ));
+            let warning = Careful::AboveFinalContactRatio {
+                table: self.table_name.clone(),
+                largest,
+                final_contact_ratio: self.final_contact_ratio,
+            };
+            warnings.push(warning.to_string());
         }
         if let Some(measured) = self.measured_radius_m
             && (self.powder.radius_m / measured).ln().abs() > 0.5f64.ln().abs()
         {
-            warnings.push(format!(
-                "{}: the model uses R = {} m, the pair measured {measured} m",
-                self.description_name, self.powder.radius_m
-            ));
+            let warning = Careful::OtherRadius {
+                experiment: self.description_name.clone(),
+                model_m: self.powder.radius_m,
+                measured_m: measured,
+            };
+            warnings.push(warning.to_string());
         }
         warnings
     }

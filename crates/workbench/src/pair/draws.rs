@@ -4,6 +4,7 @@ use std::path::Path;
 
 use dem_core::{PairScene, PairSpec, Powder, SceneError, Sintering};
 
+use crate::careful::Careful;
 use crate::error::Failure;
 use crate::pair::model::NeckGrowth;
 use crate::pair::parameter::ParameterName;
@@ -41,7 +42,7 @@ impl PairDraws {
         })?;
         let mut advice = record.advice.clone();
         if !record.is_posterior {
-            advice.insert(0, "the draws are not of a posterior: the noise was tuned".to_owned());
+            advice.insert(0, Careful::TunedDraws.to_string());
         }
         Ok(Self { model: NeckGrowth::of(&record.plan)?, record, pair, columns, advice })
     }

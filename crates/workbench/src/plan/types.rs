@@ -8,8 +8,9 @@ use campaign::slurm::SlurmSettings;
 use campaign::{Call, ResultSpec};
 use dem_core::{Kinetics, PairScene, PairSpec, Powder, SolverKind, SolverSettings};
 use serde::{Deserialize, Serialize};
-use smc_calib::{FixedSigma, Noise, ObservationError, Observations, Parameter, Settings};
+use smc_calib::{Concern, FixedSigma, Noise, ObservationError, Observations, Parameter, Settings};
 
+use crate::careful::{self, Careful, Simulations};
 use crate::error::{InputError, Mistake};
 use crate::input::material::Material;
 use crate::pair::parameter::ParameterName;
@@ -203,19 +204,18 @@ impl Planned {
     pub(super) fn warned(mut self) -> Self {
         let (observations, parameters) = (self.plan.observations(), self.plan.parameters.len());
         if observations < parameters {
-            self.warnings
-                .push(smc_calib::Concern::FewObservations { observations, parameters }.to_string());
+            let few = Concern::FewObservations { observations, parameters };
+            self.warnings.push(careful::concern(&few, self.plan.simulations()));
         }
         let per_point = Noise::Fixed { sigma: FixedSigma::PerPoint };
         for (experiment, observable) in self.plan.observables() {
             if observable.sigma.is_some() && observable.noise != per_point {
-                self.warnings.push(format!(
-                    "the standard deviations of {} in {} are not used: its noise is {}; to use them: noise fixed-table \
-                     (--noise fixed:table)",
-                    self.plan.label(experiment, observable),
-                    observable.table,
-                    super::words::noise_in_words(&observable.noise)
-                ));
+                let unused = Careful::UnusedSigma {
+                    observable: self.plan.label(experiment, observable),
+                    table: observable.table.clone(),
+                    noise: observable.noise.kind().to_owned(),
+                };
+                self.warnings.push(unused.to_string());
             }
         }
         self
@@ -233,6 +233,11 @@ impl Plan {
     /// Names of the parameters, in order.
     pub fn parameter_names(&self) -> Vec<String> {
         self.parameters.iter().map(|parameter| parameter.name.clone()).collect()
+    }
+
+    /// The simulations that it asks for.
+    pub(crate) fn simulations(&self) -> Simulations {
+        Simulations { number: self.budget(), of_programs: self.commands().next().is_some() }
     }
 
     /// Experiments that a program of the user's simulates, with their places among the experiments.

@@ -9,7 +9,7 @@ use super::FitError;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NeckGrowthRecord {
-    /// The parameters in the form printed in Table 3, for kinetics with all three.
+    /// The parameters in the form printed in Table 3, for a powder of the paper and kinetics with all three.
     pub printed: Vec<PrintedParameter>,
     /// The paper's parameters for this material and where they fall in the posterior.
     pub paper: Option<PaperComparison>,

@@ -28,41 +28,52 @@ pub fn details(record: &Record) -> String {
     for (_, found) in record.observables() {
         if let Some(sigma) = &found.sigma {
             let several = record.plan.observables().count() > 1;
-            let _ = writeln!(
-                text,
-                "{:<10}{:>12}{:>12}{:>26}{:>26}",
-                if several { format!("sigma of {} ", found.label) } else { "sigma".to_owned() },
+            let name =
+                if several { format!("sigma of {} ", found.label) } else { "sigma".to_owned() };
+            text.push_str(&row([
+                &name,
                 "",
-                significant(sigma.median, 4),
-                interval(sigma.eti50[0], sigma.eti50[1]),
-                interval(sigma.eti95[0], sigma.eti95[1]),
-            );
+                &significant(sigma.median, 4),
+                &interval(sigma.eti50[0], sigma.eti50[1]),
+                &interval(sigma.eti95[0], sigma.eti95[1]),
+            ]));
+            text.push('\n');
         }
     }
     let printed = neck_growth(record).map_or(&[][..], |neck| &neck.printed);
     if !printed.is_empty() {
-        let _ = writeln!(
-            text,
-            "\n{:<10}{:>12}{:>12}{:>26}{:>26}{:>12}{:>12}",
-            "Table 3", "MAP", "median", "50 % interval", "95 % interval", "paper", "percentile"
-        );
+        let head = row(["Table 3", "MAP", "median", "50 % interval", "95 % interval"]);
+        let _ = writeln!(text, "\n{head}{:>12}{:>12}", "paper", "percentile");
     }
     for printed in printed {
+        let shared = row([
+            &printed.name,
+            &significant(printed.map, 4),
+            &significant(printed.median, 4),
+            &interval(printed.eti50[0], printed.eti50[1]),
+            &interval(printed.eti95[0], printed.eti95[1]),
+        ]);
         let _ = writeln!(
             text,
-            "{:<10}{:>12}{:>12}{:>26}{:>26}{:>12}{:>12}",
-            printed.name,
-            significant(printed.map, 4),
-            significant(printed.median, 4),
-            interval(printed.eti50[0], printed.eti50[1]),
-            interval(printed.eti95[0], printed.eti95[1]),
+            "{shared}{:>12}{:>12}",
             printed.paper.map_or_else(String::new, |paper| significant(paper, 3)),
             printed.paper_percentile.map_or_else(String::new, |p| format!("{p:.1} %")),
         );
     }
+    if !printed.is_empty() {
+        text.push_str(OF_TABLE3);
+    }
     text.push_str(&moments_and_correlation(&record.parameters, &record.correlation));
     text.push_str(&stages(&record.stages));
     text
+}
+
+/// Why the paper's value has another percentile there than in SI.
+const OF_TABLE3: &str = "C1 of Table 3 is, in SI, C1 times delta_c over R^2: another quantity, whose percentile is another\n";
+
+/// The columns that all tables of values begin with: name, MAP, median, 50 % and 95 % interval.
+fn row([name, map, median, half, most]: [&str; 5]) -> String {
+    format!("{name:<10}{map:>12}{median:>12}{half:>26}{most:>26}")
 }
 
 fn interval(lower: f64, upper: f64) -> String {
@@ -72,24 +83,19 @@ fn interval(lower: f64, upper: f64) -> String {
 /// One line per parameter, SI.
 fn parameter_table(parameters: &[ParameterSummary]) -> String {
     let mut text = String::new();
-    let _ = writeln!(
-        text,
-        "{:<10}{:>12}{:>12}{:>26}{:>26}{:>8}{:>7}",
-        "SI", "MAP", "median", "50 % interval", "95 % interval", "bits", "k-hat"
-    );
+    let head = row(["SI", "MAP", "median", "50 % interval", "95 % interval"]);
+    let _ = writeln!(text, "{head}{:>8}{:>7}", "bits", "k-hat");
     for summary in parameters {
         let si = &summary.in_si;
-        let _ = writeln!(
-            text,
-            "{:<10}{:>12}{:>12}{:>26}{:>26}{:>8.2}{:>7.2}",
-            summary.parameter.name,
-            significant(summary.map, 4),
-            significant(si.median, 4),
-            interval(si.eti50.lower, si.eti50.upper),
-            interval(si.eti95.lower, si.eti95.upper),
-            summary.information_gain_bits,
-            summary.khat,
-        );
+        let shared = row([
+            &summary.parameter.name,
+            &significant(summary.map, 4),
+            &significant(si.median, 4),
+            &interval(si.eti50.lower, si.eti50.upper),
+            &interval(si.eti95.lower, si.eti95.upper),
+        ]);
+        let _ =
+            writeln!(text, "{shared}{:>8.2}{:>7.2}", summary.information_gain_bits, summary.khat);
     }
     text
 }

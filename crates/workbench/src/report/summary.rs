@@ -149,7 +149,11 @@ fn table3_lines(neck: &NeckGrowthRecord) -> String {
     };
     if !neck.printed.is_empty() {
         let medians: Vec<String> = neck.printed.iter().map(printed).collect();
-        let _ = writeln!(text, "  as printed in Table 3: {}", medians.join(", "));
+        let _ = writeln!(
+            text,
+            "  as printed in Table 3: {} (c1 there is c1 * delta_c / R^2 in SI: another percentile)",
+            medians.join(", ")
+        );
     }
     text
 }

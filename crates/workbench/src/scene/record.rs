@@ -6,6 +6,7 @@ use dem_core::bed::{Mode, Phase, Run, Sample, Series};
 use serde::Serialize;
 use serde_json::Value;
 
+use crate::careful::Careful;
 use crate::input::scene_file::SceneInput;
 use crate::number::significant;
 
@@ -254,19 +255,12 @@ fn advice(input: &SceneInput, series: &Series) -> Vec<String> {
         .map(|(sample, _)| sample.inertial_number)
         .fold(0.0, f64::max);
     if inertial > INERTIA_FELT {
-        advice.push(format!(
-            "inertia is felt: the inertial number reaches {} in a heated phase, above {INERTIA_FELT}; mode = \
-             \"quasi-static\" leaves it out",
-            significant(inertial, 2)
-        ));
+        let felt = Careful::InertiaFelt { inertial_number: inertial, limit: INERTIA_FELT };
+        advice.push(felt.to_string());
     }
     if let Some(end) = model_ends(series) {
-        advice.push(format!(
-            "from t = {} s (a/R {}) necks meet on more than {} % of the particles: what follows is outside the model",
-            significant(end.time_s, 3),
-            significant(end.mean_contact_ratio, 3),
-            100.0 * NECKS_MEET
-        ));
+        let (time_s, contact_ratio) = (end.time_s, end.mean_contact_ratio);
+        advice.push(Careful::NecksMeet { time_s, contact_ratio, limit: NECKS_MEET }.to_string());
     }
     advice
 }

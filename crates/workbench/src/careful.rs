@@ -1,0 +1,336 @@
+//! Reasons to be careful, each as one line: what is wrong and by how much, what it means, what helps, and its section of
+//! the page `crates/workbench/docs/careful.md`.
+//!
+//! Those that the sampler sees are [`smc_calib::Concern`]s; all others are [`Careful`]. A new one of either is a variant
+//! with its words and a section of the page under its kind; the tests below hold the two against each other.
+
+use std::fmt;
+
+use serde::Serialize;
+use smc_calib::Concern;
+
+use crate::number::significant;
+
+/// A reason to be careful that the sampler does not see: in the input, in what a result is used for, in a comparison.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub(crate) enum Careful {
+    /// Measurements beyond the contact ratio at which the model stops.
+    AboveFinalContactRatio { table: String, largest: f64, final_contact_ratio: f64 },
+    /// A radius in the model far from that of the particles that were measured.
+    OtherRadius { experiment: String, model_m: f64, measured_m: f64 },
+    /// Kinetics whose data inform c1 * delta_c^2 and neither of the two.
+    ProductOnly { kinetics: String },
+    /// A column of standard deviations beside a noise model that does not read it.
+    UnusedSigma { observable: String, table: String, noise: String },
+    /// Parameter sets that the sampler did not draw.
+    GivenParameterSets,
+    /// Draws of a result whose noise was tuned.
+    TunedDraws,
+    /// A contact ratio that is reached after an infinite time.
+    NeverReached { kinetics: String },
+    /// A heated phase in which inertia has a part.
+    InertiaFelt { inertial_number: f64, limit: f64 },
+    /// A bed in which the necks of a particle meet.
+    NecksMeet { time_s: f64, contact_ratio: f64, limit: f64 },
+    /// A bed of another powder than that of the posterior.
+    OtherPowder { what: String, unit: String, scene: f64, calibrated: f64 },
+    /// A bed whose contacts stop at another contact ratio than those of the posterior.
+    OtherFinalContactRatio { scene: f64, calibrated: f64 },
+    /// Draws whose beds could not be computed.
+    FailedBeds { failed: usize, draws: usize },
+    /// Draws that reach the target after the model has ended.
+    TargetOutsideModel { outside: usize, draws: usize, limit: f64 },
+    /// Too few draws for an interval.
+    FewDraws { draws: usize },
+    /// A regression that explains too little of the spread of the times.
+    SpreadUnexplained { share: f64 },
+    /// Too few times to divide their spread.
+    SpreadUnknown,
+    /// Kinetics in a comparison whose posterior is not to be trusted.
+    UntrustedKinetics { kinetics: String, ess: f64, khat: f64 },
+    /// Evidences that differ by no more than their Monte Carlo error.
+    EvidencesTooClose { best: String, other: String, difference: f64, error: f64 },
+    /// Evidences that differ by less than another prior would change them.
+    PriorDecides { best: String, other: String, parameters: usize, reach: f64, difference: f64 },
+    /// A comparison of kinetics whose residuals are alike.
+    DependentComparison { kinetics: String, observations: usize, lag1: f64 },
+    /// A final contact ratio that comes from the data that are fitted.
+    FinalContactRatioReadOff { value: f64 },
+}
+
+impl Careful {
+    /// The problem, its size and what it means.
+    fn what(&self) -> String {
+        let short = |value: &f64| significant(*value, 3);
+        match self {
+            Self::AboveFinalContactRatio { table, largest, final_contact_ratio } => format!(
+                "{table}: a/R reaches {largest}, but the model stops at final_contact_ratio = {final_contact_ratio}: later rows cannot be fitted"
+            ),
+            Self::OtherRadius { experiment, model_m, measured_m } => format!(
+                "{experiment}: the model uses R = {model_m} m, the pair measured {measured_m} m: tau_s and delta_c are those of the model's R"
+            ),
+            Self::ProductOnly { kinetics } => format!(
+                "under the {kinetics} kinetics c1 and delta_c enter only as c1 * delta_c^2: the data inform the product, and the prior alone divides it between the two"
+            ),
+            Self::UnusedSigma { observable, table, noise } => format!(
+                "the standard deviations of {observable} in {table} are not used: its noise is {noise}"
+            ),
+            Self::GivenParameterSets => "the parameter sets were given: they are weighted as draws from the prior, which is right only if they are that".to_owned(),
+            Self::TunedDraws => "the draws are not of a posterior: the noise was tuned, and intervals from them mean nothing".to_owned(),
+            Self::NeverReached { kinetics } => format!(
+                "under the {kinetics} kinetics a/R approaches 2^(1/3) for ever: times to it have no meaning"
+            ),
+            Self::InertiaFelt { inertial_number, limit } => format!(
+                "inertia is felt: the inertial number reaches {} in a heated phase, above {limit}: the bed does not creep as powder does",
+                significant(*inertial_number, 2)
+            ),
+            Self::NecksMeet { time_s, contact_ratio, limit } => format!(
+                "from t = {} s (a/R {}) necks meet on more than {} % of the particles: what follows is outside the model",
+                short(time_s), short(contact_ratio), 100.0 * limit
+            ),
+            Self::OtherPowder { what, unit, scene, calibrated } => format!(
+                "the scene's {what} is {} {unit}, the posterior was calibrated with {} {unit}: another powder?",
+                short(scene), short(calibrated)
+            ),
+            Self::OtherFinalContactRatio { scene, calibrated } => format!(
+                "contacts of the scene grow up to a/R = {}, those of the calibrated pair up to {}: late densities differ",
+                significant(*scene, 4), significant(*calibrated, 4)
+            ),
+            Self::FailedBeds { failed, draws } => format!(
+                "the beds of {failed} of {draws} draws could not be computed and are in no number"
+            ),
+            Self::TargetOutsideModel { outside, draws, limit } => format!(
+                "{outside} of {draws} draws that reach the target do so outside the model, after necks have met on more than {} % of the particles: their times are a continuation, not a prediction",
+                100.0 * limit
+            ),
+            Self::FewDraws { draws } => format!(
+                "{draws} draws are few for a 90 % interval: its ends are the extreme draws"
+            ),
+            Self::SpreadUnexplained { share } => format!(
+                "only {:.0} % of the spread is explained for draws left out: the shares of the parameters are indicative",
+                100.0 * share
+            ),
+            Self::SpreadUnknown => "too few draws reach the target, or at one time, to say which parameter the spread comes from".to_owned(),
+            Self::UntrustedKinetics { kinetics, ess, khat } => format!(
+                "{kinetics}: its posterior is not to be trusted (effective sample size {ess:.0}, k-hat {khat:.2}), nor is its evidence"
+            ),
+            Self::EvidencesTooClose { best, other, difference, error } => format!(
+                "{best} against {other}: the evidences differ by {}, no more than their Monte Carlo error {} allows to tell",
+                significant(*difference, 2), significant(*error, 2)
+            ),
+            Self::PriorDecides { best, other, parameters, reach, difference } => format!(
+                "{best} against {other}: the prior decides: they differ in {parameters} informed parameter{}, and a prior one decade wider or narrower in each moves ln K by {}, more than the {} between them (Lindley's paradox)",
+                if *parameters == 1 { "" } else { "s" },
+                significant(*reach, 2), significant(*difference, 2)
+            ),
+            Self::DependentComparison { kinetics, observations, lag1 } => {
+                let share = (1.0 - lag1) / (1.0 + lag1);
+                format!(
+                    "the likelihood takes the {observations} observations for independent, but neighbouring residuals are alike even under {kinetics} (lag-1 correlation {lag1:.2}): they are worth about {:.0}, and the logarithms of the Bayes factors, roughly, {:.0} % of what stands here",
+                    share * *observations as f64, 100.0 * share
+                )
+            }
+            Self::FinalContactRatioReadOff { value } => format!(
+                "the final contact ratio {} was read off the data that it helps to fit, for every kinetics alike",
+                short(value)
+            ),
+        }
+    }
+
+    /// The step that helps.
+    fn remedy(&self) -> &'static str {
+        match self {
+            Self::AboveFinalContactRatio { .. } => {
+                "set final_contact_ratio in the experiment, calibrate it with a prior [phi], or leave those rows out with --window"
+            }
+            Self::OtherRadius { .. } => "set radius_m in the experiment if that is not meant",
+            Self::ProductOnly { .. } => {
+                "quote the product, or tell the two apart with --kinetics three-stage"
+            }
+            Self::UnusedSigma { .. } => "--noise fixed:table (fixed-table in a plan) uses them",
+            Self::GivenParameterSets => {
+                "draw them from the prior, or leave out design and let the sampler place them"
+            }
+            Self::TunedDraws => "calibrate with --noise inferred",
+            Self::NeverReached { .. } => "ask for a smaller --contact-ratio",
+            Self::InertiaFelt { .. } => "mode = \"quasi-static\" in that phase leaves it out",
+            Self::NecksMeet { .. } => "end the phase there, or read later densities as a trend",
+            Self::OtherPowder { .. } => {
+                "write the powder of the posterior into [material] of the scene, or calibrate that of the scene"
+            }
+            Self::OtherFinalContactRatio { .. } => {
+                "write the same final_contact_ratio into [material] of the scene"
+            }
+            Self::FailedBeds { .. } => {
+                "see \"failed\" in densify.json; the same command tries them again"
+            }
+            Self::TargetOutsideModel { .. } => "ask for a smaller --target",
+            Self::FewDraws { .. } => "take --draws 20 or more",
+            Self::SpreadUnexplained { .. } => "take more --draws",
+            Self::SpreadUnknown => "take more --draws, or a --target that more of them reach",
+            Self::UntrustedKinetics { .. } | Self::EvidencesTooClose { .. } => {
+                "run more simulations with --samples"
+            }
+            Self::PriorDecides { .. } => {
+                "give priors that hold what is known, with --prior, before the evidence is quoted"
+            }
+            Self::DependentComparison { .. } => {
+                "look at the residuals before a Bayes factor is quoted"
+            }
+            Self::FinalContactRatioReadOff { .. } => "--phi calibrates it instead",
+        }
+    }
+}
+
+impl fmt::Display for Careful {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}; {}{}", self.what(), self.remedy(), section(self))
+    }
+}
+
+/// The simulations of a plan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Simulations {
+    /// Simulations that it asks for.
+    pub(crate) number: usize,
+    /// Whether each is a run of a program, which a plan file asks for.
+    pub(crate) of_programs: bool,
+}
+
+/// A concern of the sampler as a line, with the option that helps where there is one.
+pub(crate) fn concern(concern: &Concern, asked: Simulations) -> String {
+    let option = match option(concern, asked) {
+        Some(option) => format!(": {option}"),
+        None => String::new(),
+    };
+    format!("{concern}{option}{}", section(concern))
+}
+
+/// The option of the command, or the field of a file, that does what the remedy of a concern says.
+fn option(concern: &Concern, asked: Simulations) -> Option<String> {
+    let field =
+        |option: &str, field: &str| Some(if asked.of_programs { field } else { option }.to_owned());
+    match concern {
+        Concern::FewEffectiveSamples { .. }
+        | Concern::HighKhat { .. }
+        | Concern::EvidenceDisagrees { .. }
+        | Concern::BudgetTooSmall { .. } => {
+            let more = more_than(asked);
+            field(&format!("--samples {more}"), &format!("samples = {more} in [sampler]"))
+        }
+        Concern::ResidualsNotIndependent { lag1, modelled: false, .. } if *lag1 > 0.0 => {
+            field("--noise correlated", "noise = { kind = \"correlated\", s0 = ABOUT }")
+        }
+        Concern::NotAPosterior => {
+            field("--noise inferred", "noise = { kind = \"inferred\" } of the observable")
+        }
+        Concern::AtPriorBound { parameter, bound, .. } => {
+            Some(format!("a bound beyond {bound:.3e} in [{parameter}] of the priors"))
+        }
+        Concern::NotInformed { parameter, .. } | Concern::OrderOfMagnitude { parameter, .. } => {
+            Some(format!("[{parameter}] of the priors"))
+        }
+        _ => None,
+    }
+}
+
+/// The number of simulations to try next: at least twice as many, and the default where that is less for pairs, of which
+/// a thousand take less than a second.
+fn more_than(asked: Simulations) -> usize {
+    let twice = 2 * asked.number;
+    if asked.of_programs { twice } else { twice.next_power_of_two().max(16_384) }
+}
+
+/// The section of the page on reasons to be careful, by the kind that the reason is stored under.
+fn section(reason: &impl Serialize) -> String {
+    let stored = serde_json::to_value(reason).ok();
+    let kind = stored.as_ref().and_then(|reason| reason.get("kind")?.as_str());
+    kind.map_or_else(String::new, |kind| format!(" (see careful.md, \"{kind}\")"))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use schemars::{JsonSchema, schema_for};
+    use serde_json::Value;
+
+    use super::*;
+
+    const PAGE: &str = include_str!("../docs/careful.md");
+
+    /// The kinds of all variants, from the schema of the type, which knows every variant.
+    fn kinds<T: JsonSchema>() -> BTreeSet<String> {
+        let schema = serde_json::to_value(schema_for!(T)).expect("a schema is JSON");
+        let variants = schema["oneOf"].as_array().expect("variants");
+        let kind =
+            |variant: &Value| variant["properties"]["kind"]["const"].as_str().map(str::to_owned);
+        variants.iter().map(|variant| kind(variant).expect("a kind")).collect()
+    }
+
+    /// Name and text of every section of the page that is on one kind.
+    fn sections() -> Vec<(String, String)> {
+        let after = |section: &str| {
+            let (name, text) = section.split_once('\n').expect("text below a heading");
+            (name.trim().to_owned(), text.trim().to_owned())
+        };
+        PAGE.split("\n### ").skip(1).map(after).collect()
+    }
+
+    #[test]
+    fn every_kind_has_a_section_of_the_page_and_every_section_a_kind() {
+        let (ours, samplers) = (kinds::<Careful>(), kinds::<Concern>());
+        assert!(ours.is_disjoint(&samplers), "a kind names one reason");
+        let kinds: BTreeSet<String> = ours.union(&samplers).cloned().collect();
+        let named: Vec<String> = sections().into_iter().map(|(name, _)| name).collect();
+        let on_page: BTreeSet<String> = named.iter().cloned().collect();
+        assert_eq!(named.len(), on_page.len(), "a kind has one section");
+        let missing: Vec<_> = kinds.difference(&on_page).collect();
+        let unknown: Vec<_> = on_page.difference(&kinds).collect();
+        assert!(missing.is_empty(), "careful.md needs a section \"### kind\" for {missing:?}");
+        assert!(unknown.is_empty(), "no reason to be careful has the kind of {unknown:?}");
+    }
+
+    #[test]
+    fn every_section_says_what_it_means_how_it_is_judged_and_what_to_do() {
+        for (name, text) in sections() {
+            let text = text.split("\n## ").next().unwrap_or_default().trim();
+            for part in ["- Means: ", "- Judged: ", "- Do: "] {
+                assert!(text.contains(part), "{name}: no {part:?}");
+            }
+            let lines = text.lines().filter(|line| !line.trim().is_empty()).count();
+            assert!((4..=9).contains(&lines), "{name}: {lines} lines");
+        }
+    }
+
+    #[test]
+    fn a_line_says_what_it_means_what_helps_and_its_section() {
+        let line = Careful::FewDraws { draws: 5 }.to_string();
+        assert_eq!(
+            line,
+            "5 draws are few for a 90 % interval: its ends are the extreme draws; take --draws 20 or more (see careful.md, \"few-draws\")"
+        );
+        let few = Concern::FewEffectiveSamples { ess: 31.2, wished: 400.0 };
+        let of_pair = Simulations { number: 16_384, of_programs: false };
+        assert_eq!(
+            concern(&few, of_pair),
+            "only 31 effective samples: means and intervals are rough; run more simulations: --samples 32768 (see careful.md, \"few-effective-samples\")"
+        );
+        let of_programs = Simulations { number: 300, of_programs: true };
+        assert!(concern(&few, of_programs).contains("samples = 600 in [sampler]"));
+        let small = Simulations { number: 1000, of_programs: false };
+        assert!(concern(&few, small).contains("--samples 16384"));
+    }
+
+    #[test]
+    fn a_reason_without_an_option_ends_with_its_remedy() {
+        let many = Concern::ManyFailures { failed: 3, simulations: 9, commonest: "x".to_owned() };
+        let line = concern(&many, Simulations { number: 9, of_programs: true });
+        assert!(
+            line.ends_with("where the simulator works (see careful.md, \"many-failures\")"),
+            "{line}"
+        );
+    }
+}
