@@ -6,6 +6,7 @@ mod architecture;
 mod bad_input;
 mod bits;
 mod campaign;
+mod clock;
 mod compare;
 mod damage;
 mod determinism;

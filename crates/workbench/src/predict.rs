@@ -13,6 +13,7 @@ use crate::careful::Careful;
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::number::significant;
 use crate::pair::draws::PairDraws;
+use crate::pair::parameter::ParameterName;
 use smc_calib::Weighted;
 
 /// A quantity over the posterior draws that have it.
@@ -93,6 +94,9 @@ pub struct Prediction {
     pub final_contact_ratio: f64,
     /// Whether the posterior's own diagnostics let it be trusted.
     pub trusted: bool,
+    /// Time of first contact in the clock of the table \[s\], where it was calibrated; predicted times count from it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub first_contact_s: Option<Predicted>,
     /// Sintering times, one per target.
     pub sintering: Vec<SinteringTime>,
     /// Contact ratios, one per time.
@@ -102,7 +106,7 @@ pub struct Prediction {
 }
 
 /// Predicts the times at which contact ratios `targets` are reached and the contact ratios at the times `after_s`, for a
-/// pair of radius `radius_m` or of the calibrated one.
+/// pair of radius `radius_m` or of the calibrated one. Times count from first contact.
 ///
 /// # Errors
 ///
@@ -157,6 +161,9 @@ pub fn predict(
         calibrated_radius_m,
         final_contact_ratio: pair.final_contact_ratio,
         trusted: record.trust.converged(),
+        first_contact_s: Predicted::of(
+            (0..calibrated.len()).filter_map(|row| calibrated.value(ParameterName::T0, row)),
+        ),
         sintering,
         after: contact_after(&pairs, kinetics, after_s)?,
         advice,
@@ -222,6 +229,12 @@ impl Prediction {
             "{}, R = {radius_um} um, {} kinetics{elsewhere}",
             self.title, self.kinetics
         )];
+        if let Some(start) = &self.first_contact_s {
+            lines.push(format!(
+                "  times count from first contact, at t0 = {} in the table's clock",
+                start.text(" s")
+            ));
+        }
         for target in &self.sintering {
             let ratio = significant(target.contact_ratio, 3);
             lines.push(match &target.time_s {

@@ -55,9 +55,10 @@ pub(super) fn curves(
     };
     let (paper, frenkel) =
         (of.paper(), frenkel_tau_s.map(|tau_s| Sintering { c1: 1.0, tau_s, delta_c: 1.0 }));
+    let (at_data, between) = (of.reference(), on_grid.started_at(of.start_s()));
     let at_data = AtData {
-        paper: run(&of.model, Kinetics::ThreeStage, paper)?,
-        frenkel: run(&of.model, Kinetics::Frenkel, frenkel)?,
+        paper: run(&at_data, Kinetics::ThreeStage, paper)?,
+        frenkel: run(&at_data, Kinetics::Frenkel, frenkel)?,
     };
     let curves = Curves {
         time_s: on_grid.times_s().to_vec(),
@@ -66,8 +67,8 @@ pub(super) fn curves(
         curve90: [lower90, upper90],
         noisy90: noise_is_known.then_some([lower, upper]),
         map,
-        paper: run(&on_grid, Kinetics::ThreeStage, paper)?,
-        frenkel: run(&on_grid, Kinetics::Frenkel, frenkel)?,
+        paper: run(&between, Kinetics::ThreeStage, paper)?,
+        frenkel: run(&between, Kinetics::Frenkel, frenkel)?,
     };
     Ok((curves, at_data))
 }

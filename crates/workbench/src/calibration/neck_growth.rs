@@ -20,7 +20,7 @@ impl OfPair<'_> {
     /// Everything that only a pair has.
     pub(super) fn record(&self, found: &ObservableRecord) -> Result<NeckGrowthRecord, Failure> {
         let observed = &self.measured.values;
-        let frenkel_tau_s = frenkel_fit::best_tau_s(&self.model, observed)
+        let frenkel_tau_s = frenkel_fit::best_tau_s(&self.reference(), observed)
             .map_err(|error| simulation_failure(&error))?;
         let paper = self.pair.material.map(|material| self.paper_comparison(material));
         let (curves, at_data) = curves(self, frenkel_tau_s)?;
@@ -63,7 +63,7 @@ impl OfPair<'_> {
                 ParameterName::C1 => si.c1,
                 ParameterName::TauS => si.tau_s,
                 ParameterName::DeltaC => si.delta_c,
-                ParameterName::Phi => return None,
+                ParameterName::Phi | ParameterName::T0 => return None,
             };
             Some(100.0 * self.weighted(|theta| theta[place]).share_below(value))
         };
@@ -118,7 +118,8 @@ impl OfPair<'_> {
         let at = |theta: &[f64]| {
             let scene = self.model.scene(theta).ok()?;
             let knee = knee(&scene, &self.model.sintering(theta));
-            (knee.has_zipping && knee.has_stretching).then_some(knee)
+            let time_s = knee.time_s + self.model.start_s(theta);
+            (knee.has_zipping && knee.has_stretching).then_some(Knee { time_s, ..knee })
         };
         let Some(at_map) = at(&self.posterior.map.theta) else { return Ok(None) };
         let samples = &self.posterior.samples;
@@ -130,7 +131,11 @@ impl OfPair<'_> {
             .collect();
         let with_knee: f64 = knees.iter().map(|(_, weight)| weight).sum();
         let scene = self.pair.scene()?;
-        let paper = self.paper().map(|sintering| knee(&scene, &sintering));
+        // The paper's pair in the clock of this table.
+        let paper = self.paper().map(|sintering| {
+            let knee = knee(&scene, &sintering);
+            Knee { time_s: knee.time_s + self.start_s(), ..knee }
+        });
         let derived = |of: fn(&Knee) -> f64| {
             let marginal = Weighted::new(knees.iter().map(|(knee, weight)| (of(knee), *weight)));
             Derived {

@@ -34,6 +34,16 @@ impl<'a> OfPair<'a> {
         self.pair.material.map(|material| material.table3_sintering_at(self.pair.powder.radius_m))
     }
 
+    /// Time of first contact in the clock of the table \[s\], that of the MAP where it is calibrated.
+    pub(super) fn start_s(&self) -> f64 {
+        self.model.start_s(&self.posterior.map.theta)
+    }
+
+    /// The model for curves of other parameters than the calibrated ones, with first contact where the MAP has it.
+    pub(super) fn reference(&self) -> NeckGrowth {
+        self.model.started_at(self.start_s())
+    }
+
     /// Values with the weights of their samples.
     pub(super) fn weighted(&self, value: impl Fn(&[f64]) -> f64) -> Weighted {
         let samples = self.posterior.samples.iter().filter(|sample| sample.weight > 0.0);

@@ -8,6 +8,7 @@
 //! | `[c1]` | required by kinetics with stage 2 | fluidity C1 | 1/(Pa s) |
 //! | `[delta_c]` | required by kinetics with stage 2 | cut-off distance of the adhesive traction | m |
 //! | `[phi]` | optional | final contact ratio, calibrated instead of taken from the experiment | 1 |
+//! | `[t0]` | optional | time of first contact in the table's clock, calibrated instead of zero; may be negative | s |
 //!
 //! and in each the field `distribution` with what belongs to it, all required:
 //!
@@ -16,7 +17,7 @@
 //! | `"log-uniform"` | `lower`, `upper` |
 //! | `"uniform"` | `lower`, `upper` |
 //! | `"log-normal"` | `median`, `sd_log10` (decades) |
-//! | `"normal"` | `mean`, `sd`; only where mean > 8 sd, as all parameters are positive |
+//! | `"normal"` | `mean`, `sd`; for others than t0 only where mean > 8 sd, as they are positive |
 //! | `"truncated-normal"` | `mean`, `sd`, `lower`, `upper` |
 //!
 //! `title` and `source` at the top are optional text. Other fields are refused.
@@ -40,7 +41,7 @@ pub struct PriorFile {
     /// The file, or `built-in`.
     pub file_name: String,
     /// Priors in the order of [`ParameterName::ALL`]; that of tau_s is always there.
-    priors: [Option<Prior>; 4],
+    priors: [Option<Prior>; 5],
 }
 
 impl PriorFile {
@@ -73,7 +74,7 @@ impl PriorFile {
         let fields = document.top();
         fields.text("title")?;
         fields.text("source")?;
-        let mut priors = [const { None }; 4];
+        let mut priors = [const { None }; 5];
         for (place, parameter) in priors.iter_mut().zip(ParameterName::ALL) {
             if let Some(table) = fields.table(parameter.name())? {
                 *place = Some(prior(parameter, &table)?);
@@ -91,7 +92,7 @@ impl PriorFile {
         self.priors[parameter as usize].as_ref()
     }
 
-    /// The parameters to calibrate under these kinetics, in the order c1, tau_s, delta_c, phi.
+    /// The parameters to calibrate under these kinetics, in the order c1, tau_s, delta_c, phi, t0.
     ///
     /// # Errors
     ///
@@ -99,7 +100,7 @@ impl PriorFile {
     pub fn parameters(&self, kinetics: Kinetics) -> Result<Vec<Parameter>, InputError> {
         let used =
             ParameterName::ALL.into_iter().filter(|parameter| parameter.is_used_by(kinetics));
-        used.filter(|&parameter| parameter != ParameterName::Phi || self.get(parameter).is_some())
+        used.filter(|&parameter| !parameter.is_optional() || self.get(parameter).is_some())
             .map(|parameter| match self.get(parameter) {
                 Some(prior) => {
                     Ok(Parameter::new(parameter.name(), parameter.unit(), prior.clone()))
@@ -118,6 +119,7 @@ fn missing(file: &str, parameter: ParameterName) -> InputError {
         ParameterName::TauS => "lower = 0.5, upper = 50.0",
         ParameterName::DeltaC => "lower = 1e-8, upper = 3e-6",
         ParameterName::Phi => "lower = 1.0, upper = 1.35",
+        ParameterName::T0 => "lower = 0.01, upper = 10.0",
     };
     let name = parameter.name();
     InputError::new(file, Mistake::MissingField)
@@ -199,12 +201,15 @@ fn refused(fields: &Fields<'_>, error: &PriorError) -> InputError {
     }
 }
 
-/// All parameters are positive, and phi is a contact ratio.
+/// All parameters but t0 are positive, and phi is a contact ratio.
 pub(crate) fn check_support(
     parameter: ParameterName,
     fields: &Fields<'_>,
     spec: &PriorSpec,
 ) -> Result<(), InputError> {
+    if parameter.may_be_negative() {
+        return Ok(());
+    }
     let name = parameter.name();
     let at = |key: &str, mistake| mistake_in(fields, key, mistake);
     let bounds = match *spec {

@@ -10,9 +10,9 @@ use crate::pair::model::NeckGrowth;
 /// The sum has several minima in tau_s, as curves leave and join the plateau: a scan of ten decades
 /// around the last observation, then golden-section search in the best bracket, to 1e-10 in ln tau_s.
 ///
-/// None without an observation after t = 0, where every tau_s fits alike.
+/// None without an observation after first contact, where every tau_s fits alike.
 pub(crate) fn best_tau_s(model: &NeckGrowth, observed: &[f64]) -> Result<Option<f64>, SimError> {
-    if model.times_s().last().is_none_or(|last| *last <= 0.0) {
+    if model.last_s() <= 0.0 {
         return Ok(None);
     }
     best_tau_s_of(Kinetics::Frenkel, model, observed).map(Some)
@@ -32,7 +32,7 @@ pub(crate) fn best_tau_s_of(
         frenkel.curve(&sintering, &mut curve)?;
         Ok(observed.iter().zip(&curve).map(|(o, c)| (o - c) * (o - c)).sum())
     };
-    let last = model.times_s().last().copied().unwrap_or(1.0).max(f64::MIN_POSITIVE);
+    let last = model.last_s().max(f64::MIN_POSITIVE);
     let centre = last.ln();
     let half_width = 5.0 * std::f64::consts::LN_10;
     let step = 2.0 * half_width / SCAN as f64;

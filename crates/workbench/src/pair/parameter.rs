@@ -16,11 +16,13 @@ pub enum ParameterName {
     DeltaC,
     /// Final contact ratio phi.
     Phi,
+    /// Time of first contact t0 \[s\] in the table's clock: growth at time t is that of t - t0.
+    T0,
 }
 
 impl ParameterName {
     /// All of them, in the order in which they are calibrated.
-    pub const ALL: [Self; 4] = [Self::C1, Self::TauS, Self::DeltaC, Self::Phi];
+    pub const ALL: [Self; 5] = [Self::C1, Self::TauS, Self::DeltaC, Self::Phi, Self::T0];
 
     /// Name in files.
     pub fn name(self) -> &'static str {
@@ -29,6 +31,7 @@ impl ParameterName {
             Self::TauS => "tau_s",
             Self::DeltaC => "delta_c",
             Self::Phi => "phi",
+            Self::T0 => "t0",
         }
     }
 
@@ -36,7 +39,7 @@ impl ParameterName {
     pub fn unit(self) -> &'static str {
         match self {
             Self::C1 => "1/(Pa s)",
-            Self::TauS => "s",
+            Self::TauS | Self::T0 => "s",
             Self::DeltaC => "m",
             Self::Phi => "1",
         }
@@ -47,11 +50,21 @@ impl ParameterName {
         Self::ALL.into_iter().find(|parameter| parameter.name() == name)
     }
 
-    /// Whether a curve under these kinetics depends on it; phi always bounds the curve and need not be calibrated.
+    /// Whether it is calibrated only where it has a prior: otherwise phi is the experiment's and t0 is zero.
+    pub fn is_optional(self) -> bool {
+        matches!(self, Self::Phi | Self::T0)
+    }
+
+    /// Whether it can be negative: first contact may lie before the clock of the table starts.
+    pub fn may_be_negative(self) -> bool {
+        self == Self::T0
+    }
+
+    /// Whether a curve under these kinetics depends on it.
     pub fn is_used_by(self, kinetics: Kinetics) -> bool {
         match self {
             Self::C1 | Self::DeltaC => kinetics.uses_c1_delta_c(),
-            Self::TauS | Self::Phi => true,
+            Self::TauS | Self::Phi | Self::T0 => true,
         }
     }
 }

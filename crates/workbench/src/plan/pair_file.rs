@@ -156,7 +156,7 @@ fn check_needed(
 ) -> Result<(), InputError> {
     let kinetics = pair.kinetics;
     let missing = ParameterName::ALL.into_iter().find(|&model| {
-        model != ParameterName::Phi
+        !model.is_optional()
             && model.is_used_by(kinetics)
             && !parameters.iter().any(|name| name == pair.calibrated(model))
     });

@@ -37,6 +37,22 @@ fn kinetics_ask_only_for_the_priors_they_use() {
 }
 
 #[test]
+fn the_time_of_first_contact_is_optional_comes_last_and_may_be_negative() {
+    let with = |t0: &str| PriorFile::parse("p.toml", &format!("t0 = {{ {t0} }}\n{TAU}"));
+    for t0 in [
+        "distribution = \"uniform\", lower = -5, upper = 5",
+        "distribution = \"normal\", mean = 0, sd = 3",
+        "distribution = \"truncated-normal\", mean = -1, sd = 3, lower = -9, upper = -0.5",
+    ] {
+        let parameters = with(t0).expect(t0).parameters(Kinetics::Frenkel).expect("both");
+        let names: Vec<_> = parameters.iter().map(|p| (p.name.as_str(), p.unit.as_str())).collect();
+        assert_eq!(names, [("tau_s", "s"), ("t0", "s")], "{t0}");
+    }
+    let error = with("distribution = \"log-uniform\", lower = -5, upper = 5").expect_err("-5");
+    assert_eq!((error.mistake, error.line), (Mistake::Negative, Some(1)), "{error}");
+}
+
+#[test]
 fn every_distribution_is_read() {
     for (fields, spec) in [
         ("\"uniform\", lower = 1, upper = 2", PriorSpec::Uniform { lower: 1.0, upper: 2.0 }),

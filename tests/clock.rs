@@ -1,0 +1,93 @@
+//! A time of first contact that is calibrated with the kinetics, and a clock that is off.
+
+use std::fmt::Write as _;
+use std::fs;
+
+use crate::sandbox::{Sandbox, root};
+
+/// Priors of a material with one more table.
+fn priors(material: &str, more: &str) -> String {
+    let own = fs::read_to_string(root().join(format!("priors/{material}.toml"))).expect("priors");
+    format!("{own}\n{more}\n")
+}
+
+/// A built-in table with its times moved by `shift_s` and its contact ratios as they are.
+fn shifted(name: &str, shift_s: f64) -> String {
+    let table =
+        fs::read_to_string(root().join(format!("experiments/{name}.csv"))).expect("a table");
+    let rows = table.lines().filter(|line| !line.starts_with('#')).skip(1);
+    rows.fold("time_s,contact_ratio\n".to_owned(), |mut text, row| {
+        let (time, ratio) = row.split_once(',').expect("two columns");
+        let time: f64 = time.parse().expect("a time");
+        writeln!(text, "{},{ratio}", time + shift_s).expect("a string");
+        text
+    })
+}
+
+fn record(sandbox: &Sandbox, folder: &str) -> serde_json::Value {
+    let path = sandbox.path().join(folder).join("posterior.json");
+    serde_json::from_str(&fs::read_to_string(path).expect("a record")).expect("JSON")
+}
+
+fn parameter<'r>(record: &'r serde_json::Value, name: &str) -> &'r serde_json::Value {
+    let all = record["parameters"].as_array().expect("parameters");
+    all.iter().find(|one| one["parameter"]["name"] == name).expect("the parameter")
+}
+
+#[test]
+fn a_known_time_of_first_contact_is_recovered_and_everything_is_told_in_the_clock_of_the_table() {
+    let sandbox = Sandbox::new();
+    let times = (1..40).fold("time_s\n".to_owned(), |text, k| {
+        format!("{text}{}\n", 0.1 * f64::from(k * k) / 10.0)
+    });
+    sandbox.write("times.csv", times);
+    let curve = sandbox
+        .run("simulate --material pa12 --c1 3e-6 --tau-s 3.9 --delta-c 2e-7 --times times.csv");
+    let mut table = String::from("time_s,contact_ratio\n0,0.04\n1.5,0.03\n");
+    for (k, row) in curve.succeeded().stdout.lines().skip(1).enumerate() {
+        let columns: Vec<f64> = row.split(',').map(|one| one.parse().expect("a number")).collect();
+        // Errors of a hundredth, evenly spread and in no order.
+        let error = 0.02 * ((k as f64 * 0.618_034).fract() - 0.5);
+        writeln!(table, "{},{}", columns[0] + 3.0, (columns[3] + error).max(0.0))
+            .expect("a string");
+    }
+    sandbox.write("late.csv", table);
+    let t0 = "[t0]\ndistribution = \"uniform\"\nlower = -5\nupper = 10";
+    sandbox.write("t0.toml", priors("pa12", t0));
+    let options = "--material pa12 --experiment late.csv --prior t0.toml --samples 4096";
+    sandbox.run(&format!("{options} --out run")).succeeded();
+    let found = record(&sandbox, "run");
+    let interval = &parameter(&found, "t0")["in_si"]["eti95"];
+    let [lower, upper] = ["lower", "upper"].map(|end| interval[end].as_f64().expect("an end"));
+    assert!(lower < 3.0 && 3.0 < upper && upper - lower < 0.5, "t0 is 3, not {lower} .. {upper}");
+    let knee = &found["experiments"][0]["neck_growth"]["knee"]["time_s"]["median"];
+    assert!(knee.as_f64().expect("a knee") > lower, "{knee}");
+    // The row at 1.5 s is before first contact: the bands and the MAP have the starting value there.
+    let fit = fs::read_to_string(sandbox.path().join("run/fit.csv")).expect("fit.csv");
+    let rows: Vec<Vec<&str>> = fit.lines().map(|line| line.split(',').collect()).collect();
+    assert_eq!((rows[1][3], &rows[1][5..7]), (rows[2][3], &rows[2][5..7]), "{fit}");
+    // Predicted times count from first contact.
+    let predicted = sandbox.run("predict --posterior run --contact-ratio 0.9");
+    let words = &predicted.succeeded().stdout;
+    assert!(words.contains("times count from first contact, at t0 = 3"), "{words}");
+    // The plan in text is the same plan.
+    let plan = sandbox.run(&format!("{options} --dry-run --toml"));
+    sandbox.write("plan.toml", &plan.succeeded().stdout);
+    sandbox.run("--plan plan.toml --out again").succeeded();
+    let bytes =
+        |folder: &str| fs::read(sandbox.path().join(folder).join("samples.csv")).expect("samples");
+    assert_eq!(bytes("run"), bytes("again"));
+}
+
+#[test]
+fn a_posterior_with_t0_is_that_of_quadrature() {
+    let sandbox = Sandbox::new();
+    let more = "[phi]\ndistribution = \"uniform\"\nlower = 1.1\nupper = 1.35\n\
+                [t0]\ndistribution = \"normal\"\nmean = 0\nsd = 1";
+    sandbox.write("t0.toml", priors("pa12", more));
+    sandbox.write("late.csv", shifted("pa12-r32", 1.0));
+    let ran = sandbox.run(
+        "--material pa12 --experiment late.csv --prior t0.toml --kinetics frenkel --verify --out run",
+    );
+    ran.succeeded();
+}
