@@ -208,9 +208,10 @@ pub struct ParameterSummary {
     pub map: f64,
     /// Pareto shape for this parameter's moments.
     pub khat: f64,
-    /// Largest share of one sample in the weights or in this parameter's moments.
+    /// Largest share of the weights, or of this parameter's moments, that a heavy tail has above its cut; 0 where no tail is
+    /// heavy.
     #[serde(default)]
-    pub largest_share: f64,
+    pub tail_share: f64,
     /// Information gained: divergence of the marginal posterior from the prior, in bits.
     pub information_gain_bits: f64,
     /// Prior mean in the coordinate.

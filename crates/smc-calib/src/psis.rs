@@ -39,10 +39,18 @@ pub fn khat(values: &[f64]) -> f64 {
     pareto(&excess).map_or(UNKNOWN, |(k, _)| k)
 }
 
-/// Share of the largest of some non-negative values in their sum; 1 where there is nothing to sum.
-pub fn largest_share(values: &[f64]) -> f64 {
-    let (sum, largest) = values.iter().fold((0.0, 0.0f64), |(s, l), v| (s + v, l.max(*v)));
-    let share = largest / sum;
+/// Share of the sum of some non-negative values that lies above the cut of the tail which [`khat`] fits; 1 where there is
+/// no such tail.
+pub fn tail_share(values: &[f64]) -> f64 {
+    let s = values.len();
+    let tail = ((0.2 * s as f64).min(3.0 * (s as f64).sqrt())).ceil() as usize;
+    if s <= tail {
+        return 1.0;
+    }
+    let mut sorted = values.to_vec();
+    let (_, cut, top) = sorted.select_nth_unstable_by(s - tail - 1, f64::total_cmp);
+    let excess: f64 = top.iter().map(|v| v - *cut).sum();
+    let share = excess / values.iter().sum::<f64>();
     if share.is_finite() { share } else { 1.0 }
 }
 
@@ -189,10 +197,13 @@ mod tests {
     }
 
     #[test]
-    fn the_largest_share_is_that_of_the_sum() {
-        assert_eq!(largest_share(&[1.0, 3.0, 0.0, 4.0]), 0.5);
-        assert_eq!((largest_share(&[]), largest_share(&[0.0, 0.0])), (1.0, 1.0));
-        assert_eq!(largest_share(&[1.0, f64::INFINITY]), 1.0);
+    fn the_share_of_a_tail_is_what_lies_above_its_cut() {
+        // Twenty of a hundred are the tail: above the cut of one, four times two.
+        let mut values = vec![1.0; 96];
+        values.extend([3.0; 4]);
+        assert!((tail_share(&values) - 8.0 / 108.0).abs() < 1e-12);
+        assert_eq!(tail_share(&[1.0; 100]), 0.0);
+        assert_eq!((tail_share(&[]), tail_share(&[0.0; 100])), (1.0, 1.0));
     }
 
     #[test]

@@ -13,6 +13,7 @@ use crate::residuals::residuals_of;
 use crate::sampler::Sampler;
 use crate::stream::{Purpose, stream};
 use crate::target::CurveTarget;
+use crate::trust::khat_holds;
 use crate::{
     CalibrateError, Draw, EffectiveSampleSize, Evidence, GroupSummary, MapPoint, Parameter,
     ParameterSummary, Posterior, Residuals, Sample, Settings, StageRecord, StopReason, psis,
@@ -49,7 +50,7 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
         columns(problem, |j, i| problem.parameters[j].prior.to_coordinate(theta[j][i]), n);
 
     let map = find_map(target, &sampler, &estimator).map_err(|error| error.after(&stages))?;
-    let (weight_khat, weight_share) = (psis::khat(&raw), psis::largest_share(&raw));
+    let (weight_khat, weight_share) = tail(&raw);
     let parameters: Vec<ParameterSummary> = (0..d)
         .into_par_iter()
         .map(|j| {
@@ -57,7 +58,7 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
             let columns = Columns { z: &z, theta: &theta[j], coordinate: &coordinate[j] };
             let mut summary = parameter_summary(&problem.parameters[j], &columns, &estimator);
             summary.khat = summary.khat.max(weight_khat);
-            summary.largest_share = summary.largest_share.max(weight_share);
+            summary.tail_share = summary.tail_share.max(weight_share);
             summary.map = map.theta[j];
             summary
         })
@@ -148,7 +149,7 @@ fn parameter_summary(p: &Parameter, of: &Columns<'_>, estimator: &Estimator) -> 
     let tail_of = |power: i32| {
         let weighted = estimator.weights.iter().zip(of.coordinate);
         let values: Vec<f64> = weighted.map(|(w, x)| w * (x - mean).abs().powi(power)).collect();
-        (psis::khat(&values), psis::largest_share(&values))
+        tail(&values)
     };
     let (first, second) = (tail_of(1), tail_of(2));
     ParameterSummary {
@@ -158,11 +159,17 @@ fn parameter_summary(p: &Parameter, of: &Columns<'_>, estimator: &Estimator) -> 
         in_coordinate,
         map: f64::NAN,
         khat: first.0.max(second.0),
-        largest_share: first.1.max(second.1),
+        tail_share: first.1.max(second.1),
         information_gain_bits: Marginal::new(of.z, estimator).information_gain_bits(),
         prior_mean: p.prior.mean(),
         prior_sd: p.prior.sd(),
     }
+}
+
+/// Pareto shape of the tail of some values, and the share of their sum that it has where it is heavy.
+fn tail(values: &[f64]) -> (f64, f64) {
+    let khat = psis::khat(values);
+    (khat, if khat_holds(khat) { 0.0 } else { psis::tail_share(values) })
 }
 
 /// All samples as plain data. `raw` are their importance weights over `exp(ln_scale)`.

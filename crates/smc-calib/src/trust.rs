@@ -56,14 +56,14 @@ pub struct Trust {
     pub effective_samples_wished: f64,
     /// Pareto shape of the importance weights, the largest over the weights and all parameters.
     pub khat: f64,
-    /// Pareto shape from which on weights cannot be trusted where a sample has the share below.
+    /// Pareto shape from which on a tail is heavy.
     pub khat_limit: f64,
-    /// Largest share of one sample in the weights or in the moments of a parameter.
+    /// Largest share of the weights or of a parameter's moments that a heavy tail has.
     #[serde(default)]
-    pub largest_share: f64,
-    /// Share from which on a heavy tail can change an estimate.
+    pub tail_share: f64,
+    /// Share from which on a heavy tail cannot be trusted.
     #[serde(default)]
-    pub largest_share_limit: f64,
+    pub tail_share_limit: f64,
     /// Whether the standard error of the log evidence can be believed.
     pub evidence_error_known: bool,
     /// Reasons to be careful.
@@ -91,8 +91,8 @@ impl Trust {
         } else {
             String::new()
         };
-        let harmless = if !khat_holds(self.khat) && self.largest_share < self.largest_share_limit {
-            ", but no sample has a hundredth of an estimate"
+        let harmless = if !khat_holds(self.khat) && self.tail_share < self.tail_share_limit {
+            ", but the tail has hardly any mass"
         } else {
             ""
         };
@@ -149,9 +149,9 @@ pub fn khat_holds(khat: f64) -> bool {
     khat < KHAT_LIMIT
 }
 
-/// Whether estimates with a tail of this Pareto shape, to which one sample contributes this share at most, can be trusted.
-fn tail_holds(khat: f64, largest_share: f64) -> bool {
-    khat_holds(khat) || largest_share < LARGEST_SHARE
+/// Whether estimates can be trusted that have tails of this Pareto shape and, where those are heavy, this share in them.
+fn tail_holds(khat: f64, tail_share: f64) -> bool {
+    khat_holds(khat) || tail_share < TAIL_SHARE
 }
 
 /// Whether two estimates of the log evidence agree; `se` is the standard error of their difference.
@@ -186,8 +186,8 @@ impl Posterior {
             effective_samples_wished: wished,
             khat: self.khat,
             khat_limit: KHAT_LIMIT,
-            largest_share: self.parameters.iter().map(|p| p.largest_share).fold(0.0, f64::max),
-            largest_share_limit: LARGEST_SHARE,
+            tail_share: self.parameters.iter().map(|p| p.tail_share).fold(0.0, f64::max),
+            tail_share_limit: TAIL_SHARE,
             evidence_error_known: sound,
             concerns: self.concerns(wished),
         }
@@ -228,21 +228,21 @@ impl Posterior {
     /// Whether no heavy tail can change an estimate.
     fn tails_hold(&self) -> bool {
         // Each parameter's k-hat and share are at least those of the weights themselves.
-        !self.khat.is_nan() && self.parameters.iter().all(|p| tail_holds(p.khat, p.largest_share))
+        !self.khat.is_nan() && self.parameters.iter().all(|p| tail_holds(p.khat, p.tail_share))
     }
 
     /// Tails of the importance weights, and the two estimates of the evidence.
     fn about_weights(&self) -> Vec<Concern> {
         let heavy: Vec<_> =
-            self.parameters.iter().filter(|p| !tail_holds(p.khat, p.largest_share)).collect();
+            self.parameters.iter().filter(|p| !tail_holds(p.khat, p.tail_share)).collect();
         let mut list: Vec<Concern> = if heavy.len() == self.parameters.len() {
-            let largest_share = heavy.iter().map(|p| p.largest_share).fold(0.0, f64::max);
-            vec![Concern::HighKhat { parameter: None, khat: self.khat, largest_share }]
+            let tail_share = heavy.iter().map(|p| p.tail_share).fold(0.0, f64::max);
+            vec![Concern::HighKhat { parameter: None, khat: self.khat, tail_share }]
         } else {
             let of_one = |p: &&ParameterSummary| Concern::HighKhat {
                 parameter: Some(p.parameter.name.clone()),
                 khat: p.khat,
-                largest_share: p.largest_share,
+                tail_share: p.tail_share,
             };
             heavy.iter().map(of_one).collect()
         };

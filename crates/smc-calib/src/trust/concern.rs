@@ -28,9 +28,9 @@ pub enum Concern {
         parameter: Option<String>,
         /// Pareto shape.
         khat: f64,
-        /// Largest share of one sample in the weights or the moments.
+        /// Share of the weights or the moments in the tail.
         #[serde(default)]
-        largest_share: f64,
+        tail_share: f64,
     },
     /// Evidence from all samples and from the final proposal alone differ by more than three standard errors.
     EvidenceDisagrees {
@@ -141,10 +141,10 @@ impl Concern {
         match self {
             Self::NotAPosterior => "the noise was tuned to a wished-for effective sample size and proposals were not corrected for".to_owned(),
             Self::FewEffectiveSamples { ess, .. } => format!("only {ess:.0} effective samples"),
-            Self::HighKhat { parameter, khat, largest_share } => format!(
-                "the importance weights{} have a heavy tail (k-hat {khat:.2}, trustworthy below {KHAT_LIMIT}; one sample has {:.0} % of an estimate)",
+            Self::HighKhat { parameter, khat, tail_share } => format!(
+                "the importance weights{} have a heavy tail (k-hat {khat:.2}, trustworthy below {KHAT_LIMIT}, and {:.0} % of an estimate)",
                 parameter.as_ref().map_or(String::new(), |p| format!(" for {p}")),
-                100.0 * largest_share
+                100.0 * tail_share
             ),
             Self::EvidenceDisagrees { pooled, frozen, se } => format!(
                 "two estimates of the log evidence differ ({pooled:.3} from all samples, {frozen:.3} from the final ones, standard error {se:.3})"
@@ -160,7 +160,8 @@ impl Concern {
                 100.0 * q
             ),
             Self::FewObservations { observations, parameters } => {
-                format!("{observations} observations for {parameters} parameters")
+                let s = if *observations == 1 { "" } else { "s" };
+                format!("{observations} observation{s} for {parameters} parameters")
             }
             Self::ResidualsNotIndependent { lag1, runs_z, group, modelled } => format!(
                 "neighbouring residuals{}{} {} (lag-1 correlation {lag1:.2}, runs test z {runs_z:.1})",

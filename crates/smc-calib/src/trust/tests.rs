@@ -16,7 +16,7 @@ fn parameter(name: &str) -> ParameterSummary {
         in_si: Moments { eti95, ..Moments::default() },
         map: 1.0,
         khat: 0.2,
-        largest_share: 0.001,
+        tail_share: 0.0,
         information_gain_bits: 3.0,
         prior_mean: 0.0,
         prior_sd: 1.0,
@@ -140,39 +140,36 @@ fn a_khat_of_seven_tenths_is_one_too_many() {
             p.khat = khat;
             p.parameters
                 .iter_mut()
-                .for_each(|parameter| (parameter.khat, parameter.largest_share) = (khat, 0.05));
+                .for_each(|parameter| (parameter.khat, parameter.tail_share) = (khat, 0.5));
         }
     };
     assert!(after(set(0.699)).converged());
     for khat in [0.7, 10.0] {
         let trust = after(set(khat));
         assert_eq!(trust.verdict, Verdict::Untrusted);
-        assert_eq!(
-            trust.concerns,
-            [Concern::HighKhat { parameter: None, khat, largest_share: 0.05 }]
-        );
+        assert_eq!(trust.concerns, [Concern::HighKhat { parameter: None, khat, tail_share: 0.5 }]);
     }
     assert_eq!(after(|p| p.khat = f64::NAN).verdict, Verdict::Untrusted);
     let of_one = concern(|p| {
-        (p.khat, p.parameters[1].khat, p.parameters[1].largest_share) = (0.8, 0.8, 0.05);
+        (p.khat, p.parameters[1].khat, p.parameters[1].tail_share) = (0.8, 0.8, 0.5);
     });
     let parameter = Some("b".to_owned());
-    assert_eq!(of_one, Some(Concern::HighKhat { parameter, khat: 0.8, largest_share: 0.05 }));
+    assert_eq!(of_one, Some(Concern::HighKhat { parameter, khat: 0.8, tail_share: 0.5 }));
 }
 
 #[test]
-fn a_heavy_tail_counts_from_a_sample_with_a_hundredth_of_an_estimate_on() {
-    let with = |largest_share| {
+fn a_heavy_tail_counts_from_a_tenth_of_an_estimate_on() {
+    let with = |tail_share| {
         after(|p| {
             (p.khat, p.parameters[1].khat) = (1.3, 1.3);
-            p.parameters[1].largest_share = largest_share;
+            p.parameters[1].tail_share = tail_share;
         })
     };
-    let below = with(0.0099);
+    let below = with(0.0999);
     assert!(below.converged() && below.concerns.is_empty());
     let line = below.line(&sound().log_evidence);
-    assert!(line.contains("k-hat 1.30 (limit 0.7, but no sample has a hundredth"), "{line}");
-    let above = with(0.01);
+    assert!(line.contains("k-hat 1.30 (limit 0.7, but the tail has hardly any mass"), "{line}");
+    let above = with(0.1);
     assert_eq!(above.verdict, Verdict::Untrusted);
     assert!(matches!(above.concerns[..], [Concern::HighKhat { .. }]), "{:?}", above.concerns);
     assert!(above.line(&sound().log_evidence).contains("k-hat 1.30 (limit 0.7),"));

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use smc_calib::{ParameterSummary, StageRecord};
 
-use super::summary::neck_growth;
+use super::summary::{OF_TABLE3, neck_growth};
 use crate::number::{significant, with_error};
 use crate::plan::Understood;
 use crate::record::Record;
@@ -61,15 +61,12 @@ pub fn details(record: &Record) -> String {
         );
     }
     if !printed.is_empty() {
-        text.push_str(OF_TABLE3);
+        let _ = writeln!(text, "{OF_TABLE3}");
     }
     text.push_str(&moments_and_correlation(&record.parameters, &record.correlation));
     text.push_str(&stages(&record.stages));
     text
 }
-
-/// Why the paper's value has another percentile there than in SI.
-const OF_TABLE3: &str = "C1 of Table 3 is, in SI, C1 times delta_c over R^2: another quantity, whose percentile is another\n";
 
 /// The columns that all tables of values begin with: name, MAP, median, 50 % and 95 % interval.
 fn row([name, map, median, half, most]: [&str; 5]) -> String {

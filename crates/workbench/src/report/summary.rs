@@ -16,6 +16,10 @@ use crate::record::{
     ProductSummary, Record,
 };
 
+/// Why the paper's C1 has another percentile in the form of Table 3 than in SI.
+pub(super) const OF_TABLE3: &str =
+    "c1 there is proportional to c1 * delta_c in SI, so the paper's value has another percentile";
+
 /// Place of a parameter in the paper's triple.
 pub(super) fn paper_place(name: &str) -> Option<usize> {
     ["c1", "tau_s", "delta_c"].iter().position(|known| *known == name)
@@ -149,11 +153,7 @@ fn table3_lines(neck: &NeckGrowthRecord) -> String {
     };
     if !neck.printed.is_empty() {
         let medians: Vec<String> = neck.printed.iter().map(printed).collect();
-        let _ = writeln!(
-            text,
-            "  as printed in Table 3: {} (c1 there is c1 * delta_c / R^2 in SI: another percentile)",
-            medians.join(", ")
-        );
+        let _ = writeln!(text, "  as printed in Table 3: {}; {OF_TABLE3}", medians.join(", "));
     }
     text
 }

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use smc_calib::{Coordinate, SigmaSummary};
 
-use super::summary::{is_uninformed, neck_growth, paper_place};
+use super::summary::{OF_TABLE3, is_uninformed, neck_growth, paper_place};
 use crate::input::data_table::quoted;
 use crate::number::{shown_unit, significant, with_error};
 use crate::plan::SimulatorPlan;
@@ -148,6 +148,9 @@ pub fn markdown(record: &Record) -> String {
     let _ = writeln!(text, "|---|---|---|---|---|---|---|---|{}", paper_columns("---|---|"));
     for row in &rows {
         text.push_str(&markdown_row(row, with_paper));
+    }
+    if neck_growth(record).is_some_and(|neck| !neck.printed.is_empty()) {
+        let _ = writeln!(text, "\nAs printed in Table 3: {OF_TABLE3}.");
     }
     text.push_str(&observables_markdown(record));
     let evidence = record.trust.evidence(&record.log_evidence).replace("+-", "±");

@@ -29,7 +29,7 @@ const STEP_SHARE: f64 = 0.5;
 /// Factor on the embedded error estimate, and the largest relative growth of the overlap in one step. On the power law of zipping the embedded estimate is up to ten times too small
 /// for steps of that length (`dx/dt = x^(-5/2)`, 8 %), and a hundred times for steps three times as long.
 const CAUTION: f64 = 10.0;
-const LARGEST_SHARE: f64 = 0.08;
+const TAIL_SHARE: f64 = 0.08;
 
 /// Largest ratio of a step to the one before.
 const LARGEST_GROWTH: f64 = 5.0;
@@ -84,12 +84,8 @@ impl QuasiStatic {
             let (numerator, denominator) = K::rate_after_switch(&run.coefficients, switch);
             let speed_after =
                 if switch < end { numerator / denominator * 0.5 / switch.sqrt() } else { 0.0 };
-            ended = run.piece(
-                switch.min(end),
-                speed_after,
-                LARGEST_SHARE,
-                K::rate_before_switch::<f64>,
-            )?;
+            ended =
+                run.piece(switch.min(end), speed_after, TAIL_SHARE, K::rate_before_switch::<f64>)?;
         }
         if ended && run.overlap < end {
             // A limit that the law only approaches counts as reached within a thousandth of the tolerance.
@@ -219,13 +215,13 @@ impl<F: FnMut(usize, f64, f64)> Run<'_, F> {
     /// observation comes first.
     ///
     /// `speed_after` is `d(a/R)/dt` beyond `until`: an error of the time at which slow zipping ends is
-    /// an error of a/R as large as fast stretching makes it. `largest_share` limits the growth of the
+    /// an error of a/R as large as fast stretching makes it. `tail_share` limits the growth of the
     /// overlap in one step.
     fn piece(
         &mut self,
         until: f64,
         speed_after: f64,
-        largest_share: f64,
+        tail_share: f64,
         rate: impl Fn(&RateCoefficients<f64>, f64) -> (f64, f64),
     ) -> Result<bool, SolveError> {
         let Some(&last_s) = self.times_s.last() else { return Ok(false) };
@@ -291,7 +287,7 @@ impl<F: FnMut(usize, f64, f64)> Run<'_, F> {
             p = step.end();
             start_slope = step.end_slope();
             step_s = (step_s * growth.clamp(0.2, LARGEST_GROWTH))
-                .min(largest_share * contact.equilibrium_overlap(p) / start_slope)
+                .min(tail_share * contact.equilibrium_overlap(p) / start_slope)
                 .min(left_s - since_s);
         }
         Ok(false)
