@@ -6,6 +6,7 @@ mod of_pair;
 mod record;
 mod run;
 mod sampling;
+mod second_look;
 mod store;
 
 pub use run::{Finished, RunOptions, Timings, resume, run};

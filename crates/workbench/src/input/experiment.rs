@@ -32,7 +32,7 @@ mod particles;
 
 use std::path::{Path, PathBuf};
 
-use dem_core::Powder;
+use dem_core::{PairSpec, Powder};
 
 use self::particles::{particles, radius};
 use crate::error::{InputError, Mistake};
@@ -40,6 +40,7 @@ use crate::input::material::Material;
 use crate::input::observation_table::ObservationTable;
 use crate::input::text_file;
 use crate::input::toml_fields::{At, Document, Fields};
+use crate::number::significant;
 
 /// The files of a built-in experiment.
 struct BuiltIn {
@@ -300,6 +301,7 @@ impl Experiment {
                 self.table_name, self.final_contact_ratio
             ));
         }
+        warnings.extend(self.below_the_adhesive_contact());
         if let Some(measured) = self.measured_radius_m
             && (self.powder.radius_m / measured).ln().abs() > 0.5f64.ln().abs()
         {
@@ -309,6 +311,26 @@ impl Experiment {
             ));
         }
         warnings
+    }
+}
+
+impl Experiment {
+    /// The warning that most rows lie below the contact that growth starts from: the model never does, and a stray row or
+    /// two is noise, so that half of them speak for a unit.
+    fn below_the_adhesive_contact(&self) -> Option<String> {
+        let pair = PairSpec::new(self.powder, self.final_contact_ratio).build().ok()?;
+        let start = pair.start_contact_ratio();
+        let below = self.table.contact_ratio.iter().filter(|ratio| **ratio < start).count();
+        (2 * below > self.table.len()).then(|| {
+            format!(
+                "{}: contact_ratio: {below} of {} rows lie below {}, the adhesive contact a0/R that growth starts from: \
+                 give the neck radius over the particle radius (not a length, not the radius over the diameter), and check R = {} m",
+                self.table_name,
+                self.table.len(),
+                significant(start, 3),
+                self.powder.radius_m
+            )
+        })
     }
 }
 

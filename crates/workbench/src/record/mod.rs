@@ -5,6 +5,7 @@
 //! gives the same bytes (durations are in `timings.json`). A JSON schema describes it:
 //! `crates/workbench/schema/posterior.schema.json`.
 
+mod doubt;
 mod neck_growth;
 mod read;
 
@@ -14,6 +15,7 @@ use smc_calib::{
     PathPoint, Residuals, SigmaSummary, StageRecord, StopReason, Trust,
 };
 
+pub use doubt::{Doubt, Excluded};
 pub use neck_growth::{
     Curves, Derived, Fit, KneeSummary, NeckGrowthRecord, PaperComparison, PrintedParameter,
     ProductSummary,
@@ -60,7 +62,8 @@ pub struct Record {
     pub failures: Vec<Failure>,
     /// Why the run ended.
     pub stop: StopReason,
-    /// Reasons to be careful in plain words: warnings on the input, and the concerns of `trust`.
+    /// Reasons to be careful in plain words: warnings on the input, doubts of its clock and priors, and the concerns of
+    /// `trust`.
     pub advice: Vec<String>,
     /// Work done.
     pub counters: Counters,
