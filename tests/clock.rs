@@ -91,3 +91,114 @@ fn a_posterior_with_t0_is_that_of_quadrature() {
     );
     ran.succeeded();
 }
+
+/// The lines of the summary that say why to be careful.
+fn careful(sandbox: &Sandbox, options: &str) -> Vec<String> {
+    let ran = sandbox.run(&format!("{options} --samples 4096 --seed 1 --out out"));
+    let found = record(sandbox, "out");
+    assert_eq!(ran.code, 0, "{ran:#?}");
+    let lines = found["advice"].as_array().expect("advice").iter();
+    lines.map(|line| line.as_str().expect("words").to_owned()).collect()
+}
+
+fn about(lines: &[String], words: &str) -> bool {
+    lines.iter().any(|line| line.contains(words))
+}
+
+#[test]
+fn a_clock_that_is_a_thousand_seconds_off_is_suspected_before_the_model_and_the_right_ones_are_not()
+{
+    let sandbox = Sandbox::new();
+    for (material, table) in [("ps", "ps-r30"), ("pa12", "pa12-r32"), ("peek", "peek-450pf-r25")] {
+        sandbox.write("late.csv", shifted(table, 1000.0));
+        let lines = careful(&sandbox, &format!("--material {material} --experiment late.csv"));
+        assert!(
+            about(
+                &lines,
+                "the clock of the table is suspected, and nothing was observed before 100"
+            ),
+            "{lines:#?}"
+        );
+        assert!(about(&lines, "add [t0] to the prior, or correct the times"), "{lines:#?}");
+        assert!(!about(&lines, "the model or the data are in doubt"), "{lines:#?}");
+        let doubt = &record(&sandbox, "out")["experiments"][0]["neck_growth"]["doubts"][0];
+        let t0 = doubt["t0_s"].as_f64().expect("t0");
+        assert_eq!(doubt["kind"], "clock");
+        // PEEK's slow beginning could have begun half a minute earlier.
+        assert!((950.0..1020.0).contains(&t0), "{material}: {t0}");
+        let lines = careful(&sandbox, &format!("--material {material}"));
+        assert!(!about(&lines, "suspected") && !about(&lines, "excludes"), "{lines:#?}");
+    }
+}
+
+#[test]
+fn a_prior_that_excludes_the_answer_is_named_with_what_the_data_ask_for() {
+    let sandbox = Sandbox::new();
+    let own = fs::read_to_string(root().join("priors/pa12.toml")).expect("priors");
+    let with = |was: &str, is: &str| {
+        assert!(own.contains(was), "{was}");
+        sandbox.write("prior.toml", own.replace(was, is));
+        careful(&sandbox, "--material pa12 --prior prior.toml")
+    };
+    for bounds in ["lower = 300\nupper = 3000", "lower = 0.005\nupper = 0.05"] {
+        let lines = with("lower = 0.5\nupper = 50.0", bounds);
+        assert!(
+            lines[0]
+                .starts_with("the prior excludes what the data ask for: for tau_s they ask for 3."),
+            "{lines:#?}"
+        );
+        assert!(!about(&lines, "the model or the data are in doubt"), "{lines:#?}");
+    }
+    let lines = with(
+        "distribution = \"log-uniform\"\nlower = 0.5\nupper = 50.0",
+        "distribution = \"log-normal\"\nmedian = 1000\nsd_log10 = 0.3",
+    );
+    assert!(
+        about(&lines, "the prior of tau_s all but excludes what the data ask for"),
+        "{lines:#?}"
+    );
+}
+
+#[test]
+fn check_holds_an_experiment_and_priors_against_each_other() {
+    let sandbox = Sandbox::new();
+    let example = |name: &str| fs::read_to_string(root().join(name)).expect("an example");
+    sandbox.write("e.toml", example("experiments/example-my-powder.toml"));
+    sandbox.write("example-my-powder.csv", example("experiments/example-my-powder.csv"));
+    let own = example("priors/example-my-powder.toml");
+    let warned = |was: &str, is: &str, words: &[&str]| {
+        assert!(own.contains(was), "{was}");
+        sandbox.write("p.toml", own.replace(was, is));
+        let ran = sandbox.run("check e.toml p.toml");
+        let said = &ran.succeeded().stderr;
+        assert_eq!(said.is_empty(), words.is_empty(), "{said}");
+        for word in words {
+            assert!(said.contains(word), "{word} is not in {said}");
+        }
+    };
+    warned("", "", &[]);
+    let unit = [
+        "warning: p.toml: [delta_c]",
+        "lies above the particle radius R = 0.000021 m of e.toml",
+        "unit",
+    ];
+    warned("lower = 1e-8\nupper = 3e-6", "lower = 1e-2\nupper = 3.0", &unit);
+    warned("lower = 1e-8\nupper = 3e-6", "lower = 1e-8\nupper = 1e-3", &["reaches above"]);
+    let seconds =
+        ["warning: p.toml: [tau_s]", "is far from the times of", "tau_s = ", "unit of time_s"];
+    warned("median = 10.0\nsd_log10 = 0.5", "median = 1e4\nsd_log10 = 0.1", &seconds);
+    let table = example("experiments/example-my-powder.csv");
+    // A contact radius in metres in place of a ratio.
+    let metres = table.lines().map(|line| match line.split(',').collect::<Vec<_>>()[..] {
+        [time, ratio, sigma] if ratio.parse::<f64>().is_ok() => {
+            format!("{time},{},{sigma}\n", 21e-6 * ratio.parse::<f64>().expect("a number"))
+        }
+        _ => format!("{line}\n"),
+    });
+    sandbox.write("example-my-powder.csv", metres.collect::<String>());
+    let said = sandbox.run("check e.toml").succeeded().stderr.clone();
+    assert!(
+        said.contains("rows lie below") && said.contains("the adhesive contact a0/R"),
+        "{said}"
+    );
+}

@@ -214,6 +214,7 @@ impl Posterior {
         }
         list.extend(self.residuals().filter_map(about_independence));
         list.extend((0..parameters).flat_map(|j| self.about_bounds(j)));
+        list.extend((0..parameters).filter_map(|j| self.about_tail(j)));
         list.extend(self.about_correlations());
         list.extend(self.about_failures());
         list.extend(self.residuals().filter_map(about_fit));
@@ -313,6 +314,24 @@ impl Posterior {
             })
         };
         [(lower, -1.0), (upper, 1.0)].into_iter().filter_map(at).collect()
+    }
+
+    /// Posterior of parameter `j` far out in the tail of a prior without bounds.
+    fn about_tail(&self, j: usize) -> Option<Concern> {
+        let of = &self.parameters[j];
+        let unbounded = matches!(
+            of.parameter.prior.spec(),
+            PriorSpec::Normal { .. } | PriorSpec::LogNormal { .. }
+        );
+        let (sum, total) = self.samples.iter().fold((0.0, 0.0), |(sum, total), sample| {
+            (sum + sample.weight * sample.z[j], total + sample.weight)
+        });
+        let score = sum / total;
+        (unbounded && score.abs() > TAIL_SCORE).then(|| Concern::FarInPriorTail {
+            parameter: of.parameter.name.clone(),
+            eti95: [of.in_si.eti95.lower, of.in_si.eti95.upper],
+            score,
+        })
     }
 
     fn about_correlations(&self) -> Vec<Concern> {

@@ -1,7 +1,8 @@
 //! Reasons to be careful, each as one line: what is wrong and by how much, what it means, what helps, and its section of
 //! the page `crates/workbench/docs/careful.md`.
 //!
-//! Those that the sampler sees are [`smc_calib::Concern`]s; all others are [`Careful`]. A new one of either is a variant
+//! Those that the sampler sees are [`smc_calib::Concern`]s, those of a second calibration [`Doubt`](crate::record::Doubt)s; all others
+//! are [`Careful`]. A new one of either is a variant
 //! with its words and a section of the page under its kind; the tests below hold the two against each other.
 
 use std::fmt;
@@ -22,6 +23,18 @@ pub(crate) enum Careful {
     OtherRadius { experiment: String, model_m: f64, measured_m: f64 },
     /// Kinetics whose data inform c1 * delta_c^2 and neither of the two.
     ProductOnly { kinetics: String },
+    /// Most rows below the contact ratio that growth starts from.
+    BelowAdhesiveContact { table: String, below: usize, rows: usize, start: f64, radius_m: f64 },
+    /// A prior of the cut-off distance that reaches above the particle radius.
+    DeltaCAboveRadius {
+        priors: String,
+        prior: String,
+        how: String,
+        radius_m: f64,
+        experiment: String,
+    },
+    /// A prior of the sintering time far from the times of the table.
+    TauSFarFromTimes { priors: String, prior: String, table: String, best_s: f64 },
     /// A column of standard deviations beside a noise model that does not read it.
     UnusedSigma { observable: String, table: String, noise: String },
     /// Parameter sets that the sampler did not draw.
@@ -73,6 +86,17 @@ impl Careful {
             ),
             Self::ProductOnly { kinetics } => format!(
                 "under the {kinetics} kinetics c1 and delta_c enter only as c1 * delta_c^2: the data inform the product, and the prior alone divides it between the two"
+            ),
+            Self::BelowAdhesiveContact { table, below, rows, start, radius_m } => format!(
+                "{table}: contact_ratio: {below} of {rows} rows lie below {}, the adhesive contact a0/R that growth starts from with R = {radius_m} m",
+                short(start)
+            ),
+            Self::DeltaCAboveRadius { priors, prior, how, radius_m, experiment } => format!(
+                "{priors}: [delta_c]: the prior, {prior}, {how} the particle radius R = {radius_m} m of {experiment}: delta_c is the reach of adhesion in metres, far below R"
+            ),
+            Self::TauSFarFromTimes { priors, prior, table, best_s } => format!(
+                "{priors}: [tau_s]: the prior, {prior} s, is far from the times of {table}, whose best Frenkel curve has tau_s = {} s",
+                significant(*best_s, 2)
             ),
             Self::UnusedSigma { observable, table, noise } => format!(
                 "the standard deviations of {observable} in {table} are not used: its noise is {noise}"
@@ -148,6 +172,13 @@ impl Careful {
             Self::OtherRadius { .. } => "set radius_m in the experiment if that is not meant",
             Self::ProductOnly { .. } => {
                 "quote the product, or tell the two apart with --kinetics three-stage"
+            }
+            Self::BelowAdhesiveContact { .. } => {
+                "give the neck radius over the particle radius (not a length, not the radius over the diameter), and check R"
+            }
+            Self::DeltaCAboveRadius { .. } => "correct its unit or its bounds",
+            Self::TauSFarFromTimes { .. } => {
+                "correct the prior, or the unit of time_s (seconds after first contact)"
             }
             Self::UnusedSigma { .. } => "--noise fixed:table (fixed-table in a plan) uses them",
             Self::GivenParameterSets => {
@@ -244,7 +275,7 @@ fn more_than(asked: Simulations) -> usize {
 }
 
 /// The section of the page on reasons to be careful, by the kind that the reason is stored under.
-fn section(reason: &impl Serialize) -> String {
+pub(crate) fn section(reason: &impl Serialize) -> String {
     let stored = serde_json::to_value(reason).ok();
     let kind = stored.as_ref().and_then(|reason| reason.get("kind")?.as_str());
     kind.map_or_else(String::new, |kind| format!(" (see careful.md, \"{kind}\")"))
@@ -258,6 +289,7 @@ mod tests {
     use serde_json::Value;
 
     use super::*;
+    use crate::record::Doubt;
 
     const PAGE: &str = include_str!("../docs/careful.md");
 
@@ -281,9 +313,10 @@ mod tests {
 
     #[test]
     fn every_kind_has_a_section_of_the_page_and_every_section_a_kind() {
-        let (ours, samplers) = (kinds::<Careful>(), kinds::<Concern>());
-        assert!(ours.is_disjoint(&samplers), "a kind names one reason");
-        let kinds: BTreeSet<String> = ours.union(&samplers).cloned().collect();
+        let of_types = [kinds::<Careful>(), kinds::<Concern>(), kinds::<Doubt>()];
+        let kinds: BTreeSet<String> = of_types.iter().flatten().cloned().collect();
+        let number: usize = of_types.iter().map(BTreeSet::len).sum();
+        assert_eq!(kinds.len(), number, "a kind names one reason");
         let named: Vec<String> = sections().into_iter().map(|(name, _)| name).collect();
         let on_page: BTreeSet<String> = named.iter().cloned().collect();
         assert_eq!(named.len(), on_page.len(), "a kind has one section");

@@ -1,5 +1,9 @@
 //! Check of a file: its contents in words, or its first mistake.
 
+mod together;
+
+pub use together::together;
+
 use std::path::Path;
 
 use crate::error::{InputError, Mistake};
@@ -46,6 +50,7 @@ pub fn file_at(path: &Path) -> Result<Understood, InputError> {
     })
 }
 
+#[derive(Clone, Copy, PartialEq, Eq)]
 enum TomlKind {
     Scene,
     Experiment,

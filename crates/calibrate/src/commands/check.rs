@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use workbench::check::file_at;
+use workbench::check::{file_at, together};
 use workbench::error::Failure;
 
 use crate::terminal;
@@ -19,7 +19,7 @@ pub(crate) struct CheckArgs {
     quiet: bool,
 }
 
-/// Runs the command; it goes on after a mistake, so that all are reported.
+/// Runs the command, and holds experiments and priors against each other; it goes on after a mistake, so that all are reported.
 pub(crate) fn run(args: &CheckArgs) -> Result<(), Failure> {
     let mut right = true;
     for file in &args.files {
@@ -41,6 +41,9 @@ pub(crate) fn run(args: &CheckArgs) -> Result<(), Failure> {
                 eprintln!("error: {error}");
             }
         }
+    }
+    for warning in together(&args.files) {
+        eprintln!("warning: {warning}");
     }
     if right { Ok(()) } else { Err(Failure::InputReported) }
 }

@@ -93,6 +93,15 @@ pub enum Concern {
         /// Posterior probability of the outermost hundredth of the prior on that side.
         share: f64,
     },
+    /// The posterior lies far out in the tail of an unbounded prior.
+    FarInPriorTail {
+        /// Parameter.
+        parameter: String,
+        /// Equal-tailed 95 % interval of the posterior, in SI.
+        eti95: [f64; 2],
+        /// Posterior mean of its normal score: prior standard deviations from the middle of the prior.
+        score: f64,
+    },
     /// Two parameters cannot be told apart.
     NotSeparable {
         /// First parameter.
@@ -173,6 +182,11 @@ impl Concern {
                 "{:.0} % of the posterior of {parameter} lies against its prior bound {bound:.3e}",
                 100.0 * share
             ),
+            Self::FarInPriorTail { parameter, eti95: [lower, upper], score } => format!(
+                "the prior of {parameter} all but excludes what the data ask for: the posterior ({lower:.3e} .. {upper:.3e}) lies {:.1} of its standard deviations {} its middle",
+                score.abs(),
+                if *score < 0.0 { "below" } else { "above" }
+            ),
             Self::NotSeparable { first, second, correlation } => {
                 format!("{first} and {second} cannot be told apart (correlation {correlation:.4})")
             }
@@ -218,6 +232,7 @@ impl Concern {
                 "the noise is not independent or the model misses the shape, and the intervals are too narrow"
             }
             Self::AtPriorBound { .. } => "the prior, not the data, ends the interval there",
+            Self::FarInPriorTail { .. } => "the prior pulls the result towards itself",
             Self::NotSeparable { .. } => "only a combination of them is known",
             Self::ManyFailures { .. } => {
                 "the posterior is that of the parameters that can be simulated"
@@ -250,6 +265,9 @@ impl Concern {
                 "look at the residuals, and mend the model where they follow a pattern"
             }
             Self::AtPriorBound { .. } => "widen the prior if it is not a hard limit",
+            Self::FarInPriorTail { .. } => {
+                "correct or widen the prior, unless it is certain; then look for a mistake in the data and their units"
+            }
             Self::NotSeparable { .. } => "measure what tells them apart, or fix one",
             Self::ManyFailures { .. } => {
                 "mend the commonest cause, or narrow the priors to where the simulator works"

@@ -58,6 +58,10 @@ pub const MODE_SHARE: f64 = 0.02;
 /// Fewest effective samples in a mode: fewer are a clump that chance makes.
 pub const MODE_SAMPLES: f64 = 20.0;
 
+/// Prior standard deviations from the middle of an unbounded prior beyond which a posterior lies far out in its tail: the
+/// prior gave it three chances in a thousand.
+pub const TAIL_SCORE: f64 = 3.0;
+
 /// Size of the correlation above which two parameters are not told apart: along one combination of them the posterior
 /// is then more than ten times narrower than along the other.
 pub const CORRELATION_LIMIT: f64 = 0.995;

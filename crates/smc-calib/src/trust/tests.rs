@@ -318,6 +318,25 @@ fn dependent_residuals_are_told_from_eight_on_and_by_group() {
 }
 
 #[test]
+fn three_standard_deviations_of_an_unbounded_prior_are_the_last_that_are_not_far_out() {
+    let with = |z: f64| {
+        concern(|p| {
+            p.samples = vec![sample(z, 1.0)];
+            let prior = Prior::new(PriorSpec::LogNormal { median: 3.0, sd_log10: 0.5 });
+            p.parameters[0].parameter.prior = prior.expect("a prior");
+        })
+    };
+    assert_eq!((with(3.0), with(-3.0)), (None, None));
+    let far = |score| {
+        let (parameter, eti95) = ("a".to_owned(), [1.0, 2.0]);
+        Some(Concern::FarInPriorTail { parameter, eti95, score })
+    };
+    assert_eq!((with(3.1), with(-4.0)), (far(3.1), far(-4.0)));
+    let told = with(-4.0).map(|c| c.what()).unwrap_or_default();
+    assert!(told.ends_with("lies 4.0 of its standard deviations below its middle"), "{told}");
+}
+
+#[test]
 fn a_tenth_of_the_posterior_beyond_the_outermost_hundredth_of_the_prior_is_at_its_bound() {
     let with = |z: f64, weight: f64| {
         concern(|p| p.samples = vec![sample(z, weight), sample(0.0, 1.0 - weight)])

@@ -6,6 +6,7 @@ mod of_pair;
 mod record;
 mod run;
 mod sampling;
+mod second_look;
 mod sensitivity;
 mod store;
 

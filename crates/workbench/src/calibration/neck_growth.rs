@@ -1,7 +1,7 @@
 //! Results that only a pair of particles has: Table 3, the product, the fit errors, the knee and the curves.
 
 use dem_core::{Knee, knee, printed};
-use smc_calib::Weighted;
+use smc_calib::{Trust, Weighted};
 
 use super::curves::{AtData, curves};
 use super::of_pair::{OfPair, simulation_failure};
@@ -18,7 +18,11 @@ use crate::record::{
 
 impl OfPair<'_> {
     /// Everything that only a pair has.
-    pub(super) fn record(&self, found: &ObservableRecord) -> Result<NeckGrowthRecord, Failure> {
+    pub(super) fn record(
+        &self,
+        found: &ObservableRecord,
+        trust: &Trust,
+    ) -> Result<NeckGrowthRecord, Failure> {
         let observed = &self.measured.values;
         let frenkel_tau_s = frenkel_fit::best_tau_s(&self.reference(), observed)
             .map_err(|error| simulation_failure(&error))?;
@@ -26,6 +30,7 @@ impl OfPair<'_> {
         let (curves, at_data) = curves(self, frenkel_tau_s)?;
         let AtData { paper: paper_at_data, frenkel: frenkel_at_data } = at_data;
         let kinetics = self.pair.kinetics;
+        let frenkel = frenkel_at_data.map(|curve| FitError::of(observed, &curve));
         Ok(NeckGrowthRecord {
             printed: self.printed_parameters(paper.as_ref()),
             paper,
@@ -34,11 +39,12 @@ impl OfPair<'_> {
                 map: found.map_error,
                 posterior_mean: found.mean_error,
                 paper: paper_at_data.map(|curve| FitError::of(observed, &curve)),
-                frenkel: frenkel_at_data.map(|curve| FitError::of(observed, &curve)),
+                frenkel,
                 frenkel_tau_s,
             },
             knee: if kinetics.separates_c1_from_delta_c() { self.knee()? } else { None },
             curves,
+            doubts: self.doubts(trust, found.map_error, frenkel),
         })
     }
 

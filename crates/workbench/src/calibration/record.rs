@@ -1,6 +1,6 @@
 //! The record of a posterior.
 
-use smc_calib::{BandPoint, Posterior};
+use smc_calib::{BandPoint, Concern, Posterior, Trust};
 
 use super::of_pair::OfPair;
 use crate::careful::{self, Careful};
@@ -18,9 +18,7 @@ pub(super) fn record(
     sensitivity: Option<Sensitivity>,
 ) -> Result<Record, Failure> {
     let trust = posterior.trust();
-    let mut advice = warnings.to_vec();
-    let asked = plan.simulations();
-    advice.extend(trust.concerns.iter().map(|concern| careful::concern(concern, asked)));
+    let mut of_pairs = Vec::new();
     let mut experiments = Vec::new();
     let mut group = 0;
     let mut first = 0;
@@ -40,20 +38,15 @@ pub(super) fn record(
             }
             _ => None,
         };
-        advice.extend(pair.as_ref().and_then(OfPair::advice));
+        of_pairs.extend(pair.as_ref().and_then(OfPair::advice));
         let neck_growth = match (&pair, observables.first()) {
-            (Some(pair), Some(found)) => Some(pair.record(found)?),
+            (Some(pair), Some(found)) => Some(pair.record(found, &trust)?),
             _ => None,
         };
         let name = experiment.name.clone();
         experiments.push(ExperimentRecord { name, observables, neck_growth });
     }
-    if plan.design.is_some() {
-        advice.push(Careful::GivenParameterSets.to_string());
-    }
-    // Input and sampler may say the same (fewer observations than parameters): it is said once.
-    let mut seen = std::collections::BTreeSet::new();
-    advice.retain(|line| seen.insert(line.clone()));
+    let advice = advice((plan, warnings), &trust, &experiments, of_pairs);
     Ok(Record {
         schema_version: SCHEMA_VERSION,
         plan: plan.clone(),
@@ -75,6 +68,36 @@ pub(super) fn record(
         advice,
         counters: posterior.counters,
     })
+}
+
+/// Reasons to be careful in plain words: warnings on the input, doubts of clock and priors, concerns, advice on pairs.
+fn advice(
+    (plan, warnings): (&Plan, &[String]),
+    trust: &Trust,
+    experiments: &[ExperimentRecord],
+    of_pairs: Vec<String>,
+) -> Vec<String> {
+    let mut advice = warnings.to_vec();
+    let neck_growths = experiments.iter().filter_map(|experiment| experiment.neck_growth.as_ref());
+    let doubts: Vec<String> =
+        neck_growths.flat_map(|n| &n.doubts).map(ToString::to_string).collect();
+    // A poor fit that the clock or the prior explains is no reason to doubt the model.
+    let explained = !doubts.is_empty();
+    advice.extend(doubts);
+    let concerns = trust.concerns.iter();
+    advice.extend(
+        concerns
+            .filter(|concern| !(explained && matches!(concern, Concern::PoorFit { .. })))
+            .map(|concern| careful::concern(concern, plan.simulations())),
+    );
+    advice.extend(of_pairs);
+    if plan.design.is_some() {
+        advice.push(Careful::GivenParameterSets.to_string());
+    }
+    // Input and sampler may say the same (fewer observations than parameters): it is said once.
+    let mut seen = std::collections::BTreeSet::new();
+    advice.retain(|line| seen.insert(line.clone()));
+    advice
 }
 
 /// One observable, whose values are at `range` among those of all.

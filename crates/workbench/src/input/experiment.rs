@@ -32,7 +32,7 @@ mod particles;
 
 use std::path::{Path, PathBuf};
 
-use dem_core::Powder;
+use dem_core::{PairSpec, Powder};
 
 use self::particles::{particles, radius};
 use crate::careful::Careful;
@@ -303,6 +303,7 @@ impl Experiment {
             };
             warnings.push(warning.to_string());
         }
+        warnings.extend(self.below_the_adhesive_contact());
         if let Some(measured) = self.measured_radius_m
             && (self.powder.radius_m / measured).ln().abs() > 0.5f64.ln().abs()
         {
@@ -314,6 +315,26 @@ impl Experiment {
             warnings.push(warning.to_string());
         }
         warnings
+    }
+}
+
+impl Experiment {
+    /// The warning that most rows lie below the contact that growth starts from: the model never does, and a stray row or
+    /// two is noise, so that half of them speak for a unit.
+    fn below_the_adhesive_contact(&self) -> Option<String> {
+        let pair = PairSpec::new(self.powder, self.final_contact_ratio).build().ok()?;
+        let start = pair.start_contact_ratio();
+        let below = self.table.contact_ratio.iter().filter(|ratio| **ratio < start).count();
+        (2 * below > self.table.len()).then(|| {
+            let warning = Careful::BelowAdhesiveContact {
+                table: self.table_name.clone(),
+                below,
+                rows: self.table.len(),
+                start,
+                radius_m: self.powder.radius_m,
+            };
+            warning.to_string()
+        })
     }
 }
 

@@ -5,6 +5,7 @@
 //! gives the same bytes (durations are in `timings.json`). A JSON schema describes it:
 //! `crates/workbench/schema/posterior.schema.json`.
 
+mod doubt;
 mod neck_growth;
 mod read;
 mod sensitivity;
@@ -15,6 +16,7 @@ use smc_calib::{
     PathPoint, Residuals, ShapeSummary, SigmaSummary, StageRecord, StopReason, Trust,
 };
 
+pub use doubt::{Doubt, Excluded};
 pub use neck_growth::{
     Curves, Derived, Fit, KneeSummary, NeckGrowthRecord, PaperComparison, PrintedParameter,
     ProductSummary,
@@ -65,7 +67,8 @@ pub struct Record {
     /// The result under correlated errors, where the residuals are alike and the noise model has them independent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensitivity: Option<Sensitivity>,
-    /// Reasons to be careful in plain words: warnings on the input, and the concerns of `trust`.
+    /// Reasons to be careful in plain words: warnings on the input, doubts of its clock and priors, and the concerns of
+    /// `trust`.
     pub advice: Vec<String>,
     /// Work done.
     pub counters: Counters,

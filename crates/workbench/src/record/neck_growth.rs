@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::FitError;
+use super::{Doubt, FitError};
 
 /// Results of a pair of particles.
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -21,6 +21,9 @@ pub struct NeckGrowthRecord {
     pub knee: Option<KneeSummary>,
     /// Posterior predictive bands on a fine grid of times, with the curves of the fit plot.
     pub curves: Curves,
+    /// Reasons to suspect the clock of the table, or the priors, before the measurements and the model.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub doubts: Vec<Doubt>,
 }
 
 /// A parameter in the form printed in Table 3.

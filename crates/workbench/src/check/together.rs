@@ -1,0 +1,104 @@
+//! An experiment and priors held against each other, where each is right by itself.
+
+use std::path::{Path, PathBuf};
+
+use dem_core::Kinetics;
+
+use super::{TomlKind, toml_kind};
+use crate::careful::Careful;
+use crate::input::experiment::{Experiment, is_toml};
+use crate::input::prior_file::PriorFile;
+use crate::input::text_file;
+use crate::pair::frenkel_fit;
+use crate::pair::model::NeckGrowth;
+use crate::pair::parameter::ParameterName;
+use crate::plan::{PairOptions, prior_in_words};
+
+/// Share of a prior on either side that is not held against it: its outermost hundredth.
+const OUTERMOST: f64 = 0.01;
+
+/// How many times the range of tau_s may be missed by the best Frenkel curve: the other kinetics can differ from it by a
+/// few times, a unit by 60 or more.
+const TAU_S_FACTOR: f64 = 10.0;
+
+/// Warnings on every experiment with every file of priors among some files. Files of other kinds, and files with
+/// mistakes, which are told by themselves, are passed over.
+pub fn together(files: &[PathBuf]) -> Vec<String> {
+    let of_kind = |kind: TomlKind| {
+        files.iter().filter(move |file| kind_of(file) == Some(kind)).collect::<Vec<_>>()
+    };
+    let (experiments, priors) = (of_kind(TomlKind::Experiment), of_kind(TomlKind::Prior));
+    let mut warnings = Vec::new();
+    for path in experiments {
+        for file in &priors {
+            let (Ok(experiment), Ok(priors)) = (Experiment::read(path), PriorFile::read(file))
+            else {
+                continue;
+            };
+            warnings.extend(cut_off(&experiment, &priors));
+            warnings.extend(sintering_time((path, &experiment), (file, &priors)));
+        }
+    }
+    warnings
+}
+
+fn kind_of(file: &Path) -> Option<TomlKind> {
+    if !is_toml(file) {
+        return None;
+    }
+    toml_kind(&file.display().to_string(), &text_file::read(file).ok()?).ok()
+}
+
+/// A cut-off distance of the adhesive traction that is larger than the particle.
+fn cut_off(experiment: &Experiment, priors: &PriorFile) -> Option<String> {
+    let prior = priors.get(ParameterName::DeltaC)?;
+    let radius = experiment.powder.radius_m;
+    let [low, high] = [OUTERMOST, 1.0 - OUTERMOST].map(|p| prior.quantile(p));
+    let how = if low > radius {
+        "lies above"
+    } else if high > radius {
+        "reaches above"
+    } else {
+        return None;
+    };
+    let warning = Careful::DeltaCAboveRadius {
+        priors: priors.file_name.clone(),
+        prior: prior_in_words(prior.spec()),
+        how: how.to_owned(),
+        radius_m: radius,
+        experiment: experiment.description_name.clone(),
+    };
+    Some(warning.to_string())
+}
+
+/// A sintering time that is far from the times at which growth was observed.
+fn sintering_time(
+    (path, experiment): (&Path, &Experiment),
+    (file, priors): (&Path, &PriorFile),
+) -> Option<String> {
+    let prior = priors.get(ParameterName::TauS)?;
+    // With a free clock the times themselves are open.
+    if priors.get(ParameterName::T0).is_some() {
+        return None;
+    }
+    let options = PairOptions {
+        experiment: Some(path.to_owned()),
+        prior: Some(file.to_owned()),
+        kinetics: Kinetics::Frenkel,
+        ..PairOptions::default()
+    };
+    let plan = options.plan().ok()?.plan;
+    let observed = &plan.pair().ok()?.1.values;
+    let best = frenkel_fit::best_tau_s(&NeckGrowth::of(&plan).ok()?, observed).ok()??;
+    let [low, high] = [OUTERMOST, 1.0 - OUTERMOST].map(|p| prior.quantile(p));
+    let far = best > TAU_S_FACTOR * high || best < low / TAU_S_FACTOR;
+    far.then(|| {
+        let warning = Careful::TauSFarFromTimes {
+            priors: priors.file_name.clone(),
+            prior: prior_in_words(prior.spec()),
+            table: experiment.table_name.clone(),
+            best_s: best,
+        };
+        warning.to_string()
+    })
+}
