@@ -64,6 +64,10 @@ pub struct Outcome {
     pub inside50: Vec<bool>,
     /// Likewise for the 95 % interval.
     pub inside95: Vec<bool>,
+    /// Posterior standard deviations of the parameters, in the priors' coordinates.
+    pub sd: Vec<f64>,
+    /// Log evidence.
+    pub log_evidence: f64,
     /// Pareto shape.
     pub khat: f64,
     /// Effective sample size.
@@ -166,6 +170,8 @@ fn one(study: &Study<'_>, k: usize) -> Result<Outcome, CalibrateError> {
         ranks,
         inside50: inside(&posterior, &truth, 0.5),
         inside95: inside(&posterior, &truth, 0.95),
+        sd: posterior.parameters.iter().map(|p| p.in_coordinate.sd).collect(),
+        log_evidence: posterior.log_evidence.value,
         khat: posterior.khat,
         ess: posterior.ess.importance,
     })
