@@ -16,18 +16,28 @@ fn observations(m: usize) -> Observations {
 }
 
 fn likelihood(c: &mut Criterion) {
-    let l = Likelihood::new(&Noise::default(), &observations(44)).unwrap();
-    let outputs: Vec<f64> = l.values().iter().map(|v| v + 0.01).collect();
-    c.bench_function("likelihood recursion, 44 observations", |b| {
-        b.iter(|| {
-            let mut sum = 0.0;
-            l.recursion(black_box(&outputs), |_, ln| sum += ln);
-            sum
+    for (name, noise) in [
+        ("independent", Noise::default()),
+        ("correlated", Noise::correlated()),
+        ("robust", Noise::robust()),
+    ] {
+        let l = Likelihood::new(&noise, &observations(44)).unwrap();
+        let outputs: Vec<f64> = l.values().iter().map(|v| v + 0.01).collect();
+        c.bench_function(&format!("likelihood recursion, 44 observations, {name}"), |b| {
+            b.iter(|| {
+                let mut sum = 0.0;
+                l.recursion(black_box(&outputs), |_, ln| sum += ln);
+                sum
+            });
         });
-    });
-    c.bench_function("joint likelihood, 44 observations", |b| {
-        b.iter(|| l.ln_joint(black_box(&outputs)))
-    });
+        c.bench_function(&format!("likelihood path, 44 observations, {name}"), |b| {
+            let mut path = vec![0.0; 44];
+            b.iter(|| l.ln_cumulative(black_box(&outputs), black_box(&mut path)));
+        });
+        c.bench_function(&format!("joint likelihood, 44 observations, {name}"), |b| {
+            b.iter(|| l.ln_joint(black_box(&outputs)))
+        });
+    }
 }
 
 /// The sampler alone: the likelihood costs nothing.

@@ -3,6 +3,7 @@
 mod correlated;
 mod draws;
 mod likelihood;
+mod made;
 mod robust;
 mod rule;
 mod scale;

@@ -10,15 +10,18 @@
 
 use crate::stream::{Purpose, stream};
 use crate::{
-    CalibrateError, Likelihood, Noise, Observations, Parameter, Posterior, Problem, Settings,
-    Simulator, calibrate,
+    CalibrateError, Likelihood, Noise, NoiseDraw, NoiseQuantity, NoiseShape, Observations,
+    Parameter, Posterior, Problem, Settings, ShapeSummary, Simulator, calibrate,
 };
+use rand::rngs::ChaCha8Rng;
 use rand::{Rng, RngExt};
-use rand_distr::{Distribution, Gamma, StandardNormal};
+use rand_distr::StandardNormal;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use statrs::function::gamma::ln_gamma;
 
+/// Most draws of the parameters over which the noise's shape is ranked.
+const SHAPE_DRAWS: usize = 128;
 /// Points at which empirical distribution functions are compared with the uniform one.
 const POINTS: usize = 100;
 
@@ -30,41 +33,77 @@ pub struct Study<'a> {
     pub parameters: Vec<Parameter>,
     /// Control variable of the observations.
     pub control: Vec<f64>,
-    /// Prior of the noise: degrees of freedom and scale of [`Noise::Inferred`].
-    pub noise: (f64, f64),
+    /// The noise model that data are calibrated with; its prior is what noise is drawn from.
+    pub noise: Noise,
+    /// Where the data come from, if not from the same simulator and noise.
+    pub origin: Option<Origin<'a>>,
     /// The sampler's settings; data set k is calibrated with seed `settings.seed + k`.
     pub settings: Settings,
     /// Number of data sets.
     pub data_sets: usize,
 }
 
+/// Data from another simulator, with other errors, than those of the calibration: what a wrong model costs.
+pub struct Origin<'a> {
+    /// What makes the curve of the drawn parameters.
+    pub simulator: &'a dyn Simulator,
+    /// Draws the noise, and an error for each observation.
+    pub errors: &'a (dyn Fn(&mut ChaCha8Rng) -> Option<MadeErrors> + Sync),
+}
+
+/// Noise that was drawn, and an error for each observation.
+pub type MadeErrors = (NoiseDraw, Vec<f64>);
+
 /// One calibrated data set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
-    /// The posterior's distribution function at the truth, for each of [`quantities`].
+    /// The posterior's distribution function at the truth, for each of [`quantities`]; with data of another
+    /// [`Origin`] those of correlation length and white share are not numbers.
     pub ranks: Vec<f64>,
-    /// Whether the 50 % interval of each parameter, and of sigma, holds the truth.
+    /// Whether the 50 % interval of each of [`intervals`] holds the truth.
     pub inside50: Vec<bool>,
     /// Likewise for the 95 % interval.
     pub inside95: Vec<bool>,
+    /// Posterior standard deviations of the parameters, in the priors' coordinates.
+    pub sd: Vec<f64>,
+    /// Log evidence.
+    pub log_evidence: f64,
     /// Pareto shape.
     pub khat: f64,
     /// Effective sample size.
     pub ess: f64,
 }
 
-/// Names of what is ranked: parameters, sigma, log likelihood with sigma integrated out and with it, products of
-/// parameters (of their normal scores).
-pub fn quantities(parameters: &[Parameter]) -> Vec<String> {
+/// Names of what has intervals: parameters, sigma, and of correlated noise its length and white share.
+pub fn intervals(parameters: &[Parameter], noise: &Noise) -> Vec<String> {
+    let mut all: Vec<String> = parameters.iter().map(|p| p.name.clone()).collect();
+    all.push("sigma".to_owned());
+    if noise.is_correlated() {
+        all.extend(SHAPE.map(str::to_owned));
+    }
+    all
+}
+
+/// What correlated noise has beside sigma.
+const SHAPE: [&str; 2] = ["correlation length", "white share"];
+
+/// Names of what is ranked: parameters, sigma, log likelihood with the noise integrated out and (inferred noise) with
+/// sigma, products of parameters (of their normal scores), and of correlated noise its length and white share.
+pub fn quantities(parameters: &[Parameter], noise: &Noise) -> Vec<String> {
     let names: Vec<&str> = parameters.iter().map(|p| p.name.as_str()).collect();
     let mut all: Vec<String> = names.iter().map(|n| (*n).to_owned()).collect();
     all.push("sigma".to_owned());
     all.push("log likelihood".to_owned());
-    all.push("log likelihood at sigma".to_owned());
+    if matches!(noise, Noise::Inferred { .. }) {
+        all.push("log likelihood at sigma".to_owned());
+    }
     for i in 0..names.len() {
         for j in 0..i {
             all.push(format!("{} x {}", names[j], names[i]));
         }
+    }
+    if noise.is_correlated() {
+        all.extend(SHAPE.map(str::to_owned));
     }
     all
 }
@@ -80,16 +119,15 @@ pub fn run(study: &Study<'_>) -> Result<Vec<Outcome>, CalibrateError> {
 /// Makes and calibrates data set `k`.
 fn one(study: &Study<'_>, k: usize) -> Result<Outcome, CalibrateError> {
     let mut rng = stream(study.settings.seed, Purpose::Truth, 0, k);
-    let (nu0, s0) = study.noise;
     let d = study.parameters.len();
-    let m = study.control.len();
-    let mut outputs = vec![0.0; m];
+    let mut outputs = vec![0.0; study.control.len()];
+    let simulator = study.origin.as_ref().map_or(study.simulator, |origin| origin.simulator);
     // Parameters that cannot be simulated have posterior zero, so they are no truth either.
     let (z, theta) = loop {
         let z: Vec<f64> = (0..d).map(|_| rng.sample(StandardNormal)).collect();
         let theta: Vec<f64> =
             study.parameters.iter().zip(&z).map(|(p, z)| p.prior.from_z(*z)).collect();
-        match study.simulator.simulate(&theta, &mut outputs) {
+        match simulator.simulate(&theta, &mut outputs) {
             Ok(()) if outputs.iter().all(|o| o.is_finite()) => break (z, theta),
             Err(error) if !error.is_recoverable() => {
                 return Err(CalibrateError::ended_by(error, 0));
@@ -97,18 +135,23 @@ fn one(study: &Study<'_>, k: usize) -> Result<Outcome, CalibrateError> {
             _ => {}
         }
     };
-    let sigma = (0.5 * nu0 * s0 * s0 / standard_gamma(0.5 * nu0, &mut rng)).sqrt();
-    let values: Vec<f64> =
-        outputs.iter().map(|o| o + sigma * rng.sample::<f64, _>(StandardNormal)).collect();
+    let drawn = match &study.origin {
+        Some(origin) => (origin.errors)(&mut rng),
+        None => study.noise.draw_errors(&study.control, &mut rng),
+    };
+    let fatal = |cause: String| CalibrateError::Fatal { cause, simulations: 0 };
+    let (noise, errors) =
+        drawn.ok_or_else(|| fatal("made data: noise without a prior of its size".to_owned()))?;
+    let values: Vec<f64> = outputs.iter().zip(&errors).map(|(o, e)| o + e).collect();
     let observations = Observations::new(study.control.clone(), values)
-        .map_err(|e| CalibrateError::Fatal { cause: format!("made data: {e}"), simulations: 0 })?;
-    let noise = Noise::Inferred { nu0, s0 };
-    let likelihood = Likelihood::new(&noise, &observations)?;
+        .map_err(|e| fatal(format!("made data: {e}")))?;
+    let likelihood = Likelihood::new(&study.noise, &observations)?;
+    let fine = likelihood.ranking(&observations).filter(|_| study.origin.is_none());
     let problem = Problem {
         simulator: study.simulator,
         parameters: study.parameters.clone(),
         observations,
-        noise,
+        noise: study.noise.clone(),
     };
     let settings = Settings {
         seed: study.settings.seed.wrapping_add(k as u64),
@@ -116,26 +159,52 @@ fn one(study: &Study<'_>, k: usize) -> Result<Outcome, CalibrateError> {
         ..study.settings.clone()
     };
     let posterior = calibrate(&problem, &settings, &mut ())?;
-    let truth = Truth { z, theta, sigma, ln_likelihood: likelihood.ln_joint(&outputs) };
+    let truth = Truth { z, theta, noise, ln_likelihood: likelihood.ln_joint(&outputs) };
     let mut ties = stream(study.settings.seed, Purpose::Ties, 0, k);
+    let mut ranks = ranks(&posterior, &truth, &likelihood, &mut ties);
+    if study.noise.is_correlated() {
+        let found = fine.and_then(|fine| shape_ranks(&posterior, study.simulator, &truth, &fine));
+        ranks.extend(found.unwrap_or([f64::NAN; 2]));
+    }
     Ok(Outcome {
-        ranks: ranks(&posterior, &truth, &likelihood, &mut ties),
+        ranks,
         inside50: inside(&posterior, &truth, 0.5),
         inside95: inside(&posterior, &truth, 0.95),
+        sd: posterior.parameters.iter().map(|p| p.in_coordinate.sd).collect(),
+        log_evidence: posterior.log_evidence.value,
         khat: posterior.khat,
         ess: posterior.ess.importance,
     })
 }
 
-fn standard_gamma(shape: f64, rng: &mut impl Rng) -> f64 {
-    Gamma::new(shape, 1.0).map_or(f64::NAN, |g| g.sample(rng))
-}
-
 struct Truth {
     z: Vec<f64>,
     theta: Vec<f64>,
-    sigma: f64,
+    noise: NoiseDraw,
     ln_likelihood: f64,
+}
+
+/// Posterior distribution functions of correlation length and white share at the truth: exactly for given parameters,
+/// averaged over evenly chosen draws of these.
+fn shape_ranks(
+    p: &Posterior,
+    simulator: &dyn Simulator,
+    truth: &Truth,
+    fine: &Likelihood,
+) -> Option<[f64; 2]> {
+    let shape = truth.noise.shape?;
+    let count = p.draws.len().min(SHAPE_DRAWS);
+    let mut outputs = vec![0.0; fine.values().len()];
+    let (mut sums, mut used) = ([0.0; 2], 0.0);
+    for k in 0..count {
+        let sample = p.samples.get(p.draws[k * p.draws.len() / count].sample)?;
+        if simulator.simulate(&sample.theta, &mut outputs).is_ok() {
+            let below = fine.below(&shape, &outputs)?;
+            sums = [sums[0] + below[0], sums[1] + below[1]];
+            used += 1.0;
+        }
+    }
+    Some(sums.map(|sum| sum / used))
 }
 
 /// Posterior distribution functions at the truth; a random place within ties.
@@ -178,9 +247,11 @@ fn ranks(p: &Posterior, truth: &Truth, likelihood: &Likelihood, rng: &mut impl R
             .count();
         (below as f64 + rng.random::<f64>()) / (p.draws.len() + 1) as f64
     };
-    out.push(drawn(&|_, sigma| sigma, truth.sigma));
+    out.push(drawn(&|_, sigma| sigma, truth.noise.sigma));
     out.push(marginal);
-    out.push(drawn(&joint, joint(truth.ln_likelihood, truth.sigma)));
+    if likelihood.inferred().is_some() && matches!(p.noise, Noise::Inferred { .. }) {
+        out.push(drawn(&joint, joint(truth.ln_likelihood, truth.noise.sigma)));
+    }
     out.extend(products);
     out
 }
@@ -197,9 +268,27 @@ fn inside(p: &Posterior, truth: &Truth, share: f64) -> Vec<bool> {
         .collect();
     all.push(p.sigma.is_some_and(|s| {
         let [lower, upper] = if share == 0.5 { s.eti50 } else { s.eti95 };
-        (lower..=upper).contains(&truth.sigma)
+        (lower..=upper).contains(&truth.noise.sigma)
     }));
+    if p.noise.is_correlated() {
+        all.extend(inside_shape(p, truth, share));
+    }
     all
+}
+
+/// Whether the intervals of correlation length and white share hold the truth.
+fn inside_shape(p: &Posterior, truth: &Truth, share: f64) -> [bool; 2] {
+    let Some(ShapeSummary::Correlated { length, white_share, .. }) = &p.noise_shape else {
+        return [false; 2];
+    };
+    let Some(NoiseShape::Correlated { length: l, white_share: w }) = truth.noise.shape else {
+        return [false; 2];
+    };
+    let holds = |quantity: &NoiseQuantity, at: f64| {
+        let [lower, upper] = if share == 0.5 { quantity.eti50 } else { quantity.eti95 };
+        (lower..=upper).contains(&at)
+    };
+    [holds(length, l), holds(white_share, w)]
 }
 
 /// The simultaneous band of the empirical distribution function of `n` independent uniform numbers.

@@ -11,9 +11,9 @@ use workbench::input::material::Material;
 #[derive(Debug, Clone, PartialEq, Parser)]
 #[command(name = "studies", version)]
 pub(crate) struct Args {
-    /// Folder for the folders of the studies
-    #[arg(short, long, value_name = "DIR", default_value = "results/benchmarks", global = true)]
-    pub(crate) out: PathBuf,
+    /// Folder for the folders of the studies [default: results/benchmarks; noise: results]
+    #[arg(short, long, value_name = "DIR", global = true)]
+    pub(crate) out: Option<PathBuf>,
 
     /// The question.
     #[command(subcommand)]
@@ -35,6 +35,8 @@ pub(crate) enum Study {
     Growth,
     /// Is another method closer? Error against work of this sampler and of four rivals (1 minute for 20 seeds)
     Calibration(CalibrationArgs),
+    /// What are correlated and robust noise worth? Coverage, prediction, outliers, cost (1 hour)
+    Noise(NoiseArgs),
     /// Does the sampler keep its promises? Errors, honest error bars, unbiased evidence over 1000 seeds (20 minutes)
     Sampler(CalibrationArgs),
     /// What do 50 to 300 simulations give, with and without a surrogate that places them? (30 minutes)
@@ -75,6 +77,49 @@ pub(crate) struct CalibrationArgs {
     /// One problem only
     #[arg(long, value_name = "NAME")]
     pub(crate) only: Option<String>,
+}
+
+/// Noise models against each other.
+#[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
+pub(crate) struct NoiseArgs {
+    /// Data sets of each origin
+    #[arg(long, value_name = "N", default_value_t = 200)]
+    pub(crate) data_sets: usize,
+
+    /// Simulations of a calibration
+    #[arg(long, value_name = "N", default_value_t = 16_384)]
+    pub(crate) samples: usize,
+
+    /// One part only
+    #[arg(long, value_name = "NAME", value_enum)]
+    pub(crate) only: Option<NoisePart>,
+}
+
+/// Parts of the study of noise models.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum NoisePart {
+    /// How often intervals hold the truth.
+    Coverage,
+    /// The last third of each curve from the first two.
+    Prediction,
+    /// Moved rows.
+    Outliers,
+    /// Time of a likelihood.
+    Cost,
+}
+
+impl NoisePart {
+    /// All parts.
+    pub(crate) const ALL: [Self; 4] =
+        [Self::Coverage, Self::Prediction, Self::Outliers, Self::Cost];
+}
+
+impl NoiseArgs {
+    /// The command that makes a part.
+    pub(crate) fn command(&self, part: &str) -> String {
+        let Self { data_sets, samples, .. } = self;
+        format!("noise --only {part} --data-sets {data_sets} --samples {samples}")
+    }
 }
 
 /// Errors of small budgets.

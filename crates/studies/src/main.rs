@@ -8,6 +8,7 @@ mod decided;
 mod exact;
 mod growth;
 mod instructions;
+mod noise;
 mod overhead;
 mod pair;
 mod paths;
@@ -23,6 +24,7 @@ mod spread;
 mod timing;
 mod validity;
 
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::Parser as _;
@@ -42,6 +44,11 @@ fn main() -> ExitCode {
 }
 
 fn run(Args { out, study }: &Args) -> Result<(), Failure> {
+    let default = match study {
+        Study::Noise(_) => "results",
+        _ => "results/benchmarks",
+    };
+    let out = out.as_deref().unwrap_or(Path::new(default));
     match study {
         Study::Simulator(args) => simulator::run(args, out),
         Study::Validity => validity::run(out),
@@ -49,6 +56,7 @@ fn run(Args { out, study }: &Args) -> Result<(), Failure> {
         Study::Paths(args) => paths::run(args, out),
         Study::Growth => growth::run(out),
         Study::Calibration(args) => calibration::run(args, out),
+        Study::Noise(args) => noise::run(args, out),
         Study::Sampler(args) => sampler::run(args, out),
         Study::SmallBudget(args) => small_budget::run(args, out),
         Study::Exact(args) => exact::run(args),

@@ -67,7 +67,14 @@ pub(crate) struct Calibration {
 
 impl Calibration {
     pub(crate) fn of(material: Material) -> Result<Self, Failure> {
-        let plan = PairOptions { material: Some(material), ..PairOptions::default() }.plan()?.plan;
+        Self::under(material, &Noise::default())
+    }
+
+    /// With another noise model.
+    pub(crate) fn under(material: Material, noise: &Noise) -> Result<Self, Failure> {
+        let noise = noise.clone();
+        let options = PairOptions { material: Some(material), noise, ..PairOptions::default() };
+        let plan = options.plan()?.plan;
         let (_, observable) = plan.pair()?;
         let (observations, noise) = (observable.observations()?, observable.noise.clone());
         Ok(Self {
@@ -96,7 +103,27 @@ impl Calibration {
             let u = ((k as f64 + 0.5) * 0.618_033_988_749_894_9).fract();
             *value += scatter * smc_calib::normal::quantile(u);
         }
-        let observations = Observations::new(times_s, curve).map_err(RunError::new)?;
+        self.on(model, times_s, curve)
+    }
+
+    /// The same on the first `count` observations alone.
+    pub(crate) fn first(self, count: usize) -> Result<Self, RunError> {
+        let times_s = self.observations.control()[..count].to_vec();
+        let values = self.observations.values()[..count].to_vec();
+        let model = self.model.at_times(times_s.clone());
+        self.on(model, times_s, values)
+    }
+
+    /// The same with some observations, from 0, moved.
+    pub(crate) fn moved(self, rows: &[usize], by: f64) -> Result<Self, RunError> {
+        let mut values = self.observations.values().to_vec();
+        rows.iter().for_each(|row| values[*row] += by);
+        let (model, times_s) = (self.model.clone(), self.observations.control().to_vec());
+        self.on(model, times_s, values)
+    }
+
+    fn on(self, model: NeckGrowth, times_s: Vec<f64>, values: Vec<f64>) -> Result<Self, RunError> {
+        let observations = Observations::new(times_s, values).map_err(RunError::new)?;
         let likelihood = Likelihood::new(&self.noise, &observations).map_err(RunError::new)?;
         Ok(Self { model, observations, likelihood, ..self })
     }

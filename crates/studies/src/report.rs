@@ -29,10 +29,20 @@ pub(crate) struct Header {
 impl Report {
     /// Makes the folder of a study, named after it.
     pub(crate) fn begin(out: &Path, study: &str) -> Result<Self, RunError> {
-        let folder = out.join(study);
+        Self::part(out, study, study)
+    }
+
+    /// Makes the folder of a part of a study, which a command of its own makes.
+    pub(crate) fn part(out: &Path, folder: &str, command: &str) -> Result<Self, RunError> {
+        let folder = out.join(folder);
         fs::create_dir_all(&folder)
             .map_err(|error| RunError::new(format_args!("{}: {error}", folder.display())))?;
-        Ok(Self { folder, header: Header::now(study), start: Instant::now(), figures: Vec::new() })
+        Ok(Self {
+            folder,
+            header: Header::now(command),
+            start: Instant::now(),
+            figures: Vec::new(),
+        })
     }
 
     /// Writes `table.csv`.

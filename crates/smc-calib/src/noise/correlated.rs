@@ -104,13 +104,7 @@ impl Correlated {
         {
             return Err(NoiseError::LogOfNegative { index, control: control[index] });
         }
-        let mut places: Vec<f64> =
-            control.iter().map(|s| scale.place(*s)).filter(|s| s.is_finite()).collect();
-        places.dedup();
-        if places.len() < 3 {
-            return Ok(None);
-        }
-        let range = places[places.len() - 1] - places[0];
+        let Some(range) = scale.range(&control) else { return Ok(None) };
         let nodes = product(range, lengths, shares);
         let mut constants = Vec::with_capacity(rows);
         let (base, ln_scale) = (ln_gamma(0.5 * nu0), 0.5 * (std::f64::consts::PI * sum0).ln());
@@ -453,12 +447,12 @@ fn ln_one_plus(x: f64) -> f64 {
 }
 
 /// The correlation length at a value of its distribution function: log-uniform.
-fn length(range: f64, u: f64) -> f64 {
+pub(super) fn length(range: f64, u: f64) -> f64 {
     range * SHORTEST.powf(1.0 - u)
 }
 
 /// The white share at a value of its distribution function: density w^(-2/3)/3.
-fn share(u: f64) -> f64 {
+pub(super) fn share(u: f64) -> f64 {
     u.powi(3)
 }
 

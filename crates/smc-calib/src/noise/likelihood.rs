@@ -10,7 +10,7 @@ use statrs::function::gamma::ln_gamma;
 /// The likelihood of a simulated curve under a checked noise model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Likelihood {
-    values: Vec<f64>,
+    pub(super) values: Vec<f64>,
     pub(super) kind: Kind,
 }
 

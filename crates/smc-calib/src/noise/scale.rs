@@ -30,6 +30,14 @@ impl DistanceScale {
         }
     }
 
+    /// Range of the places on the scale; none with fewer than three different ones.
+    pub(super) fn range(self, control: &[f64]) -> Option<f64> {
+        let mut places: Vec<f64> =
+            control.iter().map(|s| self.place(*s)).filter(|s| s.is_finite()).collect();
+        places.dedup();
+        (places.len() >= 3).then(|| places[places.len() - 1] - places[0])
+    }
+
     /// Place on the scale.
     pub(super) fn place(self, control: f64) -> f64 {
         match self {

@@ -3,6 +3,7 @@
 
 mod batches;
 mod conjugate;
+mod correlated;
 mod determinism;
 mod failures;
 mod few_observations;

@@ -4,7 +4,8 @@
 use smc_calib::reference::{Reference, all, gaussian};
 use smc_calib::sbc::{Band, Study, coverage_score, run};
 use smc_calib::{
-    DensitySummary, FnSimulator, Parameter, Prior, PriorSpec, Settings, SimError, sample_density,
+    DensitySummary, FnSimulator, Noise, Parameter, Prior, PriorSpec, Settings, SimError,
+    sample_density,
 };
 
 /// What each check found; above one the check fails.
@@ -88,7 +89,8 @@ fn line_study() -> (f64, f64) {
             Parameter::new("b", "1", normal(2.0)),
         ],
         control: times,
-        noise: (4.0, 0.3),
+        noise: Noise::Inferred { nu0: 4.0, s0: 0.3 },
+        origin: None,
         settings: Settings { samples: 1024, draws: 256, seed: 9000, ..Settings::default() },
         data_sets: 400,
     };

@@ -63,7 +63,7 @@ pub enum Verdict {
 impl Ranks {
     pub(super) fn new(
         title: String,
-        parameters: &[&str],
+        intervals: &[String],
         quantities: &[String],
         outcomes: &[Outcome],
     ) -> Self {
@@ -83,14 +83,14 @@ impl Ranks {
             })
             .collect();
         let mut covered = Vec::new();
-        for (j, name) in parameters.iter().copied().chain(std::iter::once("sigma")).enumerate() {
+        for (j, name) in intervals.iter().enumerate() {
             for nominal in [0.5, 0.95] {
                 let hits = outcomes
                     .iter()
                     .filter(|o| if nominal == 0.5 { o.inside50[j] } else { o.inside95[j] })
                     .count();
                 covered.push(Covered {
-                    name: name.to_owned(),
+                    name: name.clone(),
                     nominal,
                     share: hits as f64 / n as f64,
                     score: coverage_score(hits, n, nominal),
