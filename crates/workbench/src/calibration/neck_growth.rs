@@ -38,6 +38,7 @@ impl OfPair<'_> {
             },
             knee: if kinetics.separates_c1_from_delta_c() { self.knee()? } else { None },
             curves,
+            other_kinetics: Vec::new(),
         })
     }
 

@@ -1,11 +1,15 @@
 //! `models-NAME.json`: draws of the models of a comparison that have a share in the average over all of them.
 
+use std::ffi::OsStr;
+use std::fs;
+use std::path::Path;
+
 use serde::{Deserialize, Serialize};
 use smc_calib::{NoiseShape, Parameter};
 
 use super::comparison::Comparison;
 use crate::calibration::Calibration;
-use crate::error::{InputError, RunError};
+use crate::error::{InputError, Mistake, RunError};
 use crate::output::{WriteFile, checksums};
 use crate::plan::PairPlan;
 
@@ -105,6 +109,64 @@ impl KeptModels {
             models: kept.into_iter().map(|(_, model)| model).collect(),
         }
     }
+}
+
+/// Reads the models of an experiment from the folder of a comparison; `name` may be left out where it holds one.
+///
+/// # Errors
+///
+/// [`InputError`] that names the folder, what it holds and what to do.
+pub(crate) fn read_models(folder: &Path, name: Option<&str>) -> Result<KeptModels, InputError> {
+    let place = folder.display().to_string();
+    let mut names: Vec<String> = fs::read_dir(folder)
+        .map(|entries| entries.flatten().filter_map(|entry| named(&entry.file_name())).collect())
+        .unwrap_or_default();
+    names.sort();
+    let make = "make it: calibrate compare --material pa12 --out results/compare";
+    let name = match (name, &names[..]) {
+        (_, []) => {
+            return Err(InputError::new(place, Mistake::MissingFile)
+                .found("no models of a comparison (models-NAME.json)")
+                .expected("the folder of a comparison")
+                .help(make));
+        }
+        (Some(name), names) if names.iter().any(|one| one == name) => name.to_owned(),
+        (Some(name), names) => {
+            return Err(InputError::new("--of", Mistake::OutOfRange)
+                .found(format_args!("{name}, which {place} does not compare"))
+                .expected(format_args!("one of {}", names.join(", "))));
+        }
+        (None, [one]) => one.clone(),
+        (None, names) => {
+            return Err(InputError::new("--of", Mistake::MissingField)
+                .found(format_args!("a comparison of {}", names.join(", ")))
+                .expected(format_args!("--of NAME, as in --of {}", names[0])));
+        }
+    };
+    checksums::read_as(&folder.join(file_name(&name)), |file, text| {
+        let again = |error: InputError| error.help("run the comparison again");
+        let kept: KeptModels = serde_json::from_str(text).map_err(|error| {
+            again(
+                InputError::new(file, Mistake::Syntax)
+                    .found(error)
+                    .expected("models of a comparison"),
+            )
+        })?;
+        if kept.schema_version != MODELS_VERSION {
+            return Err(again(
+                InputError::new(file, Mistake::OutOfRange)
+                    .in_field("schema_version")
+                    .found(kept.schema_version)
+                    .expected(MODELS_VERSION),
+            ));
+        }
+        Ok(kept)
+    })
+}
+
+/// The experiment whose models a file holds.
+fn named(file: &OsStr) -> Option<String> {
+    Some(file.to_str()?.strip_prefix("models-")?.strip_suffix(".json")?.to_owned())
 }
 
 /// Writes a file for each experiment, with their sums.

@@ -28,7 +28,9 @@ use crate::watch::Watch;
 use comparison::{PHI_RANGE, SCHEMA_VERSION};
 use figures::{CompareFigure, NamedCurve, Role, Width};
 
+pub(crate) use comparison::weights;
 pub use comparison::{Comparison, Entry, NoiseEvidence, Report, ReportPlan};
+pub(crate) use kept::read_models;
 pub use kept::{KeptModel, KeptModels};
 pub use noises::default_noises;
 
@@ -40,7 +42,7 @@ pub struct Compared {
     /// Contents of `compare.json`.
     pub report: Report,
     /// Draws of the models that matter, one file per experiment.
-    kept: Vec<KeptModels>,
+    pub kept: Vec<KeptModels>,
     figures: NamedFigures,
 }
 
