@@ -1,4 +1,4 @@
-//! `calibrate compare`: the five kinetics on the same data.
+//! `calibrate compare`: the five kinetics on the same data, under each noise.
 
 use std::fs;
 
@@ -27,7 +27,7 @@ fn number(value: &Value) -> f64 {
 #[test]
 fn evidences_are_those_of_the_main_job_and_factors_those_of_the_evidences() {
     let sandbox = Sandbox::new();
-    let comparison = compared(&sandbox, "--material peek --samples 2048 --out c");
+    let comparison = compared(&sandbox, "--material peek --samples 2048 --noise inferred --out c");
     let evidence = |kinetics| number(&entry(&comparison, kinetics)["log_evidence"]);
     let best = KINETICS.map(evidence).into_iter().fold(f64::NEG_INFINITY, f64::max);
     for kinetics in KINETICS {
@@ -59,7 +59,7 @@ fn evidences_are_those_of_the_main_job_and_factors_those_of_the_evidences() {
 #[test]
 fn observations_that_weights_cannot_leave_out_are_left_out_by_calibrating_again() {
     // PS: the row at the knee decides so much that k-hat is above the limit for every kinetics.
-    let comparison = compared(&Sandbox::new(), "--material ps --samples 2048");
+    let comparison = compared(&Sandbox::new(), "--material ps --samples 2048 --noise inferred");
     for kinetics in KINETICS {
         let one = entry(&comparison, kinetics);
         let points = one["leave_one_out"]["points"].as_array().expect("points");
@@ -83,19 +83,22 @@ fn observations_that_weights_cannot_leave_out_are_left_out_by_calibrating_again(
 #[test]
 fn the_report_says_what_is_fair_what_is_informed_and_where_phi_came_from() {
     let sandbox = Sandbox::new();
-    sandbox.run("compare --material ps --samples 1024 --out c --quiet").succeeded();
+    sandbox
+        .run("compare --material ps --samples 1024 --noise inferred --out c --quiet")
+        .succeeded();
     let text = fs::read_to_string(sandbox.path().join("c/compare.md")).expect("compare.md");
     for words in [
         "Priors are fair",
         "Kass and Raftery",
-        "The data support",
+        "the data support",
         "read off the data",
         "C1 and delta_c enter only as c1 * delta_c^2",
         "k-hat",
     ] {
         assert!(text.contains(words), "{words:?} is not in\n{text}");
     }
-    let with_phi = compared(&sandbox, "--material ps --samples 1024 --phi --out p");
+    let with_phi =
+        compared(&sandbox, "--material ps --samples 1024 --noise inferred --phi --out p");
     for kinetics in KINETICS {
         let informed = entry(&with_phi, kinetics)["informed"].as_array().expect("parameters");
         let phi = informed.iter().find(|one| one["name"] == "phi").expect("phi");
@@ -107,6 +110,33 @@ fn the_report_says_what_is_fair_what_is_informed_and_where_phi_came_from() {
     }
     let warnings = with_phi["warnings"].to_string();
     assert!(!warnings.contains("read off the data"), "{warnings}");
+}
+
+#[test]
+fn the_table_of_kinetics_and_noise_says_which_noise_the_data_prefer_and_what_it_changes() {
+    let sandbox = Sandbox::new();
+    let comparison = compared(&sandbox, "--material peek --samples 1024 --out c");
+    let entries = comparison["entries"].as_array().expect("entries");
+    assert_eq!(entries.len(), 15, "five kinetics under three noise models");
+    let total: f64 = entries.iter().map(|entry| number(&entry["probability"])).sum();
+    assert!((total - 1.0).abs() < 1e-12, "{total}");
+    let cell = |kinetics: &str, noise: &str| {
+        let found = entries.iter().find(|one| one["kinetics"] == kinetics && one["noise"] == noise);
+        number(&found.expect("a cell")["log_evidence"])
+    };
+    // By quadrature over parameters, correlation length and white share: 46.14.
+    assert!((cell("three-stage", "correlated") - 46.14).abs() < 0.1);
+    let ln_k = |noise| cell("three-stage", noise) - cell("frenkel", noise);
+    assert!(ln_k("independent") > 17.0 && ln_k("correlated") < 6.0, "no common factor");
+    let text = fs::read_to_string(sandbox.path().join("c/compare.md")).expect("compare.md");
+    for words in [
+        "| kinetics | log Z, independent errors | log Z, correlated errors | log Z, robust errors |",
+        "The data prefer correlated errors",
+        "three-stage is the best kinetics under every noise",
+    ] {
+        assert!(text.contains(words), "{words:?} is not in\n{text}");
+    }
+    assert!(!text.contains("they are worth about"), "independence is not mended by counting");
 }
 
 #[test]
@@ -142,6 +172,9 @@ fn mistakes_are_refused() {
     let sandbox = Sandbox::new();
     sandbox.run("compare --material pekk").refused(&["peek"]);
     sandbox.run("compare --prior p.toml").refused(&["--experiment"]);
+    sandbox.run("compare --noise inferred,robus").refused(&["--noise", "robus", "mean robust?"]);
+    sandbox.run("compare --noise ess-target:0.2").refused(&["--noise", "no evidence"]);
+    sandbox.run("compare --noise robust,robust").refused(&["--noise", "robust noise twice"]);
     sandbox.run("compare --experiment no.toml").refused(&["no.toml", "no such file"]);
     sandbox.write("notes/mine.txt", "mine");
     sandbox.run("compare --material ps --out notes").refused(&["notes", "--out"]);

@@ -253,6 +253,24 @@ pub(crate) fn noise(text: &str) -> Result<Noise, String> {
     }
 }
 
+/// Noise models to compare.
+pub(crate) type NoiseList = Vec<Noise>;
+
+/// Noise models separated by commas, as in `inferred:4,0.05,robust`: a number belongs to the model before it.
+pub(crate) fn noises(text: &str) -> Result<NoiseList, String> {
+    let mut names: Vec<String> = Vec::new();
+    for piece in text.split(',') {
+        match names.last_mut() {
+            Some(last) if piece.trim().parse::<f64>().is_ok() => {
+                last.push(',');
+                last.push_str(piece);
+            }
+            _ => names.push(piece.to_owned()),
+        }
+    }
+    names.iter().map(|name| noise(name).map_err(|error| format!("{name}: {error}"))).collect()
+}
+
 /// Correlated noise with a given scale of distances.
 fn scaled(scale: DistanceScale) -> Noise {
     Noise::Correlated { nu0: 4.0, s0: 0.05, scale: Some(scale), nodes: None }
@@ -291,6 +309,16 @@ mod tests {
             assert!(noise(wrong).is_err(), "{wrong}");
         }
         assert!(noise("infered").expect_err("misspelt").contains("mean inferred?"));
+    }
+
+    #[test]
+    fn a_list_of_noise_models_keeps_their_numbers_with_them() {
+        let list = noises("inferred:6,0.02,correlated:linear,robust").expect("three");
+        let six = Noise::Inferred { nu0: 6.0, s0: 0.02 };
+        assert_eq!(list, [six, scaled(DistanceScale::Linear), Noise::robust()]);
+        assert!(noises("inferred,robus").expect_err("misspelt").contains("robus: unknown"));
+        assert!(noises("").is_err());
+        assert!(noises("4,0.05").is_err());
     }
 
     #[test]

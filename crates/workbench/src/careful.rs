@@ -62,13 +62,20 @@ pub(crate) enum Careful {
     /// Too few times to divide their spread.
     SpreadUnknown,
     /// Kinetics in a comparison whose posterior is not to be trusted.
-    UntrustedKinetics { kinetics: String, ess: f64, khat: f64 },
+    UntrustedKinetics { kinetics: String, noise: String, ess: f64, khat: f64 },
     /// Evidences that differ by no more than their Monte Carlo error.
-    EvidencesTooClose { best: String, other: String, difference: f64, error: f64 },
+    EvidencesTooClose { best: String, other: String, noise: String, difference: f64, error: f64 },
     /// Evidences that differ by less than another prior would change them.
-    PriorDecides { best: String, other: String, parameters: usize, reach: f64, difference: f64 },
+    PriorDecides {
+        best: String,
+        other: String,
+        noise: String,
+        parameters: usize,
+        reach: f64,
+        difference: f64,
+    },
     /// A comparison of kinetics whose residuals are alike.
-    DependentComparison { kinetics: String, observations: usize, lag1: f64 },
+    DependentComparison { kinetics: String, noise: String, lag1: f64, correlated: bool },
     /// A final contact ratio that comes from the data that are fitted.
     FinalContactRatioReadOff { value: f64 },
 }
@@ -137,25 +144,26 @@ impl Careful {
                 100.0 * share
             ),
             Self::SpreadUnknown => "too few draws reach the target, or at one time, to say which parameter the spread comes from".to_owned(),
-            Self::UntrustedKinetics { kinetics, ess, khat } => format!(
-                "{kinetics}: its posterior is not to be trusted (effective sample size {ess:.0}, k-hat {khat:.2}), nor is its evidence"
+            Self::UntrustedKinetics { kinetics, noise, ess, khat } => format!(
+                "{kinetics} with {noise} errors: its posterior is not to be trusted (effective sample size {ess:.0}, k-hat {khat:.2}), nor is its evidence"
             ),
-            Self::EvidencesTooClose { best, other, difference, error } => format!(
-                "{best} against {other}: the evidences differ by {}, no more than their Monte Carlo error {} allows to tell",
+            Self::EvidencesTooClose { best, other, noise, difference, error } => format!(
+                "{best} against {other} with {noise} errors: the evidences differ by {}, no more than their Monte Carlo error {} allows to tell",
                 significant(*difference, 2), significant(*error, 2)
             ),
-            Self::PriorDecides { best, other, parameters, reach, difference } => format!(
-                "{best} against {other}: the prior decides: they differ in {parameters} informed parameter{}, and a prior one decade wider or narrower in each moves ln K by {}, more than the {} between them (Lindley's paradox)",
+            Self::PriorDecides { best, other, noise, parameters, reach, difference } => format!(
+                "{best} against {other} with {noise} errors: the prior decides: they differ in {parameters} informed parameter{}, and a prior one decade wider or narrower in each moves ln K by {}, more than the {} between them (Lindley's paradox)",
                 if *parameters == 1 { "" } else { "s" },
                 significant(*reach, 2), significant(*difference, 2)
             ),
-            Self::DependentComparison { kinetics, observations, lag1 } => {
-                let share = (1.0 - lag1) / (1.0 + lag1);
-                format!(
-                    "the likelihood takes the {observations} observations for independent, but neighbouring residuals are alike even under {kinetics} (lag-1 correlation {lag1:.2}): they are worth about {:.0}, and the logarithms of the Bayes factors, roughly, {:.0} % of what stands here",
-                    share * *observations as f64, 100.0 * share
-                )
-            }
+            Self::DependentComparison { kinetics, noise, lag1, correlated } => format!(
+                "neighbouring residuals are alike even under {kinetics} with {noise} errors (lag-1 correlation {lag1:.2}): {}",
+                if *correlated {
+                    "no noise of this table describes them, and its evidences say which is the least bad"
+                } else {
+                    "the evidences take the errors for independent, and they are not"
+                }
+            ),
             Self::FinalContactRatioReadOff { value } => format!(
                 "the final contact ratio {} was read off the data that it helps to fit, for every kinetics alike",
                 short(value)
@@ -206,6 +214,9 @@ impl Careful {
             }
             Self::PriorDecides { .. } => {
                 "give priors that hold what is known, with --prior, before the evidence is quoted"
+            }
+            Self::DependentComparison { correlated: false, .. } => {
+                "--noise inferred,correlated says what the evidences are with errors that may be alike"
             }
             Self::DependentComparison { .. } => {
                 "look at the residuals before a Bayes factor is quoted"

@@ -36,6 +36,15 @@ pub fn with_error(value: f64, error: f64, least: usize) -> String {
     format!("{value:.*}", decimals.max(least))
 }
 
+/// A probability: three digits, and near 0 and 1 no more than is worth reading (`< 0.001`).
+pub fn probability(value: f64) -> String {
+    match value {
+        v if v < 1e-3 => "< 0.001".to_owned(),
+        v if v > 0.999 => "> 0.999".to_owned(),
+        v => format!("{v:.3}"),
+    }
+}
+
 /// A percentile in words: `1st percentile`, `22nd percentile`, `below the 1st percentile`.
 pub fn percentile(value: f64) -> String {
     if value < 0.5 {

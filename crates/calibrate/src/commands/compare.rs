@@ -1,26 +1,28 @@
-//! `calibrate compare`: which kinetics the data support.
+//! `calibrate compare`: which kinetics the data support, under which noise.
 
 use std::path::PathBuf;
 
-use workbench::compare::{Compared, RECORD, render};
+use workbench::compare::{Compared, RECORD, default_noises, render};
 use workbench::error::Failure;
 use workbench::input::material::Material;
 use workbench::output::{RunFolder, pool, pretty};
 use workbench::plan::PairOptions;
 
-use crate::arguments;
+use crate::arguments::{self, NoiseList};
 use crate::terminal::{OnInterrupt, Terminal};
 
 const EXAMPLES: &str = "\
 Examples:
   calibrate compare                             all three built-in materials
   calibrate compare --material ps --phi         with the final contact ratio as a fourth parameter
+  calibrate compare --material pa12 --noise inferred,correlated:linear
   calibrate compare --experiment experiments/example-my-powder.toml --prior priors/example-my-powder.toml
 
-The priors are those of the materials, the same for every kinetics that has the parameter.";
+The priors are those of the materials, the same for every kinetics that has the parameter.
+calibrate predict --average DIR predicts with the average of all models by their evidence.";
 
-/// A comparison of kinetics.
-#[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
+/// A comparison of kinetics and noise models.
+#[derive(Debug, Clone, PartialEq, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct CompareArgs {
     /// Built-in material [default: all three]
@@ -35,6 +37,10 @@ pub(crate) struct CompareArgs {
     /// Own priors (.toml) [default: the material's]
     #[arg(short, long, value_name = "FILE", requires = "experiment")]
     prior: Option<PathBuf>,
+
+    /// Noise models, separated by commas, each as for a calibration [default: inferred,correlated,robust]
+    #[arg(long, value_name = "LIST", value_parser = arguments::noises)]
+    noise: Option<NoiseList>,
 
     /// Calibrate the final contact ratio phi too, uniform from 1.0 to 1.35 for every kinetics
     #[arg(long)]
@@ -81,8 +87,9 @@ pub(crate) fn run(args: &CompareArgs) -> Result<(), Failure> {
         seed: args.seed,
         ..PairOptions::default()
     };
+    let noises = args.noise.clone().unwrap_or_else(default_noises);
     let (compared, published) = pool(args.threads)?.install(|| {
-        let compared = Compared::new(&options, args.phi, args.log_time, &terminal)?;
+        let compared = Compared::new(&options, &noises, args.phi, args.log_time, &terminal)?;
         let published = compared.publish(&folder)?;
         Ok::<_, Failure>((compared, published))
     })?;
@@ -92,7 +99,7 @@ pub(crate) fn run(args: &CompareArgs) -> Result<(), Failure> {
             compared.report.comparisons.iter().map(render::terminal).collect();
         let out = args.out.display();
         format!(
-            "{comparisons}files: {out}/ (compare.md, compare.csv, compare.json, compare-*.png, .svg)\n"
+            "{comparisons}files: {out}/ (compare.md, compare.csv, compare.json, models-*.json, compare-*.png, .svg)\n"
         )
     };
     terminal.print_result(args.json, || pretty(&compared.report), text)

@@ -1,11 +1,11 @@
-//! `calibrate predict`: sintering times of a pair from a saved posterior.
+//! `calibrate predict`: sintering times of a pair from a saved posterior, or from the average of compared models.
 
 use std::path::PathBuf;
 
 use workbench::error::Failure;
 use workbench::output::{pretty, write_file};
 use workbench::pair::draws::PairDraws;
-use workbench::predict::predict;
+use workbench::predict::{Wanted, predict, predict_average};
 
 use crate::arguments;
 use crate::terminal;
@@ -14,15 +14,31 @@ const EXAMPLES: &str = "\
 Examples:
   calibrate predict --posterior results/pa12 --contact-ratio 0.9
   calibrate predict --posterior results/pa12 --coalescence 60 --coalescence 100
-  calibrate predict --posterior results/pa12 --after 1,2,5 --radius-m 25e-6";
+  calibrate predict --posterior results/pa12 --after 1,2,5 --radius-m 25e-6
+  calibrate predict --average results/compare --of pa12 --contact-ratio 0.9
+  calibrate predict --average results/compare --of pa12 --after 1,2,5 --with-noise";
 
 /// Options of a prediction from a saved posterior.
 #[derive(Debug, Clone, PartialEq, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct PredictArgs {
     /// A posterior.json, or the folder it is in; draws.csv must be beside it
-    #[arg(short, long, value_name = "FILE")]
-    posterior: PathBuf,
+    #[arg(
+        short,
+        long,
+        value_name = "FILE",
+        required_unless_present = "average",
+        conflicts_with = "average"
+    )]
+    posterior: Option<PathBuf>,
+
+    /// Average over kinetics and noise by evidence: the folder of a comparison (calibrate compare)
+    #[arg(long, value_name = "DIR")]
+    average: Option<PathBuf>,
+
+    /// With --average: the material or experiment, where the comparison holds several
+    #[arg(long, value_name = "NAME", requires = "average")]
+    of: Option<String>,
 
     /// When is this contact ratio a/R reached?
     #[arg(short, long, value_name = "A/R", value_delimiter = ',', value_parser = arguments::contact_ratio, allow_negative_numbers = true)]
@@ -35,6 +51,10 @@ pub(crate) struct PredictArgs {
     /// What is a/R after this time in seconds?
     #[arg(short, long, value_name = "S", value_delimiter = ',', value_parser = arguments::positive, allow_negative_numbers = true)]
     after: Vec<f64>,
+
+    /// With --after: say too how a/R would be measured there in a new experiment, with the noise of each draw
+    #[arg(long)]
+    with_noise: bool,
 
     /// Radius of the pair in metres [default: the one that was calibrated]; tau_s moves in proportion
     #[arg(short, long, value_name = "M", value_parser = arguments::positive, allow_negative_numbers = true)]
@@ -54,8 +74,17 @@ pub(crate) fn run(args: &PredictArgs) -> Result<(), Failure> {
     let mut targets = args.contact_ratio.clone();
     // The paper counts coalescence in percent of a/R = 1.
     targets.extend(args.coalescence.iter().map(|percent| percent / 100.0));
-    let calibrated = PairDraws::read(&args.posterior)?;
-    let prediction = predict(&calibrated, &targets, &args.after, args.radius_m)?;
+    let wanted = Wanted {
+        targets,
+        after_s: args.after.clone(),
+        radius_m: args.radius_m,
+        with_noise: args.with_noise,
+    };
+    let prediction = match (&args.average, &args.posterior) {
+        (Some(folder), _) => predict_average(folder, args.of.as_deref(), &wanted)?,
+        (None, Some(posterior)) => predict(&PairDraws::read(posterior)?, &wanted)?,
+        (None, None) => return Ok(()),
+    };
     if let Some(out) = &args.out {
         write_file(out, prediction.csv().as_bytes())?;
     }

@@ -3,6 +3,7 @@
 mod curves;
 mod neck_growth;
 mod of_pair;
+mod other_kinetics;
 mod record;
 mod run;
 mod sampling;

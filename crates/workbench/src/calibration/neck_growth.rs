@@ -45,6 +45,7 @@ impl OfPair<'_> {
             knee: if kinetics.separates_c1_from_delta_c() { self.knee()? } else { None },
             curves,
             doubts: self.doubts(trust, found.map_error, frenkel),
+            other_kinetics: Vec::new(),
         })
     }
 

@@ -14,10 +14,10 @@ use campaign::{Campaign, Event, Executor, ExecutorError, Local};
 use serde::Serialize;
 use smc_calib::Posterior;
 
-use super::record;
 use super::sampling::{Calibration, Stages, failure, groups, sample};
 use super::sensitivity::sensitivity;
 use super::store::{self, Stored, refused};
+use super::{other_kinetics, record};
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::output::{Published, RunFolder, Staging, make_room, pool, pretty};
 use crate::plan::{ExecutorPlan, Plan, Planned};
@@ -35,6 +35,8 @@ pub struct RunOptions {
     pub threads: Option<usize>,
     /// The program and arguments that make given runs of a campaign, for jobs on a cluster: `calibrate run-task`.
     pub worker: Vec<String>,
+    /// Whether to leave out what other kinetics are worth.
+    pub without_other_kinetics: bool,
 }
 
 /// Durations. Apart from the record, whose bytes do not depend on them.
@@ -46,6 +48,8 @@ pub struct Timings {
     pub inference_seconds: f64,
     /// Each stage \[s\].
     pub stage_seconds: Vec<f64>,
+    /// What other kinetics are worth \[s\]; 0 where that is not looked at.
+    pub other_kinetics_seconds: f64,
     /// Tables and figures \[s\].
     pub report_seconds: f64,
 }
@@ -107,21 +111,27 @@ pub fn run(
     let pool = pool(threads)?;
     let begun = Instant::now();
     let mut stages = Stages::new(watch, None);
-    let Calibration { record, posterior } =
+    let Calibration { mut record, posterior } =
         pool.install(|| Calibration::in_process(planned, &mut stages))?;
     let mut timings = Timings {
         threads: pool.current_num_threads(),
         inference_seconds: begun.elapsed().as_secs_f64(),
         stage_seconds: stages.seconds,
+        other_kinetics_seconds: 0.0,
         report_seconds: 0.0,
     };
+    if !options.without_other_kinetics {
+        pool.install(|| other_kinetics::add(&planned.plan, &posterior, &mut record))?;
+        timings.other_kinetics_seconds = begun.elapsed().as_secs_f64() - timings.inference_seconds;
+    }
+    let reporting = Instant::now();
     let staging = folder.stage()?;
     pool.install(|| {
         report::write_all(&record, &posterior, &|name, bytes| {
             staging.write(&out, name, bytes).map_err(make_room)
         })
     })?;
-    timings.report_seconds = begun.elapsed().as_secs_f64() - timings.inference_seconds;
+    timings.report_seconds = reporting.elapsed().as_secs_f64();
     staging.write(&out, "timings.json", pretty(&timings)?.as_bytes()).map_err(make_room)?;
     if watch.stop().asked() {
         return Err(Failure::Interrupted);
@@ -212,6 +222,7 @@ impl Driver<'_> {
             threads: pool.current_num_threads(),
             inference_seconds: begun.elapsed().as_secs_f64(),
             stage_seconds,
+            other_kinetics_seconds: 0.0,
             report_seconds: 0.0,
         };
         pool.install(|| {

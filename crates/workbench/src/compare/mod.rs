@@ -1,17 +1,19 @@
-//! Which kinetics the data of a material support, and how strongly.
+//! Which kinetics the data of a material support, and how strongly, under which noise.
 //!
-//! Every kinetics is calibrated on the same data with the same noise and, for each parameter it has, the same
-//! prior. Their evidences, errors and leave-one-out predictive densities are put side by side ([`Comparison`]),
+//! Every kinetics is calibrated on the same data under each of the same noise models and, for each parameter it has, with
+//! the same prior. Their evidences, errors and leave-one-out predictive densities are put side by side ([`Comparison`]),
 //! judged and rendered ([`render`]).
 
 mod comparison;
+mod kept;
+mod noises;
 mod refit;
 pub mod render;
 mod strength;
 mod verdict;
 
 use dem_core::Kinetics;
-use smc_calib::{Parameter, Prior, PriorSpec, Problem, leave_one_out};
+use smc_calib::{Noise, Parameter, Prior, PriorSpec, Problem, leave_one_out};
 
 use crate::calibration::Calibration;
 use crate::error::{Failure, InputError, Mistake, RunError};
@@ -20,12 +22,17 @@ use crate::output::{Published, RunFolder, pretty};
 use crate::pair::model::NeckGrowth;
 use crate::pair::parameter::ParameterName;
 use crate::plan::{PairOptions, Planned};
+use crate::record::Record;
 use crate::report::{NamedFigures, draw_all};
 use crate::watch::Watch;
 use comparison::{PHI_RANGE, SCHEMA_VERSION};
 use figures::{CompareFigure, NamedCurve, Role, Width};
 
-pub use comparison::{Comparison, Entry, Report, ReportPlan};
+pub(crate) use comparison::weights;
+pub use comparison::{Comparison, Entry, NoiseEvidence, Report, ReportPlan};
+pub(crate) use kept::read_models;
+pub use kept::{KeptModel, KeptModels};
+pub use noises::default_noises;
 
 /// The record of a comparison.
 pub const RECORD: &str = "compare.json";
@@ -34,15 +41,24 @@ pub const RECORD: &str = "compare.json";
 pub struct Compared {
     /// Contents of `compare.json`.
     pub report: Report,
+    /// Draws of the models that matter, one file per experiment.
+    pub kept: Vec<KeptModels>,
     figures: NamedFigures,
 }
 
+/// The plans of one experiment under one noise model, one per kinetics.
+struct Column {
+    noise: String,
+    plans: Vec<Planned>,
+}
+
 impl Compared {
-    /// Compares the kinetics on one experiment, or on every built-in material where `options` name none. The kinetics of
-    /// the options are not used; with `phi` the final contact ratio is calibrated too, and with `log_time` the figures
-    /// have a logarithmic time axis.
+    /// Compares the kinetics under each of `noises` on one experiment, or on every built-in material where `options` name
+    /// none. Kinetics and noise of the options are not used; with `phi` the final contact ratio is calibrated too, and with
+    /// `log_time` the figures have a logarithmic time axis.
     pub fn new(
         options: &PairOptions,
+        noises: &[Noise],
         phi: bool,
         log_time: bool,
         watch: &dyn Watch,
@@ -51,34 +67,40 @@ impl Compared {
             (None, None) => Material::ALL.map(Some).to_vec(),
             (material, _) => vec![material],
         };
+        let noises = noises::named(noises)?;
         // All plans are made before the first one runs.
-        let plans: Vec<Vec<Planned>> = subjects
+        let tables: Vec<Vec<Column>> = subjects
             .into_iter()
             .map(|material| {
                 let subject = PairOptions { material, ..options.clone() };
-                Kinetics::ALL.into_iter().map(|kinetics| planned(&subject, phi, kinetics)).collect()
+                columns(&subject, &noises, phi)
             })
             .collect::<Result<_, _>>()?;
-        let experiments =
-            plans.iter().filter_map(|plans| plans.first()).map(|planned| planned.plan.clone());
+        let experiments = tables
+            .iter()
+            .filter_map(|table| table.first()?.plans.first())
+            .map(|planned| planned.plan.clone());
         let mut report = Report {
             schema_version: SCHEMA_VERSION,
             plan: ReportPlan {
                 samples: options.samples,
                 seed: options.seed,
                 phi,
+                noises: noises.iter().map(|(name, _)| name.clone()).collect(),
                 experiments: experiments.collect(),
             },
             comparisons: Vec::new(),
         };
         let mut figures = NamedFigures::new();
-        for plans in &plans {
-            let (comparison, mut figure) = side_by_side(plans, watch)?;
+        let mut kept = Vec::new();
+        for table in &tables {
+            let (comparison, models, mut figure) = side_by_side(table, watch)?;
             figure.axes.log_control = log_time;
             figures.push((format!("compare-{}", comparison.name), Box::new(figure)));
+            kept.push(models);
             report.comparisons.push(comparison);
         }
-        Ok(Self { report, figures })
+        Ok(Self { report, kept, figures })
     }
 
     /// Writes the folder of the comparison.
@@ -92,9 +114,24 @@ impl Compared {
         write(RECORD, pretty(&self.report)?.as_bytes())?;
         write("compare.md", render::markdown(&self.report).as_bytes())?;
         write("compare.csv", render::csv(&self.report).as_bytes())?;
+        kept::write(&self.kept, &write)?;
         draw_all(&self.figures, Width::Column, &write)?;
         Ok(staging.publish()?)
     }
+}
+
+/// The plans of one experiment, noise by noise.
+fn columns(
+    subject: &PairOptions,
+    noises: &[(String, Noise)],
+    phi: bool,
+) -> Result<Vec<Column>, InputError> {
+    let column = |(name, noise): &(String, Noise)| {
+        let subject = PairOptions { noise: noise.clone(), ..subject.clone() };
+        let plans = Kinetics::ALL.into_iter().map(|kinetics| planned(&subject, phi, kinetics));
+        Ok(Column { noise: name.clone(), plans: plans.collect::<Result<_, _>>()? })
+    };
+    noises.iter().map(column).collect()
 }
 
 /// The plan of one kinetics.
@@ -111,53 +148,93 @@ fn planned(subject: &PairOptions, phi: bool, kinetics: Kinetics) -> Result<Plann
     Ok(planned)
 }
 
-/// Calibrates each plan and puts the results side by side, with the figure of their MAP curves.
+/// Calibrates each plan and puts the results side by side, with the draws of the models that matter and the figure of the
+/// MAP curves under the noise that the data prefer.
 fn side_by_side(
-    plans: &[Planned],
+    table: &[Column],
     watch: &dyn Watch,
-) -> Result<(Comparison, CompareFigure), Failure> {
+) -> Result<(Comparison, KeptModels, CompareFigure), Failure> {
     let mut entries = Vec::new();
-    let mut figure = CompareFigure::default();
-    let mut densities = Vec::new();
-    for (place, planned) in plans.iter().enumerate() {
-        let plan = &planned.plan;
-        let Calibration { record, posterior } = Calibration::run(planned, watch)?;
-        let model = NeckGrowth::of(plan)?;
-        let pair = record.pair()?;
-        let problem = Problem {
-            simulator: &model,
-            parameters: plan.parameters.clone(),
-            observations: pair.measured.observations()?,
-            noise: pair.measured.noise.clone(),
-        };
-        let mut left_out = leave_one_out(&problem, &posterior)
-            .map_err(RunError::new)?
-            .ok_or_else(|| RunError::new("there is no posterior to leave observations out of"))?;
-        let refitted = refit::where_unreliable(plan, &model, &posterior, &mut left_out)?;
-        figure.title.clone_from(&plan.title);
-        figure.control.clone_from(&pair.measured.control);
-        figure.value.clone_from(&pair.measured.values);
-        figure.grid.clone_from(&pair.neck_growth.curves.time_s);
-        figure.curves.push(NamedCurve {
-            name: pair.plan.kinetics.name().to_owned(),
-            // Frenkel's curve looks the same in every figure.
-            role: match pair.plan.kinetics {
-                Kinetics::Frenkel => Role::Frenkel,
-                _ => Role::Series(place),
-            },
-            curve: pair.neck_growth.curves.map.clone(),
-            at_data: pair.found.map.clone(),
-        });
-        densities.push(left_out.points.iter().map(|point| point.ln_density).collect::<Vec<_>>());
-        entries.push(Entry::new(&record, left_out, refitted)?);
+    let mut figures = Vec::new();
+    let mut models = Vec::new();
+    let mut noises = Vec::new();
+    for Column { noise, plans } in table {
+        let mut column = Vec::new();
+        let mut figure = CompareFigure::default();
+        let mut densities = Vec::new();
+        for (place, planned) in plans.iter().enumerate() {
+            watch.now(&format!("{noise} errors"));
+            let cell = calibrated(planned, noise, watch)?;
+            add_curve(&mut figure, &cell.calibration.record, place)?;
+            let points = &cell.entry.leave_one_out.points;
+            densities.push(points.iter().map(|point| point.ln_density).collect::<Vec<_>>());
+            models.push(KeptModel::of(&cell.calibration, noise)?);
+            if place == 0 {
+                let measured = cell.calibration.record.pair()?.measured;
+                noises.push((noise.clone(), measured.noise.clone()));
+            }
+            column.push(cell.entry);
+        }
+        comparison::rank(&mut column, &densities);
+        entries.append(&mut column);
+        figures.push(figure);
     }
-    comparison::rank(&mut entries, &densities);
-    let plan = plans
+    let plan = table
         .first()
+        .and_then(|column| column.plans.first())
         .map(|planned| &planned.plan)
         .ok_or_else(|| RunError::new("there is nothing to compare"))?;
-    let mut comparison = Comparison::new(plan, entries)?;
+    let mut comparison = Comparison::new(plan, noises, entries)?;
     comparison.verdict = verdict::in_words(&comparison);
     comparison.warnings = verdict::warnings(&comparison);
-    Ok((comparison, figure))
+    let kept = KeptModels::new(&comparison, models);
+    let preferred = comparison.best().map_or("", |best| best.noise.as_str());
+    let place = comparison.noises.iter().position(|noise| noise.name == preferred).unwrap_or(0);
+    let mut figure = figures.swap_remove(place);
+    figure.title = format!("{}, {preferred} errors", plan.title);
+    Ok((comparison, kept, figure))
+}
+
+/// One cell of the table.
+struct Cell {
+    entry: Entry,
+    calibration: Calibration,
+}
+
+fn calibrated(planned: &Planned, noise: &str, watch: &dyn Watch) -> Result<Cell, Failure> {
+    let plan = &planned.plan;
+    let calibration = Calibration::run(planned, watch)?;
+    let model = NeckGrowth::of(plan)?;
+    let pair = calibration.record.pair()?;
+    let problem = Problem {
+        simulator: &model,
+        parameters: plan.parameters.clone(),
+        observations: pair.measured.observations()?,
+        noise: pair.measured.noise.clone(),
+    };
+    let mut left_out = leave_one_out(&problem, &calibration.posterior)
+        .map_err(RunError::new)?
+        .ok_or_else(|| RunError::new("there is no posterior to leave observations out of"))?;
+    let refitted = refit::where_unreliable(plan, &model, &calibration.posterior, &mut left_out)?;
+    let entry = Entry::new(&calibration.record, noise, left_out, refitted)?;
+    Ok(Cell { entry, calibration })
+}
+
+/// Adds the MAP curve of a calibration to the figure of its noise.
+fn add_curve(figure: &mut CompareFigure, record: &Record, place: usize) -> Result<(), Failure> {
+    let pair = record.pair()?;
+    figure.control.clone_from(&pair.measured.control);
+    figure.value.clone_from(&pair.measured.values);
+    figure.grid.clone_from(&pair.neck_growth.curves.time_s);
+    figure.curves.push(NamedCurve {
+        name: pair.plan.kinetics.name().to_owned(),
+        // Frenkel's curve looks the same in every figure.
+        role: match pair.plan.kinetics {
+            Kinetics::Frenkel => Role::Frenkel,
+            _ => Role::Series(place),
+        },
+        curve: pair.neck_growth.curves.map.clone(),
+        at_data: pair.found.map.clone(),
+    });
+    Ok(())
 }

@@ -10,7 +10,8 @@ use crate::pair::model::NeckGrowth;
 use crate::pair::parameter::ParameterName;
 use crate::plan::PairPlan;
 use crate::record::{self, Record};
-use crate::report::read_draws;
+use crate::report::{read_draws, read_sigma};
+use smc_calib::ShapeSummary;
 
 /// Equally weighted draws of a posterior, and the pair that it was calibrated on.
 #[derive(Debug, Clone)]
@@ -21,6 +22,10 @@ pub struct PairDraws {
     pub pair: PairPlan,
     /// Values of the parameters \[SI\], a column for each.
     pub columns: Vec<Vec<f64>>,
+    /// Noise standard deviation of each draw; none where the noise has not one for all times.
+    pub sigma: Option<Vec<f64>>,
+    /// Share of outliers, and how much wider they scatter; none for noise without.
+    pub outliers: Option<[f64; 2]>,
     /// Reasons to be careful.
     pub advice: Vec<String>,
     model: NeckGrowth,
@@ -40,11 +45,30 @@ impl PairDraws {
         let columns = read_draws(&record, folder).map_err(|error| {
             error.help("draws.csv is written beside posterior.json: name the folder of a run")
         })?;
+        let found = record.pair()?.found;
+        let sigma = match found.sigma {
+            Some(_) => read_sigma(&record, folder)?,
+            None => None,
+        };
+        let outliers = match found.noise_shape {
+            Some(ShapeSummary::Robust { outlier_share, outlier_width, .. }) => {
+                Some([outlier_share, outlier_width])
+            }
+            _ => None,
+        };
         let mut advice = record.advice.clone();
         if !record.is_posterior {
             advice.insert(0, Careful::TunedDraws.to_string());
         }
-        Ok(Self { model: NeckGrowth::of(&record.plan)?, record, pair, columns, advice })
+        Ok(Self {
+            model: NeckGrowth::of(&record.plan)?,
+            record,
+            pair,
+            columns,
+            sigma,
+            outliers,
+            advice,
+        })
     }
 
     /// Number of draws.

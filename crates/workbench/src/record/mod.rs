@@ -18,8 +18,8 @@ use smc_calib::{
 
 pub use doubt::{Doubt, Excluded};
 pub use neck_growth::{
-    Curves, Derived, Fit, KneeSummary, NeckGrowthRecord, PaperComparison, PrintedParameter,
-    ProductSummary,
+    Curves, Derived, Fit, KneeSummary, NeckGrowthRecord, OtherKinetics, PaperComparison,
+    PrintedParameter, ProductSummary,
 };
 pub use read::{FILE_NAME, SCHEMA_VERSION, locate, parse, read};
 pub use sensitivity::{Method, Sensitivity, SensitivityOf};

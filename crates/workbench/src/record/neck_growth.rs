@@ -1,5 +1,6 @@
 //! Results of a pair of particles: Table 3, the knee, the product, the curves of the fit plot.
 
+use dem_core::Kinetics;
 use serde::{Deserialize, Serialize};
 
 use super::{Doubt, FitError};
@@ -24,6 +25,30 @@ pub struct NeckGrowthRecord {
     /// Reasons to suspect the clock of the table, or the priors, before the measurements and the model.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub doubts: Vec<Doubt>,
+    /// What other kinetics are worth beside those that were used, by evidence; empty where that was not looked at.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub other_kinetics: Vec<OtherKinetics>,
+}
+
+/// Other kinetics with the same noise and priors, from few simulations.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OtherKinetics {
+    /// The kinetics.
+    pub kinetics: Kinetics,
+    /// Their log evidence minus that of the kinetics that were used.
+    pub ln_bayes_factor: f64,
+    /// Its standard error.
+    pub ln_bayes_factor_se: f64,
+    /// Whether they fit as well or better: ln K above -1, by more than two standard errors.
+    pub fits_as_well: bool,
+    /// Posterior median of tau_s under them \[s\].
+    pub tau_s_median: f64,
+    /// Its equal-tailed 95 % interval.
+    pub tau_s_eti95: [f64; 2],
+    /// Whether that interval has nothing in common with the one under the kinetics that were used.
+    pub tau_s_disjoint: bool,
 }
 
 /// A parameter in the form printed in Table 3.

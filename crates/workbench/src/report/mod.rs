@@ -23,7 +23,9 @@ pub use crate::input::data_table::quoted;
 pub use details::{details, understood};
 pub use drawing::{NamedFigures, draw_all};
 pub use pictures::{fit, pictures};
-pub use samples::{SampleColumns, parse_draws, parse_samples, read_draws, read_samples};
+pub use samples::{
+    SampleColumns, parse_draws, parse_samples, read_draws, read_samples, read_sigma,
+};
 pub use summary::{json, text};
 pub use tables::{csv, markdown};
 

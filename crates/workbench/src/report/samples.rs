@@ -155,6 +155,23 @@ pub fn read_draws(record: &Record, folder: &Path) -> Result<Vec<Vec<f64>>, Input
     })
 }
 
+/// Reads the noise standard deviation of the draws of a run with one observable; none where they have none.
+///
+/// # Errors
+///
+/// [`InputError`] for a file that is missing or cut off.
+pub fn read_sigma(record: &Record, folder: &Path) -> Result<Option<Vec<f64>>, InputError> {
+    const COLUMN: &str = "sigma [1]";
+    checksums::read_as(&folder.join("draws.csv"), |name, text| {
+        let there =
+            text.lines().next().is_some_and(|head| head.split(',').any(|one| one == COLUMN));
+        if !there {
+            return Ok(None);
+        }
+        Ok(columns(name, text, record.parameters.len(), Some(COLUMN))?.pop())
+    })
+}
+
 /// Reads the text of a `samples.csv` of so many parameters; `name` is what errors call it.
 ///
 /// # Errors

@@ -66,6 +66,7 @@ pub fn text(record: &Record, seconds: Option<f64>, out: Option<&Path>) -> String
     if let Some(knee) = neck.and_then(|neck| neck.knee.as_ref()) {
         text.push_str(&knee_line(knee));
     }
+    text.push_str(&other_kinetics_line(record));
     let _ = writeln!(text, "  sampling: {}", record.trust.line(&record.log_evidence));
     if let Some(sensitivity) = &record.sensitivity {
         text.push_str(&beside(sensitivity, record, width));
@@ -199,6 +200,35 @@ fn knee_line(knee: &KneeSummary) -> String {
     )
 }
 
+/// Kinetics that fit as well as those that were used or better, and tau_s under them; empty where there are none.
+fn other_kinetics_line(record: &Record) -> String {
+    let Ok(pair) = record.pair() else { return String::new() };
+    let as_good = pair.neck_growth.other_kinetics.iter().filter(|other| other.fits_as_well);
+    let others: Vec<String> = as_good
+        .map(|other| {
+            let apart = if other.tau_s_disjoint { ", apart from that above" } else { "" };
+            let [lower, upper] = other.tau_s_eti95.map(|end| significant(end, 3));
+            format!(
+                "{} (Bayes factor {} in its favour; tau_s {} s, 95 % {lower} .. {upper} s{apart})",
+                other.kinetics,
+                significant(other.ln_bayes_factor.exp(), 2),
+                significant(other.tau_s_median, 3),
+            )
+        })
+        .collect();
+    if others.is_empty() {
+        return String::new();
+    }
+    let material = match pair.plan.material {
+        Some(material) if material.name() == record.plan.name => format!(" --material {material}"),
+        _ => String::new(),
+    };
+    format!(
+        "  other kinetics fit as well or better by evidence: {}; see calibrate compare{material}\n",
+        others.join(", "),
+    )
+}
+
 /// The summary as JSON: the same facts for a program to read.
 pub fn json(record: &Record, out: Option<&Path>) -> Result<String, RunError> {
     let observables: Vec<Value> = record
@@ -213,6 +243,7 @@ pub fn json(record: &Record, out: Option<&Path>) -> Result<String, RunError> {
             "product": neck.product,
             "fit": neck.fit,
             "knee": neck.knee,
+            "other_kinetics": neck.other_kinetics,
         })
     });
     pretty(&json!({

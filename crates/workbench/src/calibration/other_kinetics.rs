@@ -1,0 +1,128 @@
+//! Whether other kinetics fit as well as those that were used, by evidence.
+//!
+//! The evidence of each is estimated with a small budget and the same noise; its standard error decides what can be said.
+
+use dem_core::{Kinetics, SolverKind};
+use rayon::prelude::*;
+use smc_calib::{Noise, Parameter, Posterior, Problem, Settings, calibrate};
+
+use crate::error::InputError;
+use crate::input::prior_file::PriorFile;
+use crate::pair::model::NeckGrowth;
+use crate::pair::parameter::ParameterName;
+use crate::plan::{PairPlan, Plan};
+use crate::record::{OtherKinetics, Record};
+
+/// Fewest simulations of a run that is worth it.
+const LEAST_SAMPLES: usize = 4096;
+/// Most observations: beyond them it would take more than a small share of a second.
+const MOST_OBSERVATIONS: usize = 500;
+/// Most simulations for kinetics with three parameters.
+const BUDGET: usize = 768;
+/// Standard errors that a difference must be beyond.
+const ERRORS: f64 = 2.0;
+/// Evidence that is not worth more than a bare mention, in ln K (Kass and Raftery).
+const BARE_MENTION: f64 = 1.0;
+
+/// Adds to the record of one pair what other kinetics are worth. Nothing is added where they cannot be computed in a
+/// small share of the run's time: programs, numerical solvers, many observations, small budgets; nor for tuned or given samples.
+pub(super) fn add(
+    plan: &Plan,
+    posterior: &Posterior,
+    record: &mut Record,
+) -> Result<(), InputError> {
+    let found = look(plan, posterior)?;
+    let neck = record.experiments.first_mut().and_then(|one| one.neck_growth.as_mut());
+    if let Some(neck) = neck {
+        neck.other_kinetics = found;
+    }
+    Ok(())
+}
+
+fn look(plan: &Plan, posterior: &Posterior) -> Result<Vec<OtherKinetics>, InputError> {
+    let Ok((pair, measured)) = plan.pair() else { return Ok(Vec::new()) };
+    let tuned = matches!(measured.noise, Noise::EssTarget { .. });
+    if tuned
+        || plan.design.is_some()
+        || pair.solver.name != SolverKind::ClosedForm
+        || plan.sampler.samples < LEAST_SAMPLES
+        || measured.values.len() > MOST_OBSERVATIONS
+        || !posterior.trust().converged()
+    {
+        return Ok(Vec::new());
+    }
+    let place = |parameters: &[Parameter]| {
+        parameters.iter().position(|one| one.name == pair.calibrated(ParameterName::TauS))
+    };
+    let own = place(&plan.parameters).and_then(|place| posterior.parameters.get(place));
+    let Some(own) = own.map(|own| own.in_si.eti95) else { return Ok(Vec::new()) };
+    let one = |kinetics: Kinetics| -> Result<Option<OtherKinetics>, InputError> {
+        let pair = PairPlan { kinetics, ..pair.clone() };
+        let Some(parameters) = parameters(plan, &pair)? else { return Ok(None) };
+        let problem = Problem {
+            simulator: &NeckGrowth::new(&pair, &parameters, measured.control.clone())?,
+            parameters: parameters.clone(),
+            observations: measured.observations()?,
+            noise: measured.noise.clone(),
+        };
+        let Ok(other) = calibrate(&problem, &settings(plan, parameters.len()), &mut ()) else {
+            return Ok(None);
+        };
+        let tau_s = place(&parameters).and_then(|place| other.parameters.get(place));
+        let Some(tau_s) = tau_s.filter(|_| other.trust().converged()) else { return Ok(None) };
+        let ln_bayes_factor = other.log_evidence.value - posterior.log_evidence.value;
+        let se = other.log_evidence.se.hypot(posterior.log_evidence.se);
+        let eti95 = tau_s.in_si.eti95;
+        Ok(Some(OtherKinetics {
+            kinetics,
+            ln_bayes_factor,
+            ln_bayes_factor_se: se,
+            fits_as_well: ln_bayes_factor + BARE_MENTION > ERRORS * se,
+            tau_s_median: tau_s.in_si.median,
+            tau_s_eti95: [eti95.lower, eti95.upper],
+            tau_s_disjoint: eti95.upper < own.lower || own.upper < eti95.lower,
+        }))
+    };
+    let others: Vec<Kinetics> =
+        Kinetics::ALL.into_iter().filter(|other| *other != pair.kinetics).collect();
+    let found: Vec<_> = others.into_par_iter().map(one).collect::<Result<_, _>>()?;
+    Ok(found.into_iter().flatten().collect())
+}
+
+/// The parameters of a pair with other kinetics, with the plan's priors; those of the material where the plan took its
+/// priors from there and has none for a parameter. None where there is no prior.
+fn parameters(plan: &Plan, pair: &PairPlan) -> Result<Option<Vec<Parameter>>, InputError> {
+    let built_in = match pair.material.map(PriorFile::of_material).transpose()? {
+        Some(priors) if plan.prior_source.as_deref() == Some(&priors.file_name) => Some(priors),
+        _ => None,
+    };
+    let mut found = Vec::new();
+    for name in ParameterName::ALL.into_iter().filter(|name| name.is_used_by(pair.kinetics)) {
+        let of_plan = plan.parameters.iter().find(|one| one.name == pair.calibrated(name));
+        let of_material = || {
+            let prior = built_in.as_ref()?.get(name)?;
+            Some(Parameter::new(pair.calibrated(name), name.unit(), prior.clone()))
+        };
+        match of_plan.cloned().or_else(of_material) {
+            Some(parameter) => found.push(parameter),
+            None if name == ParameterName::Phi => {}
+            None => return Ok(None),
+        }
+    }
+    Ok(Some(found))
+}
+
+/// A small budget, smaller still for kinetics with tau_s alone, and nothing simulated but the samples.
+fn settings(plan: &Plan, parameters: usize) -> Settings {
+    let most = (plan.sampler.samples / 16).min(BUDGET);
+    let (samples, iterations) = if parameters > 2 { (most, 4) } else { (most / 3, 3) };
+    Settings {
+        samples,
+        iterations,
+        seed: plan.sampler.seed,
+        replicates: 8,
+        draws: 256,
+        map_simulations: 0,
+        ..Settings::default()
+    }
+}

@@ -1,0 +1,181 @@
+//! The average of the models of a comparison, kinetics and noise, by their evidence.
+
+use std::path::Path;
+
+use dem_core::{Kinetics, PairSpec, Powder};
+use serde::Serialize;
+
+use super::{Drawn, Prediction, Scatter, Wanted, carried, predicted};
+use crate::compare::{self, KeptModel, KeptModels};
+use crate::error::{Failure, InputError, Mistake};
+use crate::pair::model::NeckGrowth;
+use crate::pair::parameter::ParameterName;
+
+/// A model of an average.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct AveragedModel {
+    /// Its kinetics.
+    pub kinetics: Kinetics,
+    /// Its noise.
+    pub noise: String,
+    /// Its share in the average: its probability among the models, each being as likely beforehand.
+    pub weight: f64,
+}
+
+/// Predicts as [`predict`](super::predict()) with the average of the models of a comparison: `folder` is that of the
+/// comparison, `name` the material or experiment where it holds several.
+///
+/// # Errors
+///
+/// [`Failure`] for a folder without a comparison or without this name, and as [`predict`](super::predict()).
+pub fn predict_average(
+    folder: &Path,
+    name: Option<&str>,
+    wanted: &Wanted,
+) -> Result<Prediction, Failure> {
+    let kept = compare::read_models(folder, name)?;
+    average(&kept, wanted)
+}
+
+/// The average of kept models.
+pub(crate) fn average(kept: &KeptModels, wanted: &Wanted) -> Result<Prediction, Failure> {
+    wanted.checked()?;
+    let weights =
+        compare::weights(&kept.models.iter().map(|model| model.log_evidence).collect::<Vec<_>>());
+    let mut drawn = Vec::new();
+    let mut averaged = Vec::new();
+    let mut advice = Vec::new();
+    for (model, weight) in kept.models.iter().zip(weights) {
+        let own = draws_of(model, weight, wanted)?;
+        if own.is_empty() {
+            return Err(InputError::new(&kept.name, Mistake::Damaged)
+                .found("a model without draws")
+                .help("run the comparison again")
+                .into());
+        }
+        drawn.extend(own);
+        let kinetics = model.pair.kinetics;
+        if !model.trusted {
+            advice.push(format!(
+                "the posterior under {kinetics} with {} errors is not to be trusted; run the comparison with more --samples",
+                model.noise
+            ));
+        }
+        averaged.push(AveragedModel { kinetics, noise: model.noise.clone(), weight });
+    }
+    let Some(first) = kept.models.first() else {
+        return Err(InputError::new(&kept.name, Mistake::Empty)
+            .found("a comparison without models")
+            .help("run the comparison again")
+            .into());
+    };
+    if kept.left_out > 0 {
+        advice.push(format!(
+            "{} less probable models are left out, of probability {:.1e} together",
+            kept.left_out, kept.left_out_probability
+        ));
+    }
+    let calibrated_radius_m = first.pair.powder.radius_m;
+    let (sintering, after) = predicted(&drawn, wanted)?;
+    Ok(Prediction {
+        name: kept.name.clone(),
+        title: kept.title.clone(),
+        kinetics: None,
+        averaged,
+        radius_m: wanted.radius_m.unwrap_or(calibrated_radius_m),
+        calibrated_radius_m,
+        final_contact_ratio: first.pair.final_contact_ratio,
+        trusted: kept.models.iter().all(|model| model.trusted),
+        first_contact_s: None,
+        sintering,
+        after,
+        advice,
+    })
+}
+
+/// The draws of a model at the wanted radius; together they weigh `weight`.
+fn draws_of(model: &KeptModel, weight: f64, wanted: &Wanted) -> Result<Vec<Drawn>, InputError> {
+    let growth = NeckGrowth::new(&model.pair, &model.parameters, Vec::new())?;
+    let count = model.columns.first().map_or(0, Vec::len);
+    let calibrated = model.pair.powder.radius_m;
+    let radius_m = wanted.radius_m.unwrap_or(calibrated);
+    let damaged = || {
+        InputError::new("models of the comparison", Mistake::Damaged)
+            .found("columns of different lengths")
+            .help("run the comparison again")
+    };
+    (0..count)
+        .map(|row| {
+            let theta: Option<Vec<f64>> =
+                model.columns.iter().map(|column| column.get(row).copied()).collect();
+            let theta = theta.ok_or_else(damaged)?;
+            let phi = growth
+                .place(ParameterName::Phi)
+                .and_then(|place| theta.get(place).copied())
+                .unwrap_or(model.pair.final_contact_ratio);
+            let scene = PairSpec::new(Powder { radius_m, ..model.pair.powder }, phi).build();
+            let sigma = model.sigma.as_ref().and_then(|sigma| sigma.get(row).copied());
+            Ok(Drawn {
+                scene: scene.map_err(carried)?,
+                sintering: growth.sintering(&theta).at_radius(calibrated, radius_m),
+                kinetics: model.pair.kinetics,
+                weight: weight / count as f64,
+                scatter: sigma.map(|sigma| Scatter { sigma, outliers: model.outliers }),
+            })
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compare::Compared;
+    use crate::input::material::Material;
+    use crate::plan::PairOptions;
+    use crate::watch::Unwatched;
+    use smc_calib::{Noise, Weighted};
+
+    /// Two models with draws of their own: three-stage and three-stage-pokluda of PEEK with correlated errors.
+    fn two_models() -> KeptModels {
+        let options =
+            PairOptions { material: Some(Material::Peek), samples: 1024, ..PairOptions::default() };
+        let noises = [Noise::correlated()];
+        let compared = Compared::new(&options, &noises, false, false, &Unwatched::default());
+        let mut kept = compared.expect("a comparison").kept.remove(0);
+        kept.models.truncate(2);
+        kept
+    }
+
+    #[test]
+    fn the_average_has_the_quantiles_of_the_weighted_union_of_the_models_draws() {
+        let mut kept = two_models();
+        // Evidences of known ratio: 3 to 1.
+        kept.models[0].log_evidence = 3f64.ln();
+        kept.models[1].log_evidence = 0.0;
+        let wanted = Wanted { after_s: vec![20.0], with_noise: true, ..Wanted::default() };
+        let mixed = average(&kept, &wanted).expect("an average");
+        assert!((mixed.averaged[0].weight - 0.75).abs() < 1e-12, "{:?}", mixed.averaged);
+        let mut union = Vec::new();
+        for (model, weight) in kept.models.iter().zip([0.75, 0.25]) {
+            let alone = KeptModels { models: vec![model.clone()], ..kept.clone() };
+            let growth = NeckGrowth::new(&model.pair, &model.parameters, vec![20.0]);
+            let growth = growth.expect("a model");
+            let count = model.columns[0].len();
+            for row in 0..count {
+                let theta: Vec<f64> = model.columns.iter().map(|column| column[row]).collect();
+                let mut curve = [0.0];
+                growth.curve(&growth.sintering(&theta), &mut curve).expect("a curve");
+                union.push((curve[0], weight / count as f64));
+            }
+            assert_eq!(average(&alone, &wanted).expect("one model").averaged[0].weight, 1.0);
+        }
+        let union = Weighted::new(union);
+        let found = &mixed.after[0];
+        assert!((found.contact_ratio.median - union.quantile(0.5)).abs() < 1e-12);
+        let [lower, upper] = union.interval(0.95);
+        assert!((found.contact_ratio.eti95[0] - lower).abs() < 1e-12);
+        assert!((found.contact_ratio.eti95[1] - upper).abs() < 1e-12);
+        let measured = found.measured.as_ref().expect("with noise");
+        assert!(measured.eti95[1] - measured.eti95[0] > upper - lower, "noise widens");
+    }
+}

@@ -1,0 +1,405 @@
+//! The sintering time of a pair from a saved posterior, with its interval.
+//!
+//! Every posterior draw is pushed through the exact curve; nothing is calibrated again. For another radius
+//! tau_s moves with it, tau_s(R) = tau_s R/R_cal; C1 and delta_c belong to the material and stay. [`predict_average`] does the
+//! same with the draws of several models, weighted by their evidence.
+
+mod average;
+
+pub use average::{AveragedModel, predict_average};
+
+use dem_core::{
+    Kinetics, PairScene, SceneError, Sintering, SolverKind, SolverSettings, contact_ratios,
+    time_to_contact_ratio,
+};
+use serde::Serialize;
+
+use crate::careful::Careful;
+use crate::error::{Failure, InputError, Mistake, RunError};
+use crate::number::significant;
+use crate::pair::draws::PairDraws;
+use crate::pair::parameter::ParameterName;
+use smc_calib::Weighted;
+
+/// A quantity over the posterior draws that have it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Predicted {
+    /// Posterior median.
+    pub median: f64,
+    /// Equal-tailed 50 % interval.
+    pub eti50: [f64; 2],
+    /// Equal-tailed 90 % interval.
+    pub eti90: [f64; 2],
+    /// Equal-tailed 95 % interval.
+    pub eti95: [f64; 2],
+}
+
+impl Predicted {
+    /// Of values with their weights.
+    fn of(values: impl IntoIterator<Item = (f64, f64)>) -> Option<Self> {
+        let draws = Weighted::new(values);
+        let median = draws.quantile(0.5);
+        median.is_finite().then(|| Self {
+            median,
+            eti50: draws.interval(0.5),
+            eti90: draws.interval(0.9),
+            eti95: draws.interval(0.95),
+        })
+    }
+
+    fn text(&self, unit: &str) -> String {
+        let interval =
+            |[a, b]: [f64; 2]| format!("{} .. {}{unit}", significant(a, 3), significant(b, 3));
+        format!(
+            "{}{unit} (50 % {}, 95 % {})",
+            significant(self.median, 3),
+            interval(self.eti50),
+            interval(self.eti95)
+        )
+    }
+}
+
+/// The time at which a contact ratio is reached.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SinteringTime {
+    /// The target a/R.
+    pub contact_ratio: f64,
+    /// The time \[s\] over the draws that reach it; none where no draw does.
+    pub time_s: Option<Predicted>,
+    /// Number of draws whose curve ends below the target.
+    pub never: usize,
+    /// Number of draws.
+    pub draws: usize,
+    /// Probability that the target is never reached.
+    pub never_probability: f64,
+}
+
+/// The contact ratio at a given time.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ContactAfter {
+    /// The time \[s\].
+    pub time_s: f64,
+    /// a/R at that time.
+    pub contact_ratio: Predicted,
+    /// A new measurement of it, in an experiment of its own: with the noise of each draw.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub measured: Option<Predicted>,
+}
+
+/// What is to be predicted.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Wanted {
+    /// Contact ratios whose times are asked for.
+    pub targets: Vec<f64>,
+    /// Times \[s\] whose contact ratios are asked for.
+    pub after_s: Vec<f64>,
+    /// Radius of the pair \[m\]; the calibrated one where there is none.
+    pub radius_m: Option<f64>,
+    /// Whether contact ratios are given as measured, with noise, too.
+    pub with_noise: bool,
+}
+
+impl Wanted {
+    fn checked(&self) -> Result<(), InputError> {
+        let nothing = || InputError::new("predict", Mistake::MissingField);
+        if self.targets.is_empty() && self.after_s.is_empty() {
+            return Err(nothing()
+                .found("nothing to predict")
+                .expected("--contact-ratio A/R, --coalescence PERCENT or --after SECONDS")
+                .help("calibrate predict --posterior results/pa12 --contact-ratio 0.9"));
+        }
+        if self.with_noise && self.after_s.is_empty() {
+            return Err(nothing().found("--with-noise without a time").expected(
+                "--after SECONDS: a contact ratio is measured, a sintering time is not",
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// A draw at the radius that is predicted for.
+struct Drawn {
+    scene: PairScene,
+    sintering: Sintering,
+    kinetics: Kinetics,
+    weight: f64,
+    /// None where the noise is not known at other times than the observed ones.
+    scatter: Option<Scatter>,
+}
+
+/// How measurements scatter around the curve of a draw.
+#[derive(Debug, Clone, Copy)]
+struct Scatter {
+    sigma: f64,
+    /// Share of outliers, and how much wider they scatter.
+    outliers: Option<[f64; 2]>,
+}
+
+impl Scatter {
+    /// The error of draw number `k`: by golden-ratio sequences, the same for every time.
+    fn error(&self, k: usize) -> f64 {
+        let u = |step: f64| ((k as f64 + 0.5) * step).fract();
+        let widening = match self.outliers {
+            Some([share, width]) if u(0.754_877_666_246_692_8) < share => width,
+            _ => 1.0,
+        };
+        self.sigma * widening * smc_calib::normal::quantile(u(0.618_033_988_749_894_9))
+    }
+}
+
+/// Sintering times and contact ratios of a pair.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Prediction {
+    /// Name of the calibration that the draws come from.
+    pub name: String,
+    /// Its heading.
+    #[serde(skip)]
+    pub title: String,
+    /// Its kinetics; none for an average over several models.
+    pub kinetics: Option<Kinetics>,
+    /// The models of an average, the most probable first; empty for one posterior.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub averaged: Vec<AveragedModel>,
+    /// Radius of the predicted pair \[m\].
+    pub radius_m: f64,
+    /// Radius that the posterior was calibrated at \[m\].
+    pub calibrated_radius_m: f64,
+    /// Final contact ratio phi of the calibration.
+    #[serde(skip)]
+    pub final_contact_ratio: f64,
+    /// Whether the posterior's own diagnostics let it be trusted.
+    pub trusted: bool,
+    /// Time of first contact in the clock of the table \[s\], where it was calibrated; predicted times count from it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub first_contact_s: Option<Predicted>,
+    /// Sintering times, one per target.
+    pub sintering: Vec<SinteringTime>,
+    /// Contact ratios, one per time.
+    pub after: Vec<ContactAfter>,
+    /// Reasons to be careful.
+    pub advice: Vec<String>,
+}
+
+/// Predicts the times at which contact ratios are reached and the contact ratios at some times, for a pair of another
+/// radius or of the calibrated one. Times count from first contact.
+///
+/// # Errors
+///
+/// [`Failure`] for a radius or target that the model cannot take, for noise that is not known, or where nothing is asked
+/// for.
+pub fn predict(calibrated: &PairDraws, wanted: &Wanted) -> Result<Prediction, Failure> {
+    wanted.checked()?;
+    let PairDraws { record, pair, .. } = calibrated;
+    let kinetics = pair.kinetics;
+    let calibrated_radius_m = pair.powder.radius_m;
+    let radius_m = wanted.radius_m.unwrap_or(calibrated_radius_m);
+    let (sintering, after) = predicted(&draws(calibrated, radius_m)?, wanted)?;
+    let mut advice = calibrated.advice.clone();
+    if kinetics == Kinetics::Pokluda || kinetics == Kinetics::ThreeStagePokluda {
+        let limit = 2f64.cbrt();
+        if wanted.targets.iter().any(|target| (target - limit).abs() < 1e-3) {
+            advice.push(Careful::NeverReached { kinetics: kinetics.to_string() }.to_string());
+        }
+    }
+    Ok(Prediction {
+        name: record.plan.name.clone(),
+        title: record.plan.title.clone(),
+        kinetics: Some(kinetics),
+        averaged: Vec::new(),
+        radius_m,
+        calibrated_radius_m,
+        final_contact_ratio: pair.final_contact_ratio,
+        trusted: record.trust.trusted(),
+        first_contact_s: Predicted::of(
+            (0..calibrated.len())
+                .filter_map(|row| Some((calibrated.value(ParameterName::T0, row)?, 1.0))),
+        ),
+        sintering,
+        after,
+        advice,
+    })
+}
+
+/// The pair of every draw at a radius, with its sintering parameters there.
+fn draws(calibrated: &PairDraws, radius_m: f64) -> Result<Vec<Drawn>, InputError> {
+    let unused = Sintering { c1: 1.0, tau_s: 1.0, delta_c: 1.0 };
+    (0..calibrated.len())
+        .map(|row| {
+            let scene = calibrated.pair_of(row, radius_m).map_err(carried)?;
+            let sintering = calibrated.sintering(row, unused);
+            let sigma = calibrated.sigma.as_ref().and_then(|sigma| sigma.get(row).copied());
+            Ok(Drawn {
+                scene,
+                sintering: sintering.at_radius(calibrated.pair.powder.radius_m, radius_m),
+                kinetics: calibrated.pair.kinetics,
+                weight: 1.0,
+                scatter: sigma.map(|sigma| Scatter { sigma, outliers: calibrated.outliers }),
+            })
+        })
+        .collect()
+}
+
+/// A radius that the model cannot take.
+fn carried(error: SceneError) -> InputError {
+    InputError::new("--radius-m", Mistake::OutOfRange).found(error)
+}
+
+/// Everything that is wanted, over some draws.
+fn predicted(
+    drawn: &[Drawn],
+    wanted: &Wanted,
+) -> Result<(Vec<SinteringTime>, Vec<ContactAfter>), Failure> {
+    let total: f64 = drawn.iter().map(|draw| draw.weight).sum();
+    let time_to = |target: f64| {
+        let times: Vec<(f64, f64)> = drawn
+            .iter()
+            .filter_map(|Drawn { scene, sintering, kinetics, weight, .. }| {
+                Some((time_to_contact_ratio(scene, *kinetics, sintering, target)?, *weight))
+            })
+            .collect();
+        let reached: f64 = times.iter().map(|(_, weight)| weight).sum();
+        let never = drawn.len() - times.len();
+        SinteringTime {
+            contact_ratio: target,
+            never,
+            draws: drawn.len(),
+            never_probability: if never == 0 { 0.0 } else { (1.0 - reached / total).max(0.0) },
+            time_s: Predicted::of(times),
+        }
+    };
+    let sintering = wanted.targets.iter().map(|target| time_to(*target)).collect();
+    Ok((sintering, contact_after(drawn, wanted)?))
+}
+
+fn contact_after(drawn: &[Drawn], wanted: &Wanted) -> Result<Vec<ContactAfter>, Failure> {
+    let settings = SolverSettings::of(SolverKind::ClosedForm);
+    let mut times_s = wanted.after_s.clone();
+    times_s.sort_by(f64::total_cmp);
+    if times_s.is_empty() {
+        return Ok(Vec::new());
+    }
+    let unknown = drawn.iter().any(|draw| draw.scatter.is_none());
+    if wanted.with_noise && unknown {
+        return Err(InputError::new("--with-noise", Mistake::Conflict)
+            .found("noise that is stated row by row, or as a share of the value")
+            .expected("a calibration with one noise standard deviation")
+            .help("calibrate with --noise inferred, correlated or robust")
+            .into());
+    }
+    let mut columns = vec![Vec::with_capacity(drawn.len()); times_s.len()];
+    let mut curve = vec![0.0; times_s.len()];
+    for Drawn { scene, sintering, kinetics, weight, .. } in drawn {
+        contact_ratios(scene, *kinetics, sintering, &settings, &times_s, &mut curve)
+            .map_err(RunError::new)?;
+        for (column, value) in columns.iter_mut().zip(&curve) {
+            column.push((*value, *weight));
+        }
+    }
+    let noisy = |column: &[(f64, f64)]| {
+        let pairs = column.iter().zip(drawn).enumerate();
+        Predicted::of(pairs.map(|(k, ((value, weight), draw))| {
+            (value + draw.scatter.map_or(0.0, |scatter| scatter.error(k)), *weight)
+        }))
+    };
+    times_s
+        .into_iter()
+        .zip(columns)
+        .map(|(time_s, column)| {
+            let measured = if wanted.with_noise { noisy(&column) } else { None };
+            let contact_ratio = Predicted::of(column)
+                .ok_or_else(|| RunError::new("the posterior holds no draw to predict from"))?;
+            Ok(ContactAfter { time_s, contact_ratio, measured })
+        })
+        .collect()
+}
+
+impl Prediction {
+    /// As text.
+    pub fn text(&self) -> String {
+        let elsewhere = if self.radius_m == self.calibrated_radius_m {
+            String::new()
+        } else {
+            let calibrated_um = significant(1e6 * self.calibrated_radius_m, 3);
+            format!(" (calibrated at {calibrated_um} um; tau_s moved in proportion to R)")
+        };
+        let radius_um = significant(1e6 * self.radius_m, 3);
+        let of = match self.kinetics {
+            Some(kinetics) => format!("{kinetics} kinetics"),
+            None => format!("average of {} by evidence", models(self.averaged.len())),
+        };
+        let mut lines = vec![format!("{}, R = {radius_um} um, {of}{elsewhere}", self.title)];
+        lines.extend(self.averaged.iter().map(|model| {
+            format!("  {:.3}  {} with {} errors", model.weight, model.kinetics, model.noise)
+        }));
+        if let Some(start) = &self.first_contact_s {
+            lines.push(format!(
+                "  times count from first contact, at t0 = {} in the table's clock",
+                start.text(" s")
+            ));
+        }
+        for target in &self.sintering {
+            let ratio = significant(target.contact_ratio, 3);
+            lines.push(match &target.time_s {
+                Some(time) => format!("  a/R = {ratio} is reached after {}", time.text(" s")),
+                None => format!("  a/R = {ratio} is never reached"),
+            });
+            if target.never > 0 && !self.averaged.is_empty() {
+                lines.push(format!(
+                    "    with probability {} it is never reached, which is not in the interval (phi = {})",
+                    significant(target.never_probability, 2),
+                    significant(self.final_contact_ratio, 4)
+                ));
+            } else if target.never > 0 {
+                lines.push(format!(
+                    "    {} of {} draws never reach it and are not in the interval (phi = {})",
+                    target.never,
+                    target.draws,
+                    significant(self.final_contact_ratio, 4)
+                ));
+            }
+        }
+        for after in &self.after {
+            let time_s = significant(after.time_s, 4);
+            lines.push(format!("  after {time_s} s a/R is {}", after.contact_ratio.text("")));
+            if let Some(measured) = &after.measured {
+                lines.push(format!("    and is measured as {}", measured.text("")));
+            }
+        }
+        lines.extend(self.advice.iter().map(|line| format!("  careful: {line}")));
+        lines.push(String::new());
+        lines.join("\n")
+    }
+
+    /// As CSV, a row per prediction.
+    pub fn csv(&self) -> String {
+        let mut text = String::from(
+            "predicted,given,unit,median,eti50_lower,eti50_upper,eti90_lower,eti90_upper,eti95_lower,eti95_upper,draws_never\n",
+        );
+        let mut row = |what: &str, given: f64, unit: &str, p: Option<&Predicted>, never: usize| {
+            let numbers = p.map_or_else(
+                || [const { String::new() }; 7],
+                |p| {
+                    let ([a, b], [c, d], [e, f]) = (p.eti50, p.eti90, p.eti95);
+                    [p.median, a, b, c, d, e, f].map(|number| number.to_string())
+                },
+            );
+            text.push_str(&format!("{what},{given},{unit},{},{never}\n", numbers.join(",")));
+        };
+        for target in &self.sintering {
+            let time_s = target.time_s.as_ref();
+            row("time to contact_ratio", target.contact_ratio, "s", time_s, target.never);
+        }
+        for after in &self.after {
+            row("contact_ratio after time_s", after.time_s, "1", Some(&after.contact_ratio), 0);
+            if let Some(measured) = &after.measured {
+                row("measured contact_ratio after time_s", after.time_s, "1", Some(measured), 0);
+            }
+        }
+        text
+    }
+}
+
+/// A number of models in words.
+fn models(count: usize) -> String {
+    if count == 1 { "1 model".to_owned() } else { format!("{count} models") }
+}
