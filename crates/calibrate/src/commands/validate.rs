@@ -28,7 +28,7 @@ pub(crate) struct ValidateArgs {
     #[arg(short, long, value_name = "FILE", requires = "experiment")]
     prior: Option<PathBuf>,
 
-    /// A plan file (.toml or .json) of one pair with the built-in simulator and inferred noise
+    /// A plan file (.toml or .json) of one pair with the built-in simulator and inferred, correlated or robust noise
     #[arg(long, value_name = "FILE", conflicts_with_all = ["material", "experiment", "prior", "samples"])]
     plan: Option<PathBuf>,
 
