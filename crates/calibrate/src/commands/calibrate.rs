@@ -66,7 +66,7 @@ pub(crate) struct CalibrateArgs {
     noise: Noise,
 
     /// Do not look at what other kinetics are worth by evidence. They are looked at for pairs with the closed-form
-    /// solver, up to 500 observations and from 4096 simulations, and take a small share of the time
+    /// solver, up to 500 observations and from 4096 simulations, and add about half to the time
     #[arg(long, help_heading = "Model")]
     no_other_kinetics: bool,
 

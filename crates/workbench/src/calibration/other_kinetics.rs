@@ -17,15 +17,15 @@ use crate::record::{OtherKinetics, Record};
 const LEAST_SAMPLES: usize = 4096;
 /// Most observations: beyond them it would take more than a small share of a second.
 const MOST_OBSERVATIONS: usize = 500;
-/// Most simulations for kinetics with three parameters.
-const BUDGET: usize = 768;
+/// Most simulations for kinetics with three parameters: with 768 the sampler does not converge on the materials.
+const BUDGET: usize = 2048;
 /// Standard errors that a difference must be beyond.
 const ERRORS: f64 = 2.0;
 /// Evidence that is not worth more than a bare mention, in ln K (Kass and Raftery).
 const BARE_MENTION: f64 = 1.0;
 
 /// Adds to the record of one pair what other kinetics are worth. Nothing is added where they cannot be computed in a
-/// small share of the run's time: programs, numerical solvers, many observations, small budgets; nor for tuned or given samples.
+/// fraction of a second: programs, numerical solvers, many observations, small budgets; nor for tuned or given samples.
 pub(super) fn add(
     plan: &Plan,
     posterior: &Posterior,
@@ -114,8 +114,8 @@ fn parameters(plan: &Plan, pair: &PairPlan) -> Result<Option<Vec<Parameter>>, In
 
 /// A small budget, smaller still for kinetics with tau_s alone, and nothing simulated but the samples.
 fn settings(plan: &Plan, parameters: usize) -> Settings {
-    let most = (plan.sampler.samples / 16).min(BUDGET);
-    let (samples, iterations) = if parameters > 2 { (most, 4) } else { (most / 3, 3) };
+    let most = (plan.sampler.samples / 8).min(BUDGET);
+    let (samples, iterations) = if parameters > 2 { (most, 6) } else { (most / 4, 3) };
     Settings {
         samples,
         iterations,

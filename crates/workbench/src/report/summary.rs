@@ -209,7 +209,7 @@ fn other_kinetics_line(record: &Record) -> String {
             let apart = if other.tau_s_disjoint { ", apart from that above" } else { "" };
             let [lower, upper] = other.tau_s_eti95.map(|end| significant(end, 3));
             format!(
-                "{} (Bayes factor {} in its favour; tau_s {} s, 95 % {lower} .. {upper} s{apart})",
+                "{} (Bayes factor {} over the one used; tau_s {} s, 95 % {lower} .. {upper} s{apart})",
                 other.kinetics,
                 significant(other.ln_bayes_factor.exp(), 2),
                 significant(other.tau_s_median, 3),
