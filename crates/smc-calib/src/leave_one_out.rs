@@ -239,8 +239,8 @@ mod tests {
         (1..=Y.len()).map(|k| 0.25 * k as f64).collect()
     }
 
-    fn posterior(problem: &Problem<'_>) -> LeaveOneOut {
-        let settings = Settings { seed: 3, ..Settings::default() };
+    fn posterior(problem: &Problem<'_>, samples: usize) -> LeaveOneOut {
+        let settings = Settings { seed: 3, samples, ..Settings::default() };
         let posterior = calibrate(problem, &settings, &mut ()).expect("a posterior");
         leave_one_out(problem, &posterior).expect("no error").expect("a posterior")
     }
@@ -260,7 +260,7 @@ mod tests {
             observations: Observations::new(t(), Y.to_vec()).expect("observations"),
             noise: Noise::Fixed { sigma: FixedSigma::Absolute(sigma) },
         };
-        let found = posterior(&problem);
+        let found = posterior(&problem, 16_384);
         let mut exact_sum = 0.0;
         for (i, point) in found.points.iter().enumerate() {
             let v = 1.0 / (1.0 + (Y.len() - 1) as f64 / sigma.powi(2));
@@ -297,7 +297,7 @@ mod tests {
 
     /// Largest difference of the left-out densities of some observations from p(y_i | others) = Z(all)/Z(others), both by
     /// brute force.
-    fn off(noise: &Noise, observations: std::ops::Range<usize>) -> f64 {
+    fn off(noise: &Noise, observations: std::ops::Range<usize>, samples: usize) -> f64 {
         let evidence = |keep: &dyn Fn(usize) -> bool| {
             let pick = |v: &[f64]| -> Vec<f64> {
                 v.iter().enumerate().filter(|(i, _)| keep(*i)).map(|(_, v)| *v).collect()
@@ -316,7 +316,7 @@ mod tests {
             observations: Observations::new(t(), Y.to_vec()).expect("observations"),
             noise: noise.clone(),
         };
-        let found = posterior(&problem);
+        let found = posterior(&problem, samples);
         let all = evidence(&|_| true);
         let off = |i: usize| (found.points[i].ln_density - all + evidence(&|j| j != i)).abs();
         observations.map(off).fold(0.0, f64::max)
@@ -324,13 +324,13 @@ mod tests {
 
     #[test]
     fn leaving_out_agrees_with_quadrature_of_the_evidence_without_each_observation() {
-        let off = off(&Noise::Inferred { nu0: 4.0, s0: 0.1 }, 0..Y.len());
+        let off = off(&Noise::Inferred { nu0: 4.0, s0: 0.1 }, 0..Y.len(), 16_384);
         assert!(off < 0.03, "{off}");
     }
 
     #[test]
     fn leaving_out_under_robust_noise_agrees_with_evidence_without_each_observation() {
-        let off = off(&Noise::Robust { nu0: 4.0, s0: 0.1 }, 0..Y.len());
+        let off = off(&Noise::Robust { nu0: 4.0, s0: 0.1 }, 0..Y.len(), 16_384);
         assert!(off < 0.03, "{off}");
     }
 
@@ -339,7 +339,9 @@ mod tests {
         // Not the first and the last: without them the range is another one, and so is the prior of the length.
         let scale = Some(crate::DistanceScale::Linear);
         let noise = Noise::Correlated { nu0: 4.0, s0: 0.1, scale, nodes: Some([8, 8]) };
-        let off = off(&noise, 1..Y.len() - 1);
+        // Length and share are drawn once for each sample, too: 16 384 samples leave 0.031.
+        let off = off(&noise, 1..Y.len() - 1, 65_536);
+        eprintln!("off by {off}");
         assert!(off < 0.03, "{off}");
     }
 }

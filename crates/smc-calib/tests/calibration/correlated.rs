@@ -85,10 +85,4 @@ fn the_posterior_of_a_constant_under_errors_of_known_correlation_is_that_of_line
         };
         assert!((l / length - 1.0).abs() < 1e-12 && (w - white).abs() < 1e-12);
     }
-    // Errors that are taken for independent give a mean of ten values that are not.
-    let independent = Problem { noise: Noise::Inferred { nu0: NU0, s0: S0 }, ..problem };
-    let narrow =
-        calibrate(&independent, &Settings { samples: 4096, ..Settings::default() }, &mut ())
-            .unwrap();
-    assert!(narrow.parameters[0].in_coordinate.sd < 0.8 * sd);
 }
