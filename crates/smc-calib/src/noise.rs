@@ -132,7 +132,7 @@ pub enum FixedSigma {
     Absolute(f64),
     /// A share of each measured value.
     Relative(f64),
-    /// One per observation: [`Observations::with_sigma`].
+    /// One per observation: [`Observations::with_sigma`](crate::Observations::with_sigma).
     PerPoint,
 }
 

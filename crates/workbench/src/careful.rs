@@ -151,19 +151,13 @@ impl Careful {
                 "{best} against {other} with {noise} errors: the evidences differ by {}, no more than their Monte Carlo error {} allows to tell",
                 significant(*difference, 2), significant(*error, 2)
             ),
-            Self::PriorDecides { best, other, noise, parameters, reach, difference } => format!(
-                "{best} against {other} with {noise} errors: the prior decides: they differ in {parameters} informed parameter{}, and a prior one decade wider or narrower in each moves ln K by {}, more than the {} between them (Lindley's paradox)",
-                if *parameters == 1 { "" } else { "s" },
-                significant(*reach, 2), significant(*difference, 2)
-            ),
-            Self::DependentComparison { kinetics, noise, lag1, correlated } => format!(
-                "neighbouring residuals are alike even under {kinetics} with {noise} errors (lag-1 correlation {lag1:.2}): {}",
-                if *correlated {
-                    "no noise of this table describes them, and its evidences say which is the least bad"
-                } else {
-                    "the evidences take the errors for independent, and they are not"
-                }
-            ),
+            Self::PriorDecides { best, other, noise, parameters, reach, difference } => {
+                let between = format!("{best} against {other} with {noise} errors");
+                prior_decides(&between, *parameters, *reach, *difference)
+            }
+            Self::DependentComparison { kinetics, noise, lag1, correlated } => {
+                dependent(kinetics, noise, *lag1, *correlated)
+            }
             Self::FinalContactRatioReadOff { value } => format!(
                 "the final contact ratio {} was read off the data that it helps to fit, for every kinetics alike",
                 short(value)
@@ -224,6 +218,28 @@ impl Careful {
             Self::FinalContactRatioReadOff { .. } => "--phi calibrates it instead",
         }
     }
+}
+
+/// Words on a comparison that another prior would change.
+fn prior_decides(between: &str, parameters: usize, reach: f64, difference: f64) -> String {
+    format!(
+        "{between}: the prior decides: they differ in {parameters} informed parameter{}, and a prior one decade wider or narrower in each moves ln K by {}, more than the {} between them (Lindley's paradox)",
+        if parameters == 1 { "" } else { "s" },
+        significant(reach, 2),
+        significant(difference, 2)
+    )
+}
+
+/// Words on a comparison whose best entry leaves residuals that are alike.
+fn dependent(kinetics: &str, noise: &str, lag1: f64, correlated: bool) -> String {
+    format!(
+        "neighbouring residuals are alike even under {kinetics} with {noise} errors (lag-1 correlation {lag1:.2}): {}",
+        if correlated {
+            "no noise of this table describes them, and its evidences say which is the least bad"
+        } else {
+            "the evidences take the errors for independent, and they are not"
+        }
+    )
 }
 
 impl fmt::Display for Careful {

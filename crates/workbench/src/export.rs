@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use campaign::{Contents, Outcome, Task};
 use smc_calib::{Likelihood, Observer, Posterior, Sample, SimError, Simulator, StageRecord};
 
-use crate::calibration::{Stored, groups, read_stored, refuse_older_layout, refused, sample};
+use crate::calibration::{Stored, read_stored, refuse_older_layout, refused, sample};
 use crate::error::{Failure, InputError, Mistake};
 use crate::input::sample_table;
 use crate::output::{self, CAMPAIGN};
@@ -131,7 +131,7 @@ impl<'a> Replay<'a> {
     /// The posterior of the stages that are complete; none before the first.
     fn posterior(&self) -> Option<Posterior> {
         let mut complete = StopAfter { stages: usize::MAX, seen: 0 };
-        let groups = groups(&self.stored.plan).ok()?;
+        let groups = self.stored.plan.groups().ok()?;
         let all = sample(&self.stored.plan, groups.clone(), self, &mut complete);
         if let Ok(posterior) = all {
             return Some(posterior);
@@ -227,7 +227,8 @@ fn samples<'a>(replay: &'a Replay<'_>, posterior: Option<&'a Posterior>) -> Vec<
 }
 
 fn samples_csv(plan: &Plan, replay: &Replay<'_>, samples: &[SampleSoFar<'_>]) -> String {
-    let likelihoods: Vec<_> = groups(plan)
+    let likelihoods: Vec<_> = plan
+        .groups()
         .unwrap_or_default()
         .into_iter()
         .filter_map(|group| Likelihood::new(&group.noise, &group.observations).ok())

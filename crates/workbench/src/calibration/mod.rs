@@ -13,5 +13,5 @@ mod store;
 
 pub use run::{Finished, RunOptions, Timings, resume, run};
 pub use sampling::Calibration;
-pub(crate) use sampling::{groups, sample};
+pub(crate) use sampling::sample;
 pub(crate) use store::{Stored, read_stored, refuse_older_layout, refused};

@@ -14,7 +14,7 @@ use campaign::{Campaign, Event, Executor, ExecutorError, Local};
 use serde::Serialize;
 use smc_calib::Posterior;
 
-use super::sampling::{Calibration, Stages, failure, groups, sample};
+use super::sampling::{Calibration, Stages, failure, sample};
 use super::sensitivity::sensitivity;
 use super::store::{self, Stored, refused};
 use super::{other_kinetics, record};
@@ -200,7 +200,7 @@ impl Driver<'_> {
             on_event: Box::new(on_event(plan, self.watch)),
         };
         let experiments = Experiments::new(plan, Some(runner), self.watch)?;
-        let groups = groups(plan)?;
+        let groups = plan.groups()?;
         let pool = pool(options.threads)?;
         let mut stages = Stages::new(self.watch, Some(self.campaign));
         let sampled = pool.install(|| sample(plan, groups, &experiments, &mut stages));

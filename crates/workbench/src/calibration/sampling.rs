@@ -44,7 +44,7 @@ impl Calibration {
         }
         watch.begin(plan.budget() as u64, 0, "simulations");
         let experiments = Experiments::new(plan, None, watch)?;
-        let sampled = sample(plan, groups(plan)?, &experiments, stages);
+        let sampled = sample(plan, plan.groups()?, &experiments, stages);
         watch.end();
         // What a break between stages leaves is no answer to the plan.
         if watch.stop().asked() {
@@ -55,16 +55,6 @@ impl Calibration {
         let record = record(plan, &planned.warnings, &posterior, sensitivity)?;
         Ok(Self { record, posterior })
     }
-}
-
-/// The observables of a plan as groups of observations, in the order of the simulated values.
-pub(crate) fn groups(plan: &Plan) -> Result<Vec<Group>, InputError> {
-    plan.observables()
-        .map(|(experiment, observable)| {
-            let name = plan.label(experiment, observable);
-            Ok(Group::new(name, observable.observations()?, observable.noise.clone()))
-        })
-        .collect()
 }
 
 /// Samples the posterior of a plan; the groups are its observables, the simulator that of all its experiments.

@@ -9,7 +9,6 @@ use smc_calib::{
     calibrate_joint, reweighted,
 };
 
-use super::sampling::groups;
 use crate::error::Failure;
 use crate::plan::Plan;
 use crate::record::{Method, Sensitivity, SensitivityOf};
@@ -54,7 +53,7 @@ fn correlated_groups(plan: &Plan, posterior: &Posterior) -> Result<Option<Vec<Gr
         })
         .collect();
     let mut changed = false;
-    let mut groups = groups(plan)?;
+    let mut groups = plan.groups()?;
     let single = groups.len() == 1;
     for group in &mut groups {
         let asked = alike.iter().any(|name| match name {

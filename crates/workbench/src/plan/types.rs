@@ -8,7 +8,9 @@ use campaign::slurm::SlurmSettings;
 use campaign::{Call, ResultSpec};
 use dem_core::{Kinetics, PairScene, PairSpec, Powder, SolverKind, SolverSettings};
 use serde::{Deserialize, Serialize};
-use smc_calib::{Concern, FixedSigma, Noise, ObservationError, Observations, Parameter, Settings};
+use smc_calib::{
+    Concern, FixedSigma, Group, Noise, ObservationError, Observations, Parameter, Settings,
+};
 
 use crate::careful::{self, Careful, Simulations};
 use crate::error::{InputError, Mistake};
@@ -248,6 +250,20 @@ impl Plan {
                 SimulatorPlan::Builtin(_) => None,
             }
         })
+    }
+
+    /// The observables as groups of observations, in the order of the simulated values.
+    ///
+    /// # Errors
+    ///
+    /// [`InputError`] for measurements that cannot be observations.
+    pub fn groups(&self) -> Result<Vec<Group>, InputError> {
+        self.observables()
+            .map(|(experiment, observable)| {
+                let name = self.label(experiment, observable);
+                Ok(Group::new(name, observable.observations()?, observable.noise.clone()))
+            })
+            .collect()
     }
 
     /// Every observable with its experiment, in the order of the simulated values.
