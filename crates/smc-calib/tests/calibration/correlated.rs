@@ -86,3 +86,46 @@ fn the_posterior_of_a_constant_under_errors_of_known_correlation_is_that_of_line
         assert!((l / length - 1.0).abs() < 1e-12 && (w - white).abs() < 1e-12);
     }
 }
+
+#[test]
+fn truths_drawn_with_correlated_errors_have_even_ranks() {
+    use smc_calib::sbc::{Band, Study, coverage_score, intervals, quantities, run};
+    let control: Vec<f64> = (0..16).map(|k| 0.25 * f64::from(k)).collect();
+    let times = control.clone();
+    let line = FnSimulator::new(2, 16, move |theta: &[f64], out: &mut [f64]| {
+        for (o, t) in out.iter_mut().zip(&times) {
+            *o = theta[0] + theta[1] * t;
+        }
+        Ok::<(), SimError>(())
+    });
+    let normal = || Prior::new(PriorSpec::Normal { mean: 0.0, sd: 0.5 }).unwrap();
+    let noise = Noise::Correlated { nu0: 4.0, s0: 0.3, scale: None, nodes: None };
+    let parameters = vec![Parameter::new("a", "1", normal()), Parameter::new("b", "1", normal())];
+    let names = quantities(&parameters, &noise);
+    let covered = intervals(&parameters, &noise);
+    let study = Study {
+        simulator: &line,
+        parameters,
+        control,
+        noise,
+        origin: None,
+        settings: Settings { samples: 1024, draws: 256, seed: 40, ..Settings::default() },
+        data_sets: 100,
+    };
+    let outcomes = run(&study).unwrap();
+    let band = Band::new(outcomes.len(), 0.95);
+    for (q, name) in names.iter().enumerate() {
+        let ranks: Vec<f64> = outcomes.iter().map(|o| o.ranks[q]).collect();
+        let p = band.p_value(&ranks);
+        eprintln!("{name}: p = {p:.3}");
+        assert!(p > 1e-3, "{name}: p = {p}");
+    }
+    for (j, name) in covered.iter().enumerate() {
+        let hits =
+            |holds: &dyn Fn(usize) -> bool| (0..outcomes.len()).filter(|k| holds(*k)).count();
+        let half = coverage_score(hits(&|k| outcomes[k].inside50[j]), outcomes.len(), 0.5);
+        let most = coverage_score(hits(&|k| outcomes[k].inside95[j]), outcomes.len(), 0.95);
+        eprintln!("{name}: 50 % off by {half:+.1}, 95 % by {most:+.1} standard errors");
+        assert!(half.abs() < 3.9 && most.abs() < 3.9, "{name}: {half} {most}");
+    }
+}
