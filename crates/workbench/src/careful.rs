@@ -117,10 +117,9 @@ impl Careful {
                 "inertia is felt: the inertial number reaches {} in a heated phase, above {limit}: the bed does not creep as powder does",
                 significant(*inertial_number, 2)
             ),
-            Self::NecksMeet { time_s, contact_ratio, limit } => format!(
-                "from t = {} s (a/R {}) necks meet on more than {} % of the particles: what follows is outside the model",
-                short(time_s), short(contact_ratio), 100.0 * limit
-            ),
+            Self::NecksMeet { time_s, contact_ratio, limit } => {
+                necks_meet(*time_s, *contact_ratio, *limit)
+            }
             Self::OtherPowder { what, unit, scene, calibrated } => format!(
                 "the scene's {what} is {} {unit}, the posterior was calibrated with {} {unit}: another powder?",
                 short(scene), short(calibrated)
@@ -132,10 +131,9 @@ impl Careful {
             Self::FailedBeds { failed, draws } => format!(
                 "the beds of {failed} of {draws} draws could not be computed and are in no number"
             ),
-            Self::TargetOutsideModel { outside, draws, limit } => format!(
-                "{outside} of {draws} draws that reach the target do so outside the model, after necks have met on more than {} % of the particles: their times are a continuation, not a prediction",
-                100.0 * limit
-            ),
+            Self::TargetOutsideModel { outside, draws, limit } => {
+                outside_model(*outside, *draws, *limit)
+            }
             Self::FewDraws { draws } => format!(
                 "{draws} draws are few for a 90 % interval: its ends are the extreme draws"
             ),
@@ -218,6 +216,24 @@ impl Careful {
             Self::FinalContactRatioReadOff { .. } => "--phi calibrates it instead",
         }
     }
+}
+
+/// Words on a bed in which the necks of a particle meet.
+fn necks_meet(time_s: f64, contact_ratio: f64, limit: f64) -> String {
+    format!(
+        "from t = {} s (a/R {}) necks meet on more than {} % of the particles: what follows is outside the model",
+        significant(time_s, 3),
+        significant(contact_ratio, 3),
+        100.0 * limit
+    )
+}
+
+/// Words on draws that reach the target after the model has ended.
+fn outside_model(outside: usize, draws: usize, limit: f64) -> String {
+    format!(
+        "{outside} of {draws} draws that reach the target do so outside the model, after necks have met on more than {} % of the particles: their times are a continuation, not a prediction",
+        100.0 * limit
+    )
 }
 
 /// Words on a comparison that another prior would change.

@@ -6,7 +6,7 @@ use smc_calib::{Likelihood, Noise, NoiseShape, Posterior, Simulator as _, normal
 use workbench::error::{Failure, RunError};
 use workbench::input::material::Material;
 
-use super::models;
+use super::models::models;
 use crate::args::NoiseArgs;
 use crate::pair::{Calibration, settings};
 use crate::report::{Report, Table};

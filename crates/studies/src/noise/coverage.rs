@@ -11,7 +11,7 @@ use smc_calib::{FixedSigma, Noise, Settings, Simulator};
 use workbench::error::{Failure, RunError};
 use workbench::input::material::Material;
 
-use super::models;
+use super::models::models;
 use crate::args::NoiseArgs;
 use crate::pair::{Calibration, settings};
 use crate::quantile::quantile;

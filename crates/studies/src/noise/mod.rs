@@ -3,23 +3,14 @@
 mod ahead;
 mod cost;
 mod coverage;
+mod models;
 mod outliers;
 
 use std::path::Path;
 
-use smc_calib::Noise;
 use workbench::error::Failure;
 
 use crate::args::{NoiseArgs, NoisePart};
-
-/// Noise models by name.
-fn models() -> [(&'static str, Noise); 3] {
-    [
-        ("independent", Noise::default()),
-        ("correlated", Noise::correlated()),
-        ("robust", Noise::robust()),
-    ]
-}
 
 pub(crate) fn run(args: &NoiseArgs, out: &Path) -> Result<(), Failure> {
     let out = out.join("noise");
