@@ -33,7 +33,7 @@ pub(crate) fn run(args: &NoiseArgs, out: &Path) -> Result<(), Failure> {
     let mut text = format!("{} simulations.\n{TEXT}\n## Clean data\n\n", args.samples);
     let mut clean = Table::new(&["material", "noise", "ln Z", "sd C1", "sd tau_s", "sd delta_c"]);
     for material in Material::ALL {
-        for (name, noise) in super::models() {
+        for (name, noise) in super::models::models() {
             let found = posterior(material, &noise, &[], args.samples)?;
             let sds = found.parameters.iter().map(|p| format!("{:.4}", p.in_coordinate.sd));
             let mut row = vec![material.title().to_owned(), name.to_owned()];
