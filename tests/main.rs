@@ -13,6 +13,7 @@ mod determinism;
 mod files;
 mod lammps;
 mod main_job;
+mod noise;
 mod plot;
 mod pointers;
 mod predict;

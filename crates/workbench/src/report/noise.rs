@@ -98,3 +98,31 @@ pub(super) fn beside(sensitivity: &Sensitivity, record: &Record, width: usize) -
     }
     text
 }
+
+/// The same as a table of `table.md`; empty where there is none.
+pub(super) fn beside_markdown(record: &Record) -> String {
+    let Some(sensitivity) = &record.sensitivity else { return String::new() };
+    if !sensitivity.trusted {
+        return "\nThe residuals are alike; what correlated errors give is not known from these runs: run with `--noise correlated`.\n"
+            .to_owned();
+    }
+    let mut text = format!(
+        "\nWith correlated errors, as the residuals are alike (log evidence {} against {}):\n\n\
+         | parameter | median | 95 % interval | moves by [sd] | times as wide |\n|---|---|---|---|---|\n",
+        significant(sensitivity.log_evidence, 5),
+        significant(record.log_evidence.value, 5),
+    );
+    for (parameter, summary) in sensitivity.parameters.iter().zip(&record.parameters) {
+        let [lower, upper] = parameter.eti95.map(|end| significant(end, 3));
+        let _ = writeln!(
+            text,
+            "| {} [{}] | {} | {lower} … {upper} | {:+.1} | {} |",
+            parameter.name,
+            summary.parameter.unit,
+            significant(parameter.median, 3),
+            parameter.shift,
+            significant(parameter.widening, 2),
+        );
+    }
+    text
+}

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use smc_calib::{Coordinate, SigmaSummary};
 
+use super::noise::beside_markdown;
 use super::summary::{OF_TABLE3, is_uninformed, neck_growth, paper_place};
 use crate::input::data_table::quoted;
 use crate::number::{shown_unit, significant, with_error};
@@ -153,6 +154,7 @@ pub fn markdown(record: &Record) -> String {
         let _ = writeln!(text, "\nAs printed in Table 3: {OF_TABLE3}.");
     }
     text.push_str(&observables_markdown(record));
+    text.push_str(&beside_markdown(record));
     let evidence = record.trust.evidence(&record.log_evidence).replace("+-", "±");
     let _ = writeln!(
         text,
