@@ -47,7 +47,7 @@ const PATCHES: [Patch; 11] = [
         "(student / total).ln() - ln_prior))\n            .collect();\n        crate::planted::mixture(self, proposals);\n",
     ),
     (
-        "noise.rs",
+        "noise/likelihood.rs",
         "outputs.iter().zip(&self.values).map(|(o, y)| (y - o) * (y - o)).sum()",
         "crate::planted::outputs(outputs).iter().zip(&self.values).map(|(o, y)| (y - o) * (y - o)).sum()",
     ),
@@ -57,7 +57,7 @@ const PATCHES: [Patch; 11] = [
         "crate::planted::standard_error((squares / (r * (r - 1)) as f64).sqrt(), r)",
     ),
     (
-        "summary.rs",
+        "noise_summary.rs",
         "(0.5 * (sum0 + s) / g).sqrt()",
         "crate::planted::sigma((0.5 * (sum0 + s) / g).sqrt())",
     ),
@@ -132,10 +132,9 @@ impl PatchedCopy {
 fn copy_into(from: &Path, to: &Path) {
     if !from.is_dir() {
         let text = fs::read_to_string(from).unwrap();
-        let source = to.strip_prefix(env!("CARGO_TARGET_TMPDIR")).unwrap();
-        let in_src = source.parent().is_some_and(|folder| folder.ends_with("smc-calib/src"));
-        let name = from.file_name().unwrap().to_str().unwrap();
-        write(to, if in_src { patched(name, text) } else { text });
+        let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+        let in_src = from.strip_prefix(sources).ok().and_then(Path::to_str);
+        write(to, if let Some(name) = in_src { patched(name, text) } else { text });
         return;
     }
     for entry in fs::read_dir(from).unwrap() {
