@@ -101,3 +101,35 @@ fn noise_that_cannot_be_had_is_refused_with_the_reason() {
     let ran = sandbox.run("--experiment e.toml --dry-run");
     assert!(ran.succeeded().stdout.contains("are not used") || ran.stderr.contains("are not used"));
 }
+
+#[test]
+fn more_than_512_rows_can_have_correlated_and_robust_errors() {
+    let sandbox = Sandbox::new();
+    let rows: String = (1..=520)
+        .map(|k| {
+            let t = f64::from(k) * 1e-3;
+            format!("{t},{}\n", 1.07 * (1.0 - (-9.0 * t).exp()) + 0.01 * (0.3 * f64::from(k)).sin())
+        })
+        .collect();
+    sandbox.write("t.csv", format!("time_s,contact_ratio\n{rows}"));
+    sandbox.write("e.toml", "table = \"t.csv\"\nmaterial = \"ps\"\n");
+    for noise in ["correlated", "robust"] {
+        let line =
+            format!("--experiment e.toml --samples 64 --noise {noise} --out {noise} --quiet");
+        sandbox.run(&line).succeeded();
+    }
+}
+
+#[test]
+fn kinetics_that_fit_better_are_named_with_their_sintering_time() {
+    let sandbox = Sandbox::new();
+    let ran = sandbox.run("--material ps --out r");
+    let line = ran.succeeded().stdout.lines().find(|line| line.contains("other kinetics fit"));
+    let line = line.expect("a line");
+    assert!(line.contains("three-stage-pokluda (Bayes factor 2"), "{line}");
+    assert!(line.contains("apart from that above"), "{line}");
+    let quiet = sandbox.run("--material ps --no-other-kinetics --out q");
+    assert!(!quiet.succeeded().stdout.contains("other kinetics"), "{}", quiet.stdout);
+    let read = |dir: &str| fs::read(sandbox.path().join(dir).join("samples.csv")).expect("samples");
+    assert!(read("r") == read("q"));
+}

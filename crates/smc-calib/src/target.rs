@@ -130,7 +130,9 @@ impl<'a> CurveTarget<'a> {
         samples: usize,
     ) -> Self {
         let m = problem.observations();
-        if m <= 2 * MAX_PATH && m.saturating_mul(samples) <= MAX_KEPT {
+        // Noise with a shape is drawn from whole curves.
+        let few = m <= 2 * MAX_PATH || likelihood.has_shape();
+        if few && m.saturating_mul(samples) <= MAX_KEPT {
             let (indices, best) = ((0..m).collect(), Mutex::new(None));
             return Self { problem, likelihood, observations: m, indices, thinned: false, best };
         }

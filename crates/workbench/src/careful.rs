@@ -295,7 +295,8 @@ fn option(concern: &Concern, asked: Simulations) -> Option<String> {
             field(&format!("--samples {more}"), &format!("samples = {more} in [sampler]"))
         }
         Concern::ResidualsNotIndependent { lag1, modelled: false, .. } if *lag1 > 0.0 => {
-            field("--noise correlated", "noise = { kind = \"correlated\", s0 = ABOUT }")
+            let in_plan = "noise = { kind = \"correlated\", s0 = ABOUT }";
+            field(&format!("--noise correlated, in a plan {in_plan}"), in_plan)
         }
         Concern::NotAPosterior => {
             field("--noise inferred", "noise = { kind = \"inferred\" } of the observable")

@@ -140,8 +140,11 @@ impl Correlated {
             ln_scale: [f64::NEG_INFINITY; LANES],
         };
         let mut steps = vec![nothing; self.rows];
-        for (lane, node) in block.iter().enumerate() {
-            let mut ln_scale = node.prior.ln();
+        for lane in 0..LANES {
+            // A lane without a node of its own has the last one's sums of squares.
+            let node = block.get(lane).unwrap_or(&block[block.len() - 1]);
+            let weight = if lane < block.len() { node.prior } else { 0.0 };
+            let mut ln_scale = weight.ln();
             for (step, of) in steps.iter_mut().zip(self.filter(node.length, node.white)) {
                 ln_scale -= 0.5 * of.variance.ln();
                 step.decay[lane] = of.decay;
@@ -307,8 +310,11 @@ impl Correlated {
                 *total += t;
             }
         }
-        let half = 0.5 * (self.nu0 + (k + 1) as f64);
-        total.iter().sum::<f64>().ln() + power.ln_weight - half * (least / self.sum0).ln()
+        let (half, sum) = (0.5 * (self.nu0 + (k + 1) as f64), total.iter().sum::<f64>());
+        if !sum.is_normal() {
+            return self.ln_sum_of_logs(k, state, terms);
+        }
+        sum.ln() + power.ln_weight - half * (least / self.sum0).ln()
     }
 
     /// Posterior probability of every node given the curve, and its sum of squares of whitened residuals.

@@ -60,7 +60,7 @@ impl Robust {
         // themselves would give as residuals.
         let mean = |sum: f64| (sum / (nu0 + rows as f64)).sqrt().ln();
         let lowest = mean(nu0 * s0 * s0) - 6.0 * of_ln_sigma;
-        let highest = mean(nu0 * s0 * s0 + squares.min(1e12 * s0 * s0)) + 10.0 * of_ln_sigma;
+        let highest = mean(nu0 * s0 * s0 + squares.min(1e24 * s0 * s0)) + 10.0 * of_ln_sigma;
         let count = ((highest - lowest) / step).ceil().max(1.0) as usize + 1;
         let (a, b) = (0.5 * nu0, 0.5 * nu0 * s0 * s0);
         let lanes = |value: &dyn Fn(f64) -> f64, none: f64| -> Vec<Lane> {

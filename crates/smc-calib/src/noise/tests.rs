@@ -294,3 +294,31 @@ fn curves_far_from_the_data_have_a_finite_or_zero_likelihood() {
         assert!(exact.is_finite() && exact > 0.0);
     }
 }
+
+#[test]
+fn a_prior_far_below_the_residuals_leaves_numbers_for_any_number_of_nodes() {
+    for (m, nodes) in [(44, [10, 15]), (88, [12, 21]), (88, [12, 20])] {
+        let (observations, outputs) = data(m);
+        for s0 in [1e-2, 1e-5, 1e-8] {
+            let noise = Noise::Correlated { nu0: NU0, s0, scale: None, nodes: Some(nodes) };
+            let likelihood = Likelihood::new(&noise, &observations).expect("a model");
+            let mut path = vec![0.0; m];
+            likelihood.ln_cumulative(&outputs, &mut path);
+            let joint = likelihood.ln_joint(&outputs);
+            assert!(path.iter().all(|ln| ln.is_finite()), "{m} {nodes:?} {s0}: {path:?}");
+            assert!((path[m - 1] - joint).abs() < 1e-9 * joint.abs(), "{} {joint}", path[m - 1]);
+        }
+    }
+}
+
+#[test]
+fn robust_errors_know_sigma_though_the_prior_is_far_below_it() {
+    let (observations, outputs) = data(44);
+    let sigma = |s0: f64| {
+        let model = robust::Robust::new(NU0, s0, &observations);
+        let posterior = model.posterior(observations.values(), &outputs);
+        posterior.iter().map(|(sigma, p)| sigma * p).sum::<f64>()
+    };
+    let (near, far) = (sigma(1e-4), sigma(1e-9));
+    assert!((near / far - 1.0).abs() < 1e-3, "{near} {far}");
+}

@@ -105,7 +105,7 @@ fn parameters(plan: &Plan, pair: &PairPlan) -> Result<Option<Vec<Parameter>>, In
         };
         match of_plan.cloned().or_else(of_material) {
             Some(parameter) => found.push(parameter),
-            None if name == ParameterName::Phi => {}
+            None if name.is_optional() => {}
             None => return Ok(None),
         }
     }

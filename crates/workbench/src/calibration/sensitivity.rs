@@ -18,7 +18,10 @@ use crate::watch::{Unwatched, Watch};
 /// Most simulations of the second posterior: its means are then known to a few hundredths of their standard deviations.
 const SIMULATIONS: usize = 4096;
 
-/// The posterior under correlated errors; none where the residuals are no reason for it, or the noise model of those that
+/// Most observations with a second posterior: with more the likelihood takes much longer than a run without being asked may.
+const MOST_OBSERVATIONS: usize = 200;
+
+/// The posterior under correlated errors; none for very many observations, where the residuals are no reason for it, or the noise model of those that
 /// are has no correlated counterpart.
 ///
 /// A built-in simulator is sampled again. Programs are not run: the run's own samples are weighted by the other likelihood,
@@ -30,6 +33,9 @@ pub(super) fn sensitivity(
     watch: &dyn Watch,
 ) -> Result<Option<Sensitivity>, Failure> {
     let Some(groups) = correlated_groups(plan, posterior)? else { return Ok(None) };
+    if posterior.residuals.values.len() > MOST_OBSERVATIONS {
+        return Ok(None);
+    }
     let again = plan.commands().next().is_none() && plan.design.is_none();
     // A second opinion that cannot be had is no reason to lose the first.
     Ok(if again {

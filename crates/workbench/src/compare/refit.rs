@@ -20,8 +20,12 @@ pub(super) fn where_unreliable(
     left_out: &mut LeaveOneOut,
 ) -> Result<Vec<usize>, Failure> {
     let (_, measured) = plan.pair()?;
-    let mut unreliable: Vec<usize> =
-        (0..left_out.points.len()).filter(|i| !khat_holds(left_out.points[*i].khat)).collect();
+    // Without its first or last row a curve has another range, and correlated noise with it another prior of its length.
+    let last = left_out.points.len() - 1;
+    let ends = |i: usize| measured.noise.is_correlated() && (i == 0 || i == last);
+    let mut unreliable: Vec<usize> = (0..left_out.points.len())
+        .filter(|i| !khat_holds(left_out.points[*i].khat) && !ends(*i))
+        .collect();
     // The worst ones, where there are too many.
     unreliable.sort_by(|a, b| left_out.points[*b].khat.total_cmp(&left_out.points[*a].khat));
     unreliable.truncate(MOST);

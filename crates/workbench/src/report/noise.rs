@@ -77,7 +77,7 @@ pub(super) fn beside(sensitivity: &Sensitivity, record: &Record, width: usize) -
     if !sensitivity.trusted {
         let _ = writeln!(
             text,
-            "    not known from these runs ({:.0} effective samples, k-hat {:.2}): run with --noise correlated",
+            "    not known from these runs ({:.0} effective samples, k-hat {:.2}): run with --noise correlated, in a plan noise = {{ kind = \"correlated\", s0 = ABOUT }}",
             sensitivity.ess, sensitivity.khat
         );
         return text;
@@ -103,7 +103,7 @@ pub(super) fn beside(sensitivity: &Sensitivity, record: &Record, width: usize) -
 pub(super) fn beside_markdown(record: &Record) -> String {
     let Some(sensitivity) = &record.sensitivity else { return String::new() };
     if !sensitivity.trusted {
-        return "\nThe residuals are alike; what correlated errors give is not known from these runs: run with `--noise correlated`.\n"
+        return "\nThe residuals are alike; what correlated errors give is not known from these runs: run with `--noise correlated` (`kind = \"correlated\"` in a plan).\n"
             .to_owned();
     }
     let mut text = format!(
