@@ -103,24 +103,6 @@ fn noise_that_cannot_be_had_is_refused_with_the_reason() {
 }
 
 #[test]
-fn more_than_512_rows_can_have_correlated_and_robust_errors() {
-    let sandbox = Sandbox::new();
-    let rows: String = (1..=520)
-        .map(|k| {
-            let t = f64::from(k) * 1e-3;
-            format!("{t},{}\n", 1.07 * (1.0 - (-9.0 * t).exp()) + 0.01 * (0.3 * f64::from(k)).sin())
-        })
-        .collect();
-    sandbox.write("t.csv", format!("time_s,contact_ratio\n{rows}"));
-    sandbox.write("e.toml", "table = \"t.csv\"\nmaterial = \"ps\"\n");
-    for noise in ["correlated", "robust"] {
-        let line =
-            format!("--experiment e.toml --samples 64 --noise {noise} --out {noise} --quiet");
-        sandbox.run(&line).succeeded();
-    }
-}
-
-#[test]
 fn kinetics_that_fit_better_are_named_with_their_sintering_time() {
     let sandbox = Sandbox::new();
     let ran = sandbox.run("--material ps --out r");

@@ -322,3 +322,29 @@ fn robust_errors_know_sigma_though_the_prior_is_far_below_it() {
     let (near, far) = (sigma(1e-4), sigma(1e-9));
     assert!((near / far - 1.0).abs() < 1e-3, "{near} {far}");
 }
+
+#[test]
+fn more_than_512_observations_can_have_correlated_and_robust_errors() {
+    use crate::{FnSimulator, Parameter, Prior, PriorSpec, Problem, Settings, calibrate};
+    let control: Vec<f64> = (1..=520).map(|k| f64::from(k) * 1e-3).collect();
+    let values = control.iter().map(|t| 0.5 + 0.01 * (300.0 * t).sin()).collect();
+    let observations = Observations::new(control, values).expect("observations");
+    let level = FnSimulator::new(1, 520, |theta: &[f64], out: &mut [f64]| {
+        out.fill(theta[0]);
+        Ok(())
+    });
+    let prior = Prior::new(PriorSpec::Normal { mean: 0.5, sd: 0.05 }).expect("a prior");
+    let correlated = Noise::Correlated { nu0: NU0, s0: S0, scale: None, nodes: Some([2, 2]) };
+    for noise in [correlated, Noise::Robust { nu0: NU0, s0: S0 }] {
+        let problem = Problem {
+            simulator: &level,
+            parameters: vec![Parameter::new("level", "1", prior.clone())],
+            observations: observations.clone(),
+            noise,
+        };
+        let settings = Settings { draws: 16, map_simulations: 0, ..Settings::for_budget(64) };
+        let posterior = calibrate(&problem, &settings, &mut ()).expect("a posterior");
+        assert!((posterior.parameters[0].in_si.mean - 0.5).abs() < 0.01);
+        assert_eq!(posterior.path.len(), 520);
+    }
+}
