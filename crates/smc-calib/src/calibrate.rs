@@ -238,8 +238,9 @@ pub(crate) fn check(
     }
     settings.check(d)?;
     let likelihood = JointLikelihood::new(problem)?;
-    if likelihood.has_shape() && CurveTarget::new(problem, &likelihood, settings.samples).thinned {
-        let numbers = settings.samples.saturating_mul(problem.observations());
+    let observations = problem.observations();
+    if likelihood.has_shape() && !CurveTarget::has_room(observations, settings.samples) {
+        let numbers = settings.samples.saturating_mul(observations);
         return Err(NoiseError::CurvesNotKept { numbers }.into());
     }
     Ok(likelihood)

@@ -132,7 +132,7 @@ impl<'a> CurveTarget<'a> {
         let m = problem.observations();
         // Noise with a shape is drawn from whole curves.
         let few = m <= 2 * MAX_PATH || likelihood.has_shape();
-        if few && m.saturating_mul(samples) <= MAX_KEPT {
+        if few && Self::has_room(m, samples) {
             let (indices, best) = ((0..m).collect(), Mutex::new(None));
             return Self { problem, likelihood, observations: m, indices, thinned: false, best };
         }
@@ -144,6 +144,11 @@ impl<'a> CurveTarget<'a> {
         indices.dedup();
         let best = Mutex::new(None);
         Self { problem, likelihood, observations: m, indices, thinned: true, best }
+    }
+
+    /// Whether there is room for so many whole curves.
+    pub(crate) fn has_room(observations: usize, samples: usize) -> bool {
+        observations.saturating_mul(samples) <= MAX_KEPT
     }
 
     /// Parameters in SI.

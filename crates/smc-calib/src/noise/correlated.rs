@@ -7,11 +7,11 @@
 //! curve. sigma^2 is integrated out as for independent errors, l and w by quadrature.
 
 use super::NoiseError;
+use super::likelihood::student_constants;
 use super::rule::{Lane, gauss_legendre, ln_sum_exp};
 use super::scale::DistanceScale;
 use crate::Observations;
 use crate::lanes::{LANES, ln_of_positive};
-use statrs::function::gamma::ln_gamma;
 
 /// Shortest correlation length, as a share of the range of the observations; the longest is the range.
 const SHORTEST: f64 = 0.01;
@@ -34,7 +34,7 @@ pub(crate) struct Node {
 }
 
 /// The filter of one node at one observation: eight nodes side by side.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 struct Step {
     /// Correlation with the observation before.
     decay: Lane,
@@ -106,11 +106,7 @@ impl Correlated {
         }
         let Some(range) = scale.range(&control) else { return Ok(None) };
         let nodes = product(range, lengths, shares);
-        let mut constants = Vec::with_capacity(rows);
-        let (base, ln_scale) = (ln_gamma(0.5 * nu0), 0.5 * (std::f64::consts::PI * sum0).ln());
-        for k in 1..=rows {
-            constants.push(ln_gamma(0.5 * (nu0 + k as f64)) - base - k as f64 * ln_scale);
-        }
+        let constants = student_constants(nu0, sum0, rows);
         let (steps, powers) = (Vec::new(), Vec::new());
         let mut new =
             Self { nu0, sum0, scale, control, nodes, range, rows, steps, constants, powers };
@@ -133,13 +129,7 @@ impl Correlated {
 
     /// Filters of up to eight nodes; lanes without a node have weight zero.
     fn prepared(&self, block: &[Node]) -> Vec<Step> {
-        let nothing = Step {
-            decay: [0.0; LANES],
-            gain: [0.0; LANES],
-            precision: [0.0; LANES],
-            ln_scale: [f64::NEG_INFINITY; LANES],
-        };
-        let mut steps = vec![nothing; self.rows];
+        let mut steps = vec![Step::default(); self.rows];
         for lane in 0..LANES {
             // A lane without a node of its own has the last one's sums of squares.
             let node = block.get(lane).unwrap_or(&block[block.len() - 1]);
@@ -162,7 +152,7 @@ impl Correlated {
         self.control.iter().enumerate().map(move |(k, control)| {
             let decay = match k {
                 0 => 0.0,
-                _ => self.decay(self.control[k - 1], *control, length),
+                _ => self.scale.correlation(self.control[k - 1], *control, length),
             };
             let known = decay * decay * left + (1.0 - white) * (1.0 - decay * decay);
             let variance = known + white;
@@ -170,15 +160,6 @@ impl Correlated {
             left = known * (1.0 - gain);
             Filter { decay, gain, variance }
         })
-    }
-
-    /// Correlation of the process between two control values.
-    fn decay(&self, a: f64, b: f64, length: f64) -> f64 {
-        if a == b {
-            return 1.0;
-        }
-        let distance = self.scale.place(b) - self.scale.place(a);
-        (-distance / length).exp()
     }
 
     /// Shape of the inverse gamma of sigma^2 after all observations, and twice its scale before them.
@@ -395,7 +376,7 @@ impl Correlated {
         let mut passed: Vec<[f64; 5]> = Vec::with_capacity(all.len());
         let (mut state, mut left, mut before) = (0.0, 1.0 - white, None);
         for (s, what) in &all {
-            let decay = before.map_or(0.0, |before| self.decay(before, *s, length));
+            let decay = before.map_or(0.0, |before| self.scale.correlation(before, *s, length));
             let expected = decay * state;
             let known = decay * decay * left + (1.0 - white) * (1.0 - decay * decay);
             (state, left) = (expected, known);

@@ -148,7 +148,7 @@ impl Likelihood {
                 for k in 0..count {
                     if let Some(outputs) = curve(k) {
                         known = model.posterior(values, outputs);
-                        residuals = values.iter().zip(outputs).map(|(v, o)| v - o).collect();
+                        residuals = self.residuals(outputs);
                     }
                     draws.push(tally.robust(&known, &residuals, &mut stream(k))?);
                 }
@@ -237,9 +237,7 @@ impl Tally {
         for (sum, residual) in self.outliers.iter_mut().zip(residuals) {
             *sum += robust::outlier(*residual, sigma);
         }
-        let shape =
-            NoiseShape::Robust { outlier_share: OUTLIER_SHARE, outlier_width: OUTLIER_WIDTH };
-        Some(NoiseDraw { sigma, shape: Some(shape) })
+        Some(NoiseDraw { sigma, shape: Some(robust::SHAPE) })
     }
 }
 
@@ -282,10 +280,8 @@ impl Likelihood {
     pub fn errors_at(&self, draw: &NoiseDraw, outputs: &[f64], control: &[f64]) -> Vec<[f64; 2]> {
         match (&self.kind, draw.shape) {
             (Kind::Correlated(model), Some(NoiseShape::Correlated { length, white_share })) => {
-                let residuals: Vec<f64> =
-                    self.values().iter().zip(outputs).map(|(v, o)| v - o).collect();
                 model
-                    .smoothed(&residuals, length, white_share, control)
+                    .smoothed(&self.residuals(outputs), length, white_share, control)
                     .into_iter()
                     .map(|(mean, variance)| [mean, draw.sigma * variance.sqrt()])
                     .collect()
@@ -295,10 +291,8 @@ impl Likelihood {
     }
 
     /// Residuals of a curve as the model sees them: independent and of one size where it holds. Correlated errors whitened
-    /// at their likeliest correlation length and white share, errors with outliers as normal scores, others as they are.
+    /// at their likeliest correlation length and white share, errors with outliers as normal scores; none for other models.
     pub(crate) fn whitened(&self, outputs: &[f64]) -> Option<Vec<f64>> {
-        let residuals =
-            || -> Vec<f64> { self.values().iter().zip(outputs).map(|(v, o)| v - o).collect() };
         match &self.kind {
             Kind::Correlated(model) => {
                 let known = model.posterior(self.values(), outputs);
@@ -306,13 +300,13 @@ impl Likelihood {
                 let node = model.nodes()[at];
                 let (a, sum0) = model.shape_and_sum();
                 let sigma = (0.5 * (sum0 + known[at].1) / a).sqrt();
-                let whitened = model.whitened(&residuals(), node.length, node.white);
+                let whitened = model.whitened(&self.residuals(outputs), node.length, node.white);
                 Some(whitened.iter().map(|r| r / sigma).collect())
             }
             Kind::Robust(model) => {
                 let known = model.posterior(self.values(), outputs);
                 let (sigma, _) = known.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
-                Some(residuals().iter().map(|r| robust::score(*r, *sigma)).collect())
+                Some(self.residuals(outputs).iter().map(|r| robust::score(*r, *sigma)).collect())
             }
             _ => None,
         }
@@ -320,7 +314,7 @@ impl Likelihood {
 
     /// `ln p(y_i | all other observations, theta, noise)` of every observation, for a drawn noise with a shape.
     pub(crate) fn ln_left_out(&self, draw: &NoiseDraw, outputs: &[f64]) -> Option<Vec<f64>> {
-        let residuals: Vec<f64> = self.values().iter().zip(outputs).map(|(v, o)| v - o).collect();
+        let residuals = self.residuals(outputs);
         match (&self.kind, draw.shape?) {
             (Kind::Correlated(model), NoiseShape::Correlated { length, white_share }) => {
                 let given = model.given_others(&residuals, length, white_share);

@@ -173,6 +173,11 @@ impl Likelihood {
         outputs.iter().zip(&self.values).map(|(o, y)| (y - o) * (y - o)).sum()
     }
 
+    /// Observed minus simulated.
+    pub(super) fn residuals(&self, outputs: &[f64]) -> Vec<f64> {
+        self.values.iter().zip(outputs).map(|(y, o)| y - o).collect()
+    }
+
     /// Observed values.
     pub fn values(&self) -> &[f64] {
         &self.values
@@ -232,13 +237,16 @@ fn inferred(nu0: f64, s0: f64, values: &[f64]) -> Result<Kind, NoiseError> {
     let constant = ln_gamma(0.5 * (nu0 + m))
         - ln_gamma(0.5 * nu0)
         - 0.5 * m * (std::f64::consts::PI * sum0).ln();
-    // The constant of one more observation: Gamma((nu+1)/2)/Gamma(nu/2)/sqrt(pi nu0 s0^2).
+    let prefix = student_constants(nu0, sum0, values.len());
+    Ok(Kind::Inferred { nu0, sum0, constant, prefix })
+}
+
+/// Log constants of the Student t of the first 1, 2, .. observations; one more observation has
+/// Gamma((nu+1)/2)/Gamma(nu/2)/sqrt(pi nu0 s0^2).
+pub(super) fn student_constants(nu0: f64, sum0: f64, rows: usize) -> Vec<f64> {
     let ln_scale = 0.5 * (std::f64::consts::PI * sum0).ln();
     let base = ln_gamma(0.5 * nu0);
-    let prefix = (1..=values.len())
-        .map(|k| ln_gamma(0.5 * (nu0 + k as f64)) - base - k as f64 * ln_scale)
-        .collect();
-    Ok(Kind::Inferred { nu0, sum0, constant, prefix })
+    (1..=rows).map(|k| ln_gamma(0.5 * (nu0 + k as f64)) - base - k as f64 * ln_scale).collect()
 }
 
 fn fixed(sigma: &FixedSigma, observations: &Observations) -> Result<Kind, NoiseError> {

@@ -2,7 +2,7 @@
 
 use super::correlated::{Correlated, length, share};
 use super::likelihood::{Kind, Likelihood};
-use super::robust::{OUTLIER_SHARE, OUTLIER_WIDTH};
+use super::robust::{OUTLIER_SHARE, OUTLIER_WIDTH, SHAPE};
 use super::{DistanceScale, FixedSigma, Noise, NoiseDraw, NoiseShape};
 use crate::Observations;
 use rand::{Rng, RngExt};
@@ -39,11 +39,7 @@ impl Noise {
                     let score: f64 = rng.sample(StandardNormal);
                     if outlier { OUTLIER_WIDTH * score } else { score }
                 });
-                let shape = NoiseShape::Robust {
-                    outlier_share: OUTLIER_SHARE,
-                    outlier_width: OUTLIER_WIDTH,
-                };
-                Some((NoiseDraw { sigma, shape: Some(shape) }, errors))
+                Some((NoiseDraw { sigma, shape: Some(SHAPE) }, errors))
             }
             Self::Correlated { nu0, s0, scale, .. } => {
                 let scale = scale.unwrap_or_else(|| DistanceScale::of(control));
@@ -80,8 +76,7 @@ fn correlated(
         .map(|k| {
             let alike = match k {
                 0 => 0.0,
-                _ if control[k] == control[k - 1] => 1.0,
-                _ => (-(scale.place(control[k]) - scale.place(control[k - 1])) / length).exp(),
+                _ => scale.correlation(control[k - 1], control[k], length),
             };
             let fresh: f64 = rng.sample(StandardNormal);
             state = alike * state + (1.0 - alike * alike).sqrt() * fresh;

@@ -38,8 +38,17 @@ impl DistanceScale {
         (places.len() >= 3).then(|| places[places.len() - 1] - places[0])
     }
 
+    /// Correlation of the Ornstein-Uhlenbeck process between two control values, the first not above the second.
+    pub(super) fn correlation(self, a: f64, b: f64, length: f64) -> f64 {
+        if a == b {
+            return 1.0;
+        }
+        let distance = self.place(b) - self.place(a);
+        (-distance / length).exp()
+    }
+
     /// Place on the scale.
-    pub(super) fn place(self, control: f64) -> f64 {
+    fn place(self, control: f64) -> f64 {
         match self {
             Self::Log => control.ln(),
             Self::Linear => control,
