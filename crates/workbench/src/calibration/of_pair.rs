@@ -1,9 +1,9 @@
 //! One pair of a plan under its posterior.
 
 use dem_core::Sintering;
-use smc_calib::{Posterior, SimError, Weighted};
+use smc_calib::{Parameter, Posterior, Problem, Settings, SimError, Weighted, calibrate};
 
-use crate::error::{Failure, RunError};
+use crate::error::{Failure, InputError, RunError};
 use crate::pair::model::NeckGrowth;
 use crate::plan::{ObservablePlan, PairPlan, Plan};
 
@@ -49,6 +49,22 @@ impl<'a> OfPair<'a> {
         let samples = self.posterior.samples.iter().filter(|sample| sample.weight > 0.0);
         Weighted::new(samples.map(|sample| (value(&sample.theta), sample.weight)))
     }
+}
+
+/// Calibrates a pair on what was measured of it, with parameters of its own; none where that gives no posterior.
+pub(super) fn calibrated_alone(
+    pair: &PairPlan,
+    parameters: &[Parameter],
+    measured: &ObservablePlan,
+    settings: &Settings,
+) -> Result<Option<Posterior>, InputError> {
+    let problem = Problem {
+        simulator: &NeckGrowth::new(pair, parameters, measured.control.clone())?,
+        parameters: parameters.to_vec(),
+        observations: measured.observations()?,
+        noise: measured.noise.clone(),
+    };
+    Ok(calibrate(&problem, settings, &mut ()).ok())
 }
 
 /// A curve of the report that cannot be computed.

@@ -4,11 +4,11 @@
 
 use dem_core::{Kinetics, SolverKind};
 use rayon::prelude::*;
-use smc_calib::{Noise, Parameter, Posterior, Problem, Settings, calibrate};
+use smc_calib::{Noise, Parameter, Posterior, Settings, Trust};
 
+use super::of_pair::calibrated_alone;
 use crate::error::InputError;
 use crate::input::prior_file::PriorFile;
-use crate::pair::model::NeckGrowth;
 use crate::pair::parameter::ParameterName;
 use crate::plan::{PairPlan, Plan};
 use crate::record::{OtherKinetics, Record};
@@ -31,7 +31,7 @@ pub(super) fn add(
     posterior: &Posterior,
     record: &mut Record,
 ) -> Result<(), InputError> {
-    let found = look(plan, posterior)?;
+    let found = look(plan, posterior, &record.trust)?;
     let neck = record.experiments.first_mut().and_then(|one| one.neck_growth.as_mut());
     if let Some(neck) = neck {
         neck.other_kinetics = found;
@@ -39,7 +39,11 @@ pub(super) fn add(
     Ok(())
 }
 
-fn look(plan: &Plan, posterior: &Posterior) -> Result<Vec<OtherKinetics>, InputError> {
+fn look(
+    plan: &Plan,
+    posterior: &Posterior,
+    trust: &Trust,
+) -> Result<Vec<OtherKinetics>, InputError> {
     let Ok((pair, measured)) = plan.pair() else { return Ok(Vec::new()) };
     let tuned = matches!(measured.noise, Noise::EssTarget { .. });
     if tuned
@@ -47,7 +51,7 @@ fn look(plan: &Plan, posterior: &Posterior) -> Result<Vec<OtherKinetics>, InputE
         || pair.solver.name != SolverKind::ClosedForm
         || plan.sampler.samples < LEAST_SAMPLES
         || measured.values.len() > MOST_OBSERVATIONS
-        || !posterior.trust().converged()
+        || !trust.converged()
     {
         return Ok(Vec::new());
     }
@@ -59,13 +63,8 @@ fn look(plan: &Plan, posterior: &Posterior) -> Result<Vec<OtherKinetics>, InputE
     let one = |kinetics: Kinetics| -> Result<Option<OtherKinetics>, InputError> {
         let pair = PairPlan { kinetics, ..pair.clone() };
         let Some(parameters) = parameters(plan, &pair)? else { return Ok(None) };
-        let problem = Problem {
-            simulator: &NeckGrowth::new(&pair, &parameters, measured.control.clone())?,
-            parameters: parameters.clone(),
-            observations: measured.observations()?,
-            noise: measured.noise.clone(),
-        };
-        let Ok(other) = calibrate(&problem, &settings(plan, parameters.len()), &mut ()) else {
+        let settings = settings(plan, parameters.len());
+        let Some(other) = calibrated_alone(&pair, &parameters, measured, &settings)? else {
             return Ok(None);
         };
         let tau_s = place(&parameters).and_then(|place| other.parameters.get(place));

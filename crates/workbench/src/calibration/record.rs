@@ -6,16 +6,13 @@ use super::of_pair::OfPair;
 use crate::careful::{self, Careful};
 use crate::error::{Failure, RunError};
 use crate::plan::{Plan, SimulatorPlan};
-use crate::record::{
-    ExperimentRecord, FitError, ObservableRecord, Record, SCHEMA_VERSION, Sensitivity,
-};
+use crate::record::{ExperimentRecord, FitError, ObservableRecord, Record, SCHEMA_VERSION};
 
 /// The record of a plan's posterior; `warnings` are those on the input.
 pub(super) fn record(
     plan: &Plan,
     warnings: &[String],
     posterior: &Posterior,
-    sensitivity: Option<Sensitivity>,
 ) -> Result<Record, Failure> {
     let trust = posterior.trust();
     let mut of_pairs = Vec::new();
@@ -64,7 +61,7 @@ pub(super) fn record(
         stages: posterior.stages.clone(),
         failures: posterior.failures.clone(),
         stop: posterior.stop,
-        sensitivity,
+        sensitivity: None,
         advice,
         counters: posterior.counters,
     })

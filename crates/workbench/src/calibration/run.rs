@@ -15,16 +15,15 @@ use serde::Serialize;
 use smc_calib::Posterior;
 
 use super::sampling::{Calibration, Stages, failure, sample};
-use super::sensitivity::sensitivity;
 use super::store::{self, Stored, refused};
-use super::{other_kinetics, record};
+use super::{other_kinetics, record, sensitivity};
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::output::{Published, RunFolder, Staging, make_room, pool, pretty};
 use crate::plan::{ExecutorPlan, Plan, Planned};
 use crate::record::{FILE_NAME, Record};
 use crate::report;
 use crate::simulator::{Experiments, Runner, sample_of};
-use crate::watch::Watch;
+use crate::watch::{Unwatched, Watch};
 
 /// How a run is made; no part of its result.
 #[derive(Debug, Clone, Default)]
@@ -111,8 +110,14 @@ pub fn run(
     let pool = pool(threads)?;
     let begun = Instant::now();
     let mut stages = Stages::new(watch, None);
-    let Calibration { mut record, posterior } =
-        pool.install(|| Calibration::in_process(planned, &mut stages))?;
+    let Calibration { mut record, posterior } = pool.install(|| {
+        let mut found = Calibration::in_process(planned, &mut stages)?;
+        let unwatched = Unwatched::default();
+        let experiments = Experiments::new(&planned.plan, None, &unwatched)?;
+        let Calibration { record, posterior } = &mut found;
+        sensitivity::add(&planned.plan, posterior, record, &experiments, watch)?;
+        Ok::<_, Failure>(found)
+    })?;
     let mut timings = Timings {
         threads: pool.current_num_threads(),
         inference_seconds: begun.elapsed().as_secs_f64(),
@@ -226,8 +231,8 @@ impl Driver<'_> {
             report_seconds: 0.0,
         };
         pool.install(|| {
-            let beside = sensitivity(plan, &posterior, &experiments, self.watch)?;
-            let record = record::record(plan, &self.stored.warnings, &posterior, beside)?;
+            let mut record = record::record(plan, &self.stored.warnings, &posterior)?;
+            sensitivity::add(plan, &posterior, &mut record, &experiments, self.watch)?;
             self.publish(record, &posterior, timings, begun)
         })
     }

@@ -7,7 +7,6 @@ use campaign::{Campaign, CampaignError};
 use smc_calib::{CalibrateError, Group, JointProblem, Observer, Posterior, Simulator, StageRecord};
 
 use super::record::record;
-use super::sensitivity::sensitivity;
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::plan::{Plan, Planned};
 use crate::record::Record;
@@ -24,7 +23,8 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// Calibrates in this process, on the current thread pool; nothing is written.
+    /// Calibrates in this process, on the current thread pool; nothing is written. What [`run`](super::run()) puts beside a result
+    /// (that under correlated errors, that of other kinetics) is not computed.
     ///
     /// # Errors
     ///
@@ -51,8 +51,7 @@ impl Calibration {
             return Err(Failure::Interrupted);
         }
         let posterior = sampled.map_err(|error| failure(planned, error))?;
-        let sensitivity = sensitivity(plan, &posterior, &experiments, watch)?;
-        let record = record(plan, &planned.warnings, &posterior, sensitivity)?;
+        let record = record(plan, &planned.warnings, &posterior)?;
         Ok(Self { record, posterior })
     }
 }

@@ -1,10 +1,9 @@
 //! A second look at a pair whose fit is suspicious: the same measurements calibrated once more with a free clock, or with
 //! priors that are many decades wide. Only the plan's own simulator, in closed form, is run for it.
 
-use smc_calib::{Concern, Parameter, Posterior, Prior, PriorSpec, Problem, Trust};
+use smc_calib::{Concern, Parameter, Posterior, Prior, PriorSpec, Trust};
 
-use super::of_pair::OfPair;
-use crate::pair::model::NeckGrowth;
+use super::of_pair::{OfPair, calibrated_alone};
 use crate::pair::parameter::ParameterName;
 use crate::plan::{PairPlan, prior_in_words, sampler_for};
 use crate::record::{Doubt, Excluded, FitError};
@@ -128,17 +127,10 @@ impl OfPair<'_> {
     fn look(&self, parameters: Vec<Parameter>) -> Option<Look> {
         let mut pair = PairPlan::clone(self.pair);
         pair.solver.name = dem_core::SolverKind::ClosedForm;
-        let model = NeckGrowth::new(&pair, &parameters, self.measured.control.clone()).ok()?;
-        let problem = Problem {
-            simulator: &model,
-            parameters: parameters.clone(),
-            observations: self.measured.observations().ok()?,
-            noise: self.measured.noise.clone(),
-        };
         let settings =
             smc_calib::Settings { seed: self.plan.sampler.seed, ..sampler_for(SIMULATIONS) };
         // A look that cannot be had is no reason for doubt.
-        let posterior = smc_calib::calibrate(&problem, &settings, &mut ()).ok()?;
+        let posterior = calibrated_alone(&pair, &parameters, self.measured, &settings).ok()??;
         let rmse = FitError::of(&self.measured.values, &posterior.map.outputs).rmse;
         Some(Look { parameters, posterior, rmse })
     }

@@ -5,15 +5,14 @@ use std::ops::ControlFlow;
 use smc_calib::trust::khat_holds;
 use smc_calib::trust::limits::FEWEST_EFFECTIVE_SAMPLES;
 use smc_calib::{
-    Concern, Group, JointProblem, Observer, Posterior, Settings, Simulator, StageRecord, Weighted,
-    calibrate_joint, reweighted,
+    Concern, Group, JointProblem, Noise, Observer, ParameterSummary, Posterior, Settings,
+    Simulator, StageRecord, Trust, Weighted, calibrate_joint, reweighted,
 };
 
-use crate::error::Failure;
+use crate::error::InputError;
 use crate::plan::Plan;
-use crate::record::{Method, Sensitivity, SensitivityOf};
-use crate::simulator::Experiments;
-use crate::watch::{Unwatched, Watch};
+use crate::record::{Method, Record, Sensitivity, SensitivityOf};
+use crate::watch::Watch;
 
 /// Most simulations of the second posterior: its means are then known to a few hundredths of their standard deviations.
 const SIMULATIONS: usize = 4096;
@@ -21,34 +20,37 @@ const SIMULATIONS: usize = 4096;
 /// Most observations with a second posterior: with more the likelihood takes much longer than a run without being asked may.
 const MOST_OBSERVATIONS: usize = 200;
 
-/// The posterior under correlated errors; none for very many observations, where the residuals are no reason for it, or the noise model of those that
-/// are has no correlated counterpart.
+/// Adds to a record the result under correlated errors. Nothing is added for very many observations, where the residuals are
+/// no reason for it, or where the noise of those that are has no correlated counterpart.
 ///
 /// A built-in simulator is sampled again. Programs are not run: the run's own samples are weighted by the other likelihood,
-/// with their curves from `stored`.
-pub(super) fn sensitivity(
+/// with their curves, which `simulator` has from the folder.
+pub(super) fn add(
     plan: &Plan,
     posterior: &Posterior,
-    stored: &dyn Simulator,
+    record: &mut Record,
+    simulator: &dyn Simulator,
     watch: &dyn Watch,
-) -> Result<Option<Sensitivity>, Failure> {
-    let Some(groups) = correlated_groups(plan, posterior)? else { return Ok(None) };
-    if posterior.residuals.values.len() > MOST_OBSERVATIONS {
-        return Ok(None);
+) -> Result<(), InputError> {
+    if plan.observations() > MOST_OBSERVATIONS {
+        return Ok(());
     }
+    let Some(groups) = correlated_groups(plan, &record.trust)? else { return Ok(()) };
+    let noise = groups.iter().map(|group| group.noise.clone()).collect();
+    let problem = JointProblem { simulator, parameters: plan.parameters.clone(), groups };
     let again = plan.commands().next().is_none() && plan.design.is_none();
     // A second opinion that cannot be had is no reason to lose the first.
-    Ok(if again {
-        sampled(plan, posterior, groups, watch)
+    record.sensitivity = if again {
+        sampled(plan, posterior, &problem, noise, watch)
     } else {
-        weighted(plan, posterior, groups, stored)
-    })
+        weighted(posterior, &problem, noise)
+    };
+    Ok(())
 }
 
 /// The groups of observations, those whose residuals are alike with correlated errors.
-fn correlated_groups(plan: &Plan, posterior: &Posterior) -> Result<Option<Vec<Group>>, Failure> {
-    let alike: Vec<Option<String>> = posterior
-        .trust()
+fn correlated_groups(plan: &Plan, trust: &Trust) -> Result<Option<Vec<Group>>, InputError> {
+    let alike: Vec<Option<String>> = trust
         .concerns
         .iter()
         .filter_map(|concern| match concern {
@@ -86,31 +88,20 @@ impl Observer for Stopping<'_> {
 fn sampled(
     plan: &Plan,
     posterior: &Posterior,
-    groups: Vec<Group>,
+    problem: &JointProblem<'_>,
+    noise: Vec<Noise>,
     watch: &dyn Watch,
 ) -> Option<Sensitivity> {
-    let unwatched = Unwatched::default();
-    let experiments = Experiments::new(plan, None, &unwatched).ok()?;
-    let noise = groups.iter().map(|group| group.noise.clone()).collect();
-    let problem =
-        JointProblem { simulator: &experiments, parameters: plan.parameters.clone(), groups };
     let settings = Settings {
         seed: plan.sampler.seed,
         draws: 1000,
         ..Settings::for_budget(plan.sampler.samples.min(SIMULATIONS))
     };
-    let other = calibrate_joint(&problem, &settings, &mut Stopping(watch)).ok()?;
+    let other = calibrate_joint(problem, &settings, &mut Stopping(watch)).ok()?;
     let parameters = other.parameters.iter().zip(&posterior.parameters).map(|(new, old)| {
-        let (new_si, new, old_is) = (&new.in_si, &new.in_coordinate, &old.in_coordinate);
-        SensitivityOf {
-            name: old.parameter.name.clone(),
-            median: new_si.median,
-            eti95: [new_si.eti95.lower, new_si.eti95.upper],
-            mean: new.mean,
-            sd: new.sd,
-            shift: (new.mean - old_is.mean) / old_is.sd,
-            widening: new.sd / old_is.sd,
-        }
+        let (si, eti95) = (&new.in_si, &new.in_si.eti95);
+        let moments = (new.in_coordinate.mean, new.in_coordinate.sd);
+        parameter(old, moments, si.median, [eti95.lower, eti95.upper])
     });
     let shapes = match &other.groups[..] {
         [] => vec![other.noise_shape.clone()],
@@ -131,15 +122,14 @@ fn sampled(
 }
 
 fn weighted(
-    plan: &Plan,
     posterior: &Posterior,
-    groups: Vec<Group>,
-    stored: &dyn Simulator,
+    problem: &JointProblem<'_>,
+    noise: Vec<Noise>,
 ) -> Option<Sensitivity> {
     let thetas: Vec<f64> = posterior.samples.iter().flat_map(|s| &s.theta).copied().collect();
-    let mut curves = vec![0.0; posterior.samples.len() * plan.observations()];
+    let mut curves = vec![0.0; posterior.samples.len() * problem.observations()];
     // Every run has ended: they are answered from the folder.
-    let results = stored.simulate_batch(0, &thetas, &mut curves);
+    let results = problem.simulator.simulate_batch(0, &thetas, &mut curves);
     let as_before = results
         .iter()
         .zip(&posterior.samples)
@@ -147,28 +137,16 @@ fn weighted(
     if !as_before {
         return None;
     }
-    let noise = groups.iter().map(|group| group.noise.clone()).collect();
-    let shapes = vec![None; groups.len()];
-    let problem = JointProblem { simulator: stored, parameters: plan.parameters.clone(), groups };
-    let found = reweighted(&problem, posterior, &curves).ok()?;
+    let found = reweighted(problem, posterior, &curves).ok()?;
     let parameters = posterior.parameters.iter().enumerate().map(|(j, old)| {
         let prior = &old.parameter.prior;
         let column = posterior.samples.iter().zip(&found.weights);
         let values = Weighted::new(column.map(|(s, w)| (prior.to_coordinate(s.theta[j]), *w)));
-        let (mean, sd) = values.moments();
         let si = |p: f64| old.coordinate.theta(values.quantile(p));
-        let before = &old.in_coordinate;
-        SensitivityOf {
-            name: old.parameter.name.clone(),
-            median: si(0.5),
-            eti95: [si(0.025), si(0.975)],
-            mean,
-            sd,
-            shift: (mean - before.mean) / before.sd,
-            widening: sd / before.sd,
-        }
+        parameter(old, values.moments(), si(0.5), [si(0.025), si(0.975)])
     });
     Some(Sensitivity {
+        noise_shape: vec![None; problem.groups.len()],
         noise,
         method: Method::Weighted,
         samples: posterior.samples.len(),
@@ -178,6 +156,24 @@ fn weighted(
         khat: found.khat,
         trusted: khat_holds(found.khat) && found.ess >= FEWEST_EFFECTIVE_SAMPLES,
         parameters: parameters.collect(),
-        noise_shape: shapes,
     })
+}
+
+/// One parameter under the other model, beside the run's own result.
+fn parameter(
+    own: &ParameterSummary,
+    (mean, sd): (f64, f64),
+    median: f64,
+    eti95: [f64; 2],
+) -> SensitivityOf {
+    let before = &own.in_coordinate;
+    SensitivityOf {
+        name: own.parameter.name.clone(),
+        median,
+        eti95,
+        mean,
+        sd,
+        shift: (mean - before.mean) / before.sd,
+        widening: sd / before.sd,
+    }
 }
