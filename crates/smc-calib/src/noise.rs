@@ -7,6 +7,7 @@ mod made;
 mod robust;
 mod rule;
 mod scale;
+mod student;
 #[cfg(test)]
 mod tests;
 

@@ -7,9 +7,9 @@
 //! curve. sigma^2 is integrated out as for independent errors, l and w by quadrature.
 
 use super::NoiseError;
-use super::likelihood::student_constants;
 use super::rule::{Lane, gauss_legendre, ln_sum_exp};
 use super::scale::DistanceScale;
+use super::student::student_constants;
 use crate::Observations;
 use crate::lanes::{LANES, ln_of_positive};
 

@@ -43,6 +43,10 @@ pub enum NoiseShape {
     },
 }
 
+/// What the model of errors with outliers expects.
+pub(super) const OUTLIERS: NoiseShape =
+    NoiseShape::Robust { outlier_share: OUTLIER_SHARE, outlier_width: OUTLIER_WIDTH };
+
 /// Posterior of what a noise model has beside its standard deviation.
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -237,7 +241,7 @@ impl Tally {
         for (sum, residual) in self.outliers.iter_mut().zip(residuals) {
             *sum += robust::outlier(*residual, sigma);
         }
-        Some(NoiseDraw { sigma, shape: Some(robust::SHAPE) })
+        Some(NoiseDraw { sigma, shape: Some(OUTLIERS) })
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::correlated::Correlated;
 use super::robust::Robust;
+use super::student::student_constants;
 use super::{FixedSigma, Noise, NoiseError};
 use crate::Observations;
 use crate::normal::LN_SQRT_2PI;
@@ -239,14 +240,6 @@ fn inferred(nu0: f64, s0: f64, values: &[f64]) -> Result<Kind, NoiseError> {
         - 0.5 * m * (std::f64::consts::PI * sum0).ln();
     let prefix = student_constants(nu0, sum0, values.len());
     Ok(Kind::Inferred { nu0, sum0, constant, prefix })
-}
-
-/// Log constants of the Student t of the first 1, 2, .. observations; one more observation has
-/// Gamma((nu+1)/2)/Gamma(nu/2)/sqrt(pi nu0 s0^2).
-pub(super) fn student_constants(nu0: f64, sum0: f64, rows: usize) -> Vec<f64> {
-    let ln_scale = 0.5 * (std::f64::consts::PI * sum0).ln();
-    let base = ln_gamma(0.5 * nu0);
-    (1..=rows).map(|k| ln_gamma(0.5 * (nu0 + k as f64)) - base - k as f64 * ln_scale).collect()
 }
 
 fn fixed(sigma: &FixedSigma, observations: &Observations) -> Result<Kind, NoiseError> {

@@ -1,8 +1,9 @@
 //! Errors drawn from the prior of a noise model, for data that are made; and where their shape lies in a posterior.
 
 use super::correlated::{Correlated, length, share};
+use super::draws::OUTLIERS;
 use super::likelihood::{Kind, Likelihood};
-use super::robust::{OUTLIER_SHARE, OUTLIER_WIDTH, SHAPE};
+use super::robust::{OUTLIER_SHARE, OUTLIER_WIDTH};
 use super::{DistanceScale, FixedSigma, Noise, NoiseDraw, NoiseShape};
 use crate::Observations;
 use rand::{Rng, RngExt};
@@ -39,7 +40,7 @@ impl Noise {
                     let score: f64 = rng.sample(StandardNormal);
                     if outlier { OUTLIER_WIDTH * score } else { score }
                 });
-                Some((NoiseDraw { sigma, shape: Some(SHAPE) }, errors))
+                Some((NoiseDraw { sigma, shape: Some(OUTLIERS) }, errors))
             }
             Self::Correlated { nu0, s0, scale, .. } => {
                 let scale = scale.unwrap_or_else(|| DistanceScale::of(control));

@@ -10,7 +10,6 @@
 //! ln(1/eps). A larger eps makes intervals of clean data wider, an inferred one does both worse. Outliers within the first
 //! rise, where a few rows carry all that is known, cannot be recognised by any eps.
 
-use super::NoiseShape;
 use super::rule::{Lane, ln_sum_exp};
 use crate::Observations;
 use crate::lanes::{LANES, exp_of_nonpositive, ln_of_positive};
@@ -21,9 +20,6 @@ use statrs::function::gamma::ln_gamma;
 pub(crate) const OUTLIER_WIDTH: f64 = 10.0;
 /// Share of outliers.
 pub(crate) const OUTLIER_SHARE: f64 = 0.005;
-/// Both, as a draw of the noise has them.
-pub(crate) const SHAPE: NoiseShape =
-    NoiseShape::Robust { outlier_share: OUTLIER_SHARE, outlier_width: OUTLIER_WIDTH };
 /// Largest spacing of the nodes of ln sigma; with more than ten observations it is the standard deviation that ln sigma has
 /// after them, 1/sqrt(2 (nu0 + m)). The log likelihood is then off by less than 1e-5.
 const SPACING: f64 = 0.2;
