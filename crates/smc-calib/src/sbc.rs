@@ -156,6 +156,7 @@ fn one(study: &Study<'_>, k: usize) -> Result<Outcome, CalibrateError> {
     let settings = Settings {
         seed: study.settings.seed.wrapping_add(k as u64),
         map_simulations: 0,
+        path: false,
         ..study.settings.clone()
     };
     let posterior = calibrate(&problem, &settings, &mut ())?;

@@ -51,6 +51,10 @@ pub struct Settings {
     /// likelihood. For budgets of up to a thousand simulations.
     #[serde(skip_serializing_if = "is_default")]
     pub surrogate: bool,
+    /// Whether the path over the observations is computed: what was known after each of them. With many nodes of
+    /// correlated noise it takes most of the time.
+    #[serde(skip_serializing_if = "Clone::clone")]
+    pub path: bool,
 }
 
 /// Fields added later are written only where they say something, so that older readers understand the rest.
@@ -79,6 +83,7 @@ impl Default for Settings {
             map_simulations: 400,
             batch: 0,
             surrogate: false,
+            path: true,
         }
     }
 }

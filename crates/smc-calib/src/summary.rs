@@ -85,8 +85,11 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
     let predictive = at_observations(target, &sampler, &estimator, &draws, &groups);
     // The kept curves are most of the memory: used up here, before the samples take theirs.
     let kept = std::mem::take(&mut sampler.pool.kept);
-    let path =
-        if tuned { Vec::new() } else { path(target, &sampler.pool, kept, &coordinate, &estimator) };
+    let path = if tuned || !settings.path {
+        Vec::new()
+    } else {
+        path(target, &sampler.pool, kept, &coordinate, &estimator)
+    };
     let pool = &sampler.pool;
     let mut posterior = Posterior {
         is_posterior: !tuned,

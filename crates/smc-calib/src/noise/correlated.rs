@@ -272,19 +272,17 @@ impl Correlated {
         let least = self.sum0 + least.iter().copied().fold(f64::MAX, f64::min);
         let mut total = [0.0; LANES];
         for (b, (_, sum)) in state.iter().enumerate() {
-            for i in 0..LANES {
-                let mut base = least / (self.sum0 + sum[i]);
-                let mut product = if power.root { base.sqrt() } else { 1.0 };
-                let mut left = power.whole;
-                while left > 0 {
-                    if left & 1 == 1 {
-                        product *= base;
-                    }
-                    base *= base;
-                    left >>= 1;
+            let mut base = sum.map(|sum| least / (self.sum0 + sum));
+            let mut product = if power.root { base.map(f64::sqrt) } else { [1.0; LANES] };
+            let mut left = power.whole;
+            while left > 0 {
+                if left & 1 == 1 {
+                    product = times(&product, &base);
                 }
-                terms[b][i] = product * power.weights[b][i];
+                base = times(&base, &base);
+                left >>= 1;
             }
+            terms[b] = times(&product, &power.weights[b]);
         }
         for terms in terms.iter() {
             for (total, t) in total.iter_mut().zip(terms) {
@@ -425,6 +423,11 @@ fn advance(step: &Step, residual: f64, expected: &mut Lane, sum: &mut Lane) {
         sum[i] += innovation * innovation * step.precision[i];
         expected[i] = predicted + step.gain[i] * innovation;
     }
+}
+
+#[inline(always)]
+fn times(a: &Lane, b: &Lane) -> Lane {
+    std::array::from_fn(|i| a[i] * b[i])
 }
 
 /// ln(1 + x) for x of at least 0; infinity counts as the largest number.

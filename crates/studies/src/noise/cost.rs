@@ -19,6 +19,11 @@ by side, which the compiler may do in vectors for the processor that the program
 weights or of sums of exponentials. Ratio: over the plain one. Difference: of the log likelihood from that with 40 x 32 nodes, at the posterior's mean.
 ";
 
+const WHOLE: &str = "\
+A calibration of PS with 16 384 simulations, from the prior to the summary with its path and bands, without files and figures:
+processor time of all threads. Ratio: over independent errors.
+";
+
 const ROWS: usize = 44;
 const SIDE: usize = 8;
 
@@ -140,7 +145,35 @@ pub(crate) fn run(out: &Path) -> Result<(), Failure> {
         ]);
     }
     report.table(&table)?;
-    Ok(report.page("Cost of a likelihood", &format!("{TEXT}\n{}", table.markdown()))?)
+    let whole = whole(&[
+        ("independent", ps(&Noise::default())?),
+        ("correlated", ps(&correlated(None))?),
+        ("robust", ps(&Noise::robust())?),
+    ]);
+    let text = format!("{TEXT}\n{}\n{WHOLE}\n{}", table.markdown(), whole.markdown());
+    Ok(report.page("Cost of a likelihood", &text)?)
+}
+
+/// Whole calibrations, each with its own noise; the first is what the others are held against.
+fn whole(calibrations: &[(&str, Calibration)]) -> Table {
+    let mut methods: Vec<Method<'_>> = Vec::new();
+    for (_, calibration) in calibrations {
+        methods.push(Box::new(|| {
+            let _ = black_box(calibration.posterior(16_384, 1));
+        }));
+    }
+    let times = interleaved(Clock::Process, &mut methods, 15, Duration::from_secs(30));
+    let mut table = Table::new(&["noise", "time", "lower quartile", "ratio"]);
+    for ((name, _), time) in calibrations.iter().zip(&times) {
+        let ratio = time.median_s / times[0].median_s;
+        table.push(vec![
+            (*name).to_owned(),
+            seconds(time.median_s),
+            seconds(time.lower_s),
+            format!("{ratio:.2}"),
+        ]);
+    }
+    table
 }
 
 /// The next multiple of eight.

@@ -153,6 +153,6 @@ fn posterior(
     samples: usize,
 ) -> Result<Posterior, Failure> {
     let calibration = Calibration::under(material, noise)?.moved(rows, BY)?;
-    let settings = smc_calib::Settings { map_simulations: 0, ..settings(samples, 1) };
+    let settings = smc_calib::Settings { map_simulations: 0, path: false, ..settings(samples, 1) };
     Ok(calibration.sampled(&settings).map_err(RunError::new)?)
 }

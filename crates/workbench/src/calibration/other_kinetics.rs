@@ -122,6 +122,7 @@ fn settings(plan: &Plan, parameters: usize) -> Settings {
         replicates: 8,
         draws: 256,
         map_simulations: 0,
+        path: false,
         ..Settings::default()
     }
 }

@@ -127,8 +127,8 @@ impl OfPair<'_> {
     fn look(&self, parameters: Vec<Parameter>) -> Option<Look> {
         let mut pair = PairPlan::clone(self.pair);
         pair.solver.name = dem_core::SolverKind::ClosedForm;
-        let settings =
-            smc_calib::Settings { seed: self.plan.sampler.seed, ..sampler_for(SIMULATIONS) };
+        let seed = self.plan.sampler.seed;
+        let settings = smc_calib::Settings { seed, path: false, ..sampler_for(SIMULATIONS) };
         // A look that cannot be had is no reason for doubt.
         let posterior = calibrated_alone(&pair, &parameters, self.measured, &settings).ok()??;
         let rmse = FitError::of(&self.measured.values, &posterior.map.outputs).rmse;

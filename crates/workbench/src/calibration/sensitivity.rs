@@ -95,6 +95,7 @@ fn sampled(
     let settings = Settings {
         seed: plan.sampler.seed,
         draws: 1000,
+        path: false,
         ..Settings::for_budget(plan.sampler.samples.min(SIMULATIONS))
     };
     let other = calibrate_joint(problem, &settings, &mut Stopping(watch)).ok()?;

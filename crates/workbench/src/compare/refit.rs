@@ -51,7 +51,7 @@ pub(super) fn where_unreliable(
             observations,
             noise: measured.noise.clone(),
         };
-        let settings = Settings { ess_target: None, ..plan.sampler.clone() };
+        let settings = Settings { ess_target: None, path: false, ..plan.sampler.clone() };
         let again = calibrate(&problem, &settings, &mut ()).map_err(RunError::new)?;
         let density = posterior.log_evidence.value - again.log_evidence.value;
         let point = &mut left_out.points[i];
