@@ -115,3 +115,34 @@ fn kinetics_that_fit_better_are_named_with_their_sintering_time() {
     let read = |dir: &str| fs::read(sandbox.path().join(dir).join("samples.csv")).expect("samples");
     assert!(read("r") == read("q"));
 }
+
+#[test]
+fn a_second_opinion_that_is_not_given_is_said_and_lengths_have_the_unit_of_their_scale() {
+    let sandbox = Sandbox::new();
+    let mut drift = 0.0;
+    let rows: String = (1..=201)
+        .map(|k| {
+            let t_s = 0.02 * f64::from(k);
+            drift += 0.02 * f64::from(k * 7919 % 101 - 50) / 50.0;
+            format!("{t_s:.3},{:.4}\n", 1.08 - 0.8 * (-t_s / 0.3).exp() + 0.2 * drift)
+        })
+        .collect();
+    let table = |rows: &str| format!("time_s,contact_ratio\n{rows}");
+    fs::write(sandbox.path().join("many.csv"), table(&rows)).expect("written");
+    let ran = sandbox.run("--material ps --experiment many.csv --samples 1024 --out many");
+    assert!(
+        ran.succeeded().stdout.contains("not computed beside the result for 201 observations"),
+        "{}",
+        ran.stdout
+    );
+    // One row fewer, and it is there.
+    let fewer: String = rows.lines().skip(1).map(|line| format!("{line}\n")).collect();
+    fs::write(sandbox.path().join("fewer.csv"), table(&fewer)).expect("written");
+    let ran = sandbox.run("--material ps --experiment fewer.csv --samples 1024 --out fewer");
+    assert!(ran.succeeded().stdout.contains("with correlated errors (sampled"), "{}", ran.stdout);
+    sandbox
+        .run("--material peek --noise correlated:linear --samples 1024 --out linear --quiet")
+        .succeeded();
+    let draws = fs::read_to_string(sandbox.path().join("linear/draws.csv")).expect("draws.csv");
+    assert!(draws.contains(",correlation_length [s],white_share [1],"), "{draws}");
+}

@@ -77,7 +77,7 @@ fn the_committed_table_is_what_the_command_regenerates_within_monte_carlo_error(
     for (old, new) in pairs("materials") {
         let name = old["name"].as_str().expect("a name");
         assert_eq!(new["name"], old["name"]);
-        assert_eq!(new["trusted"], true, "{name}");
+        assert_eq!(new["converged"], true, "{name}");
         let rows = |report: &Value| report["rows"].as_array().expect("rows").clone();
         assert_eq!(rows(&old).len(), 6);
         for (old, new) in rows(&old).iter().zip(&rows(&new)) {

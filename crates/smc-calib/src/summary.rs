@@ -71,25 +71,18 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
         let part = Part { likelihood: one, group: 0, range, ln_l: &pool.ln_l };
         part.noise(&sampler, &estimator, &chosen)
     });
-    let noise_of = |k: usize| noise.as_ref().and_then(|noise| noise.draws.get(k));
-    let draws: Vec<Draw> = chosen
-        .iter()
-        .enumerate()
-        .map(|(k, sample)| Draw {
-            sample: *sample,
-            sigma: noise_of(k).map(|draw| draw.sigma),
-            shape: noise_of(k).and_then(|draw| draw.shape),
-        })
-        .collect();
+    let draw = |(k, sample): (usize, &usize)| {
+        let noise = noise.as_ref().and_then(|noise| noise.draws.get(k));
+        let (sigma, shape) = (noise.map(|draw| draw.sigma), noise.and_then(|draw| draw.shape));
+        Draw { sample: *sample, sigma, shape }
+    };
+    let draws: Vec<Draw> = chosen.iter().enumerate().map(draw).collect();
     let groups = groups(target, &sampler, &estimator, &chosen, &map);
     let predictive = at_observations(target, &sampler, &estimator, &draws, &groups);
     // The kept curves are most of the memory: used up here, before the samples take theirs.
     let kept = std::mem::take(&mut sampler.pool.kept);
-    let path = if tuned || !settings.path {
-        Vec::new()
-    } else {
-        path(target, &sampler.pool, kept, &coordinate, &estimator)
-    };
+    let wanted = settings.path && !tuned;
+    let path = wanted.then(|| path(target, &sampler.pool, kept, &coordinate, &estimator));
     let pool = &sampler.pool;
     let mut posterior = Posterior {
         is_posterior: !tuned,
@@ -105,7 +98,7 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
         noise_shape: noise.and_then(|noise| noise.shape),
         residuals: residuals(target, &groups, &map),
         predictive,
-        path,
+        path: path.unwrap_or_default(),
         draws,
         parameters,
         stages,

@@ -79,8 +79,13 @@ impl Trust {
     /// Whether intervals can be taken as they are: converged, and no errors that are more alike than the noise model has
     /// them, which makes intervals too narrow.
     pub fn trusted(&self) -> bool {
+        self.converged() && !self.intervals_too_narrow()
+    }
+
+    /// Whether residuals are alike where the noise model has them independent.
+    pub fn intervals_too_narrow(&self) -> bool {
         let narrow = |c: &Concern| matches!(c, Concern::ResidualsNotIndependent { lag1, modelled: false, .. } if *lag1 > 0.0);
-        self.converged() && !self.concerns.iter().any(narrow)
+        self.concerns.iter().any(narrow)
     }
 
     /// One line with the verdict and its grounds. `evidence` belongs to the same result.

@@ -269,8 +269,10 @@ impl fmt::Display for Careful {
 pub(crate) struct Simulations {
     /// Simulations that it asks for.
     pub(crate) number: usize,
-    /// Whether each is a run of a program, which a plan file asks for.
+    /// Whether each is a run of a program.
     pub(crate) of_programs: bool,
+    /// Whether a plan file asks for them, not options.
+    pub(crate) of_file: bool,
 }
 
 /// A concern of the sampler as a line, with the option that helps where there is one.
@@ -285,7 +287,7 @@ pub(crate) fn concern(concern: &Concern, asked: Simulations) -> String {
 /// The option of the command, or the field of a file, that does what the remedy of a concern says.
 fn option(concern: &Concern, asked: Simulations) -> Option<String> {
     let field =
-        |option: &str, field: &str| Some(if asked.of_programs { field } else { option }.to_owned());
+        |option: &str, field: &str| Some(if asked.of_file { field } else { option }.to_owned());
     match concern {
         Concern::FewEffectiveSamples { .. }
         | Concern::HighKhat { .. }
@@ -390,21 +392,23 @@ mod tests {
             "5 draws are few for a 90 % interval: its ends are the extreme draws; take --draws 20 or more (see careful.md, \"few-draws\")"
         );
         let few = Concern::FewEffectiveSamples { ess: 31.2, wished: 400.0 };
-        let of_pair = Simulations { number: 16_384, of_programs: false };
+        let of_pair = Simulations { number: 16_384, of_programs: false, of_file: false };
         assert_eq!(
             concern(&few, of_pair),
             "only 31 effective samples: means and intervals are rough; run more simulations: --samples 32768 (see careful.md, \"few-effective-samples\")"
         );
-        let of_programs = Simulations { number: 300, of_programs: true };
+        let of_programs = Simulations { number: 300, of_programs: true, of_file: true };
         assert!(concern(&few, of_programs).contains("samples = 600 in [sampler]"));
-        let small = Simulations { number: 1000, of_programs: false };
+        let small = Simulations { number: 1000, of_programs: false, of_file: false };
         assert!(concern(&few, small).contains("--samples 16384"));
+        let pairs = Simulations { of_file: true, ..small };
+        assert!(concern(&few, pairs).contains("samples = 16384 in [sampler]"));
     }
 
     #[test]
     fn a_reason_without_an_option_ends_with_its_remedy() {
         let many = Concern::ManyFailures { failed: 3, simulations: 9, commonest: "x".to_owned() };
-        let line = concern(&many, Simulations { number: 9, of_programs: true });
+        let line = concern(&many, Simulations { number: 9, of_programs: true, of_file: true });
         assert!(
             line.ends_with("where the simulator works (see careful.md, \"many-failures\")"),
             "{line}"

@@ -84,8 +84,22 @@ impl Bare {
 
 pub(crate) fn run(out: &Path) -> Result<(), Failure> {
     let report = Report::part(out, "cost", "noise --only cost")?;
-    let correlated = |nodes| Noise::Correlated { nu0: 4.0, s0: 0.05, scale: None, nodes };
-    let ps = |noise: &Noise| Calibration::under(Material::Ps, noise);
+    let table = likelihoods()?;
+    report.table(&table)?;
+    let text = format!("{TEXT}\n{}\n{WHOLE}\n{}", table.markdown(), whole()?.markdown());
+    Ok(report.page("Cost of a likelihood", &text)?)
+}
+
+fn correlated(nodes: Option<[usize; 2]>) -> Noise {
+    Noise::Correlated { nu0: 4.0, s0: 0.05, scale: None, nodes }
+}
+
+fn ps(noise: &Noise) -> Result<Calibration, Failure> {
+    Calibration::under(Material::Ps, noise)
+}
+
+/// Single likelihoods beside the bare recursion.
+fn likelihoods() -> Result<Table, Failure> {
     let inferred = ps(&Noise::default())?;
     // The likeliest of some draws of the prior: differences are asked for where the posterior is.
     let likeliest = inferred.posterior(2048, 1).map_err(RunError::new)?;
@@ -144,20 +158,18 @@ pub(crate) fn run(out: &Path) -> Result<(), Failure> {
             off.map_or_else(String::new, |off| format!("{off:+.1e}")),
         ]);
     }
-    report.table(&table)?;
-    let whole = whole(&[
-        ("independent", ps(&Noise::default())?),
-        ("correlated", ps(&correlated(None))?),
-        ("robust", ps(&Noise::robust())?),
-    ]);
-    let text = format!("{TEXT}\n{}\n{WHOLE}\n{}", table.markdown(), whole.markdown());
-    Ok(report.page("Cost of a likelihood", &text)?)
+    Ok(table)
 }
 
 /// Whole calibrations, each with its own noise; the first is what the others are held against.
-fn whole(calibrations: &[(&str, Calibration)]) -> Table {
+fn whole() -> Result<Table, Failure> {
+    let calibrations = [
+        ("independent", ps(&Noise::default())?),
+        ("correlated", ps(&correlated(None))?),
+        ("robust", ps(&Noise::robust())?),
+    ];
     let mut methods: Vec<Method<'_>> = Vec::new();
-    for (_, calibration) in calibrations {
+    for (_, calibration) in &calibrations {
         methods.push(Box::new(|| {
             let _ = black_box(calibration.posterior(16_384, 1));
         }));
@@ -173,7 +185,7 @@ fn whole(calibrations: &[(&str, Calibration)]) -> Table {
             format!("{ratio:.2}"),
         ]);
     }
-    table
+    Ok(table)
 }
 
 /// The next multiple of eight.

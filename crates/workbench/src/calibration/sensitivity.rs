@@ -17,10 +17,7 @@ use crate::watch::Watch;
 /// Most simulations of the second posterior: its means are then known to a few hundredths of their standard deviations.
 const SIMULATIONS: usize = 4096;
 
-/// Most observations with a second posterior: with more the likelihood takes much longer than a run without being asked may.
-const MOST_OBSERVATIONS: usize = 200;
-
-/// Adds to a record the result under correlated errors. Nothing is added for very many observations, where the residuals are
+/// Adds to a record the result under correlated errors. Nothing is added above [`Sensitivity::MOST_OBSERVATIONS`], where the residuals are
 /// no reason for it, or where the noise of those that are has no correlated counterpart.
 ///
 /// A built-in simulator is sampled again. Programs are not run: the run's own samples are weighted by the other likelihood,
@@ -32,7 +29,7 @@ pub(super) fn add(
     simulator: &dyn Simulator,
     watch: &dyn Watch,
 ) -> Result<(), InputError> {
-    if plan.observations() > MOST_OBSERVATIONS {
+    if plan.observations() > Sensitivity::MOST_OBSERVATIONS {
         return Ok(());
     }
     let Some(groups) = correlated_groups(plan, &record.trust)? else { return Ok(()) };

@@ -119,8 +119,8 @@ pub struct Entry {
     pub ess: f64,
     /// Pareto shape of the importance weights.
     pub khat: f64,
-    /// Whether the sampler's diagnostics let the posterior be trusted.
-    pub trusted: bool,
+    /// Whether the sampler has converged.
+    pub converged: bool,
 }
 
 /// Information gained on a parameter.
@@ -277,7 +277,7 @@ impl Entry {
             residuals_independent: pair.found.residuals.independent,
             ess: record.ess.importance,
             khat: record.khat,
-            trusted: record.trust.converged(),
+            converged: record.trust.converged(),
         })
     }
 }

@@ -14,7 +14,7 @@ use crate::output::{WriteFile, checksums};
 use crate::plan::PairPlan;
 
 /// Version of the layout of `models-NAME.json`.
-pub(crate) const MODELS_VERSION: u32 = 1;
+pub(crate) const MODELS_VERSION: u32 = 2;
 
 /// Models of less probability than this are not kept: their share in any average is smaller than its other errors.
 const LEAST_PROBABILITY: f64 = 1e-4;
@@ -47,8 +47,10 @@ pub struct KeptModel {
     pub log_evidence: f64,
     /// Standard error of the log evidence.
     pub log_evidence_se: f64,
-    /// Whether its posterior can be trusted.
+    /// Whether the intervals of its posterior can be taken as they are.
     pub trusted: bool,
+    /// Reasons to be careful with it.
+    pub advice: Vec<String>,
     /// The pair, with its kinetics.
     pub pair: PairPlan,
     /// The parameters.
@@ -81,7 +83,8 @@ impl KeptModel {
             noise: noise.to_owned(),
             log_evidence: record.log_evidence.value,
             log_evidence_se: record.log_evidence.se,
-            trusted: record.trust.converged(),
+            trusted: record.trust.trusted(),
+            advice: record.advice.clone(),
             pair: record.pair()?.plan.clone(),
             parameters: record.plan.parameters.clone(),
             columns: (0..record.parameters.len())

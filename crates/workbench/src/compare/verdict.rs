@@ -172,7 +172,7 @@ fn preferred_noise(comparison: &Comparison) -> Option<String> {
 /// Reasons to be careful: where the prior or the method decides.
 pub(super) fn warnings(comparison: &Comparison) -> Vec<String> {
     let mut warnings = Vec::new();
-    for entry in comparison.entries.iter().filter(|entry| !entry.trusted) {
+    for entry in comparison.entries.iter().filter(|entry| !entry.converged) {
         warnings.push(Careful::UntrustedKinetics {
             kinetics: entry.kinetics.to_string(),
             noise: entry.noise.to_string(),

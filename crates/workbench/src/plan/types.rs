@@ -239,7 +239,10 @@ impl Plan {
 
     /// The simulations that it asks for.
     pub(crate) fn simulations(&self) -> Simulations {
-        Simulations { number: self.budget(), of_programs: self.commands().next().is_some() }
+        let of_programs = self.commands().next().is_some();
+        // Options name a file of priors.
+        let of_file = of_programs || self.prior_source.is_none();
+        Simulations { number: self.budget(), of_programs, of_file }
     }
 
     /// Experiments that a program of the user's simulates, with their places among the experiments.

@@ -1,15 +1,20 @@
 //! The average of the models of a comparison, kinetics and noise, by their evidence.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use dem_core::{Kinetics, PairSpec, Powder};
 use serde::Serialize;
+use smc_calib::Parameter;
 
-use super::{Drawn, Prediction, Scatter, Wanted, carried, predicted};
+use super::{Drawn, Predicted, Prediction, Scatter, Wanted, carried, predicted};
 use crate::compare::{self, KeptModel, KeptModels};
 use crate::error::{Failure, InputError, Mistake};
 use crate::pair::model::NeckGrowth;
 use crate::pair::parameter::ParameterName;
+
+/// Reasons to be careful with a model of less weight are not repeated.
+const LEAST_WEIGHT: f64 = 0.01;
 
 /// A model of an average.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -44,7 +49,9 @@ pub(crate) fn average(kept: &KeptModels, wanted: &Wanted) -> Result<Prediction, 
         compare::weights(&kept.models.iter().map(|model| model.log_evidence).collect::<Vec<_>>());
     let mut drawn = Vec::new();
     let mut averaged = Vec::new();
-    let mut advice = Vec::new();
+    let mut advice: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+    let mut starts = Vec::new();
+    let mut trusted = true;
     for (model, weight) in kept.models.iter().zip(weights) {
         let own = draws_of(model, weight, wanted)?;
         if own.is_empty() {
@@ -53,13 +60,14 @@ pub(crate) fn average(kept: &KeptModels, wanted: &Wanted) -> Result<Prediction, 
                 .help("run the comparison again")
                 .into());
         }
+        starts.extend(first_contacts(model, weight));
         drawn.extend(own);
         let kinetics = model.pair.kinetics;
-        if !model.trusted {
-            advice.push(format!(
-                "the posterior under {kinetics} with {} errors is not to be trusted; run the comparison with more --samples",
-                model.noise
-            ));
+        if weight >= LEAST_WEIGHT {
+            trusted &= model.trusted;
+            for line in &model.advice {
+                advice.entry(line).or_default().push(format!("{kinetics} with {}", model.noise));
+            }
         }
         averaged.push(AveragedModel { kinetics, noise: model.noise.clone(), weight });
     }
@@ -69,6 +77,8 @@ pub(crate) fn average(kept: &KeptModels, wanted: &Wanted) -> Result<Prediction, 
             .help("run the comparison again")
             .into());
     };
+    let mut advice: Vec<String> =
+        advice.into_iter().map(|(line, models)| format!("{}: {line}", models.join(", "))).collect();
     if kept.left_out > 0 {
         advice.push(format!(
             "{} less probable models are left out, of probability {:.1e} together",
@@ -85,12 +95,20 @@ pub(crate) fn average(kept: &KeptModels, wanted: &Wanted) -> Result<Prediction, 
         radius_m: wanted.radius_m.unwrap_or(calibrated_radius_m),
         calibrated_radius_m,
         final_contact_ratio: first.pair.final_contact_ratio,
-        trusted: kept.models.iter().all(|model| model.trusted),
-        first_contact_s: None,
+        trusted,
+        first_contact_s: Predicted::of(starts),
         sintering,
         after,
         advice,
     })
+}
+
+/// The calibrated times of first contact of a model's draws with their weights, together `weight`.
+fn first_contacts(model: &KeptModel, weight: f64) -> impl Iterator<Item = (f64, f64)> {
+    let named = |one: &Parameter| one.name == model.pair.calibrated(ParameterName::T0);
+    let starts = model.parameters.iter().position(named).and_then(|at| model.columns.get(at));
+    let starts = starts.map_or(&[][..], |column| column);
+    starts.iter().map(move |start| (*start, weight / starts.len() as f64))
 }
 
 /// The draws of a model at the wanted radius; together they weigh `weight`.
@@ -177,5 +195,43 @@ mod tests {
         assert!((found.contact_ratio.eti95[1] - upper).abs() < 1e-12);
         let measured = found.measured.as_ref().expect("with noise");
         assert!(measured.eti95[1] - measured.eti95[0] > upper - lower, "noise widens");
+    }
+    #[test]
+    fn reasons_to_be_careful_with_a_model_are_repeated_where_it_has_weight() {
+        let mut kept = two_models();
+        kept.models[0].log_evidence = 0.0;
+        kept.models[0].advice = vec!["the residuals are alike".to_owned()];
+        kept.models[1].advice = vec!["two modes".to_owned()];
+        kept.models[0].trusted = false;
+        kept.models[1].trusted = true;
+        let wanted = Wanted { after_s: vec![20.0], ..Wanted::default() };
+        let mut averaged = |log_evidence: f64| {
+            kept.models[1].log_evidence = log_evidence;
+            average(&kept, &wanted).expect("an average")
+        };
+        let first = averaged(-9.0);
+        assert!(!first.trusted && first.advice.len() == 1, "{:?}", first.advice);
+        assert!(first.advice[0].ends_with("with correlated: the residuals are alike"));
+        let second = averaged(9.0);
+        assert!(second.trusted && second.advice[0].ends_with(": two modes"), "{:?}", second.advice);
+        assert_eq!(averaged(0.0).advice.len(), 2);
+    }
+
+    #[test]
+    fn the_time_of_first_contact_of_an_average_is_that_of_its_models() {
+        let mut kept = two_models();
+        for (model, t0) in kept.models.iter_mut().zip([1.0, 3.0]) {
+            let prior =
+                smc_calib::Prior::new(smc_calib::PriorSpec::Uniform { lower: -5.0, upper: 5.0 })
+                    .expect("a prior");
+            let name = model.pair.calibrated(ParameterName::T0);
+            model.parameters.push(Parameter::new(name, "s", prior));
+            let rows = model.columns[0].len();
+            model.columns.push(vec![t0; rows]);
+            model.log_evidence = 2.0 * t0;
+        }
+        let wanted = Wanted { after_s: vec![20.0], ..Wanted::default() };
+        let start = average(&kept, &wanted).expect("an average").first_contact_s;
+        assert!((start.expect("a time").median - 3.0).abs() < 1e-12);
     }
 }

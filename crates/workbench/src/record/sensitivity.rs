@@ -30,6 +30,11 @@ pub struct Sensitivity {
     pub noise_shape: Vec<Option<ShapeSummary>>,
 }
 
+impl Sensitivity {
+    /// Most observations with a second posterior that was not asked for: with more the likelihood takes too long.
+    pub const MOST_OBSERVATIONS: usize = 200;
+}
+
 /// Origin of the samples of a second posterior.
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

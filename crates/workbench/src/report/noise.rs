@@ -61,9 +61,20 @@ fn row_in_words(plan: &ObservablePlan, row: usize) -> String {
     }
 }
 
-/// The result under correlated errors, beside the run's own.
-pub(super) fn beside(sensitivity: &Sensitivity, record: &Record, width: usize) -> String {
+/// The result under correlated errors, beside the run's own; empty where there is no reason for one.
+pub(super) fn beside(record: &Record, width: usize) -> String {
     let mut text = String::new();
+    let Some(sensitivity) = &record.sensitivity else {
+        let observations = record.plan.observations();
+        if record.trust.intervals_too_narrow() && observations > Sensitivity::MOST_OBSERVATIONS {
+            let _ = writeln!(
+                text,
+                "  with correlated errors: not computed beside the result for {observations} observations (up to {}); ask for it: --noise correlated",
+                Sensitivity::MOST_OBSERVATIONS
+            );
+        }
+        return text;
+    };
     let how = match sensitivity.method {
         Method::Sampled => "sampled again",
         Method::Weighted => "the same runs, weighted",

@@ -4,11 +4,12 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use campaign::Format;
-use smc_calib::{NoiseShape, Parameter, ParameterSummary, Posterior};
+use smc_calib::{DistanceScale, NoiseShape, Parameter, ParameterSummary, Posterior, ShapeSummary};
 
 use crate::error::{InputError, Mistake};
 use crate::input::data_table::{DataTable, quoted};
 use crate::output::checksums;
+use crate::plan::ObservablePlan;
 use crate::record::Record;
 
 /// The weighted samples of a run: what figures need beside the record.
@@ -57,23 +58,24 @@ pub(super) fn draws_csv(record: &Record, posterior: &Posterior) -> String {
     let with_sigma: Vec<_> =
         posterior.groups.iter().filter(|group| !group.sigma_draws.is_empty()).collect();
     for group in &with_sigma {
-        let observable = record.observables().find(|(_, found)| found.label == group.name);
-        let unit = observable.map_or("", |(plan, _)| plan.unit.as_str());
-        let unit = if unit.is_empty() { "1" } else { unit };
+        let observable =
+            record.observables().find(|(_, found)| found.label == group.name).map(|(plan, _)| plan);
+        let unit = observable.map_or("", |plan| plan.unit.as_str());
         text.push(',');
-        text.push_str(&quoted(&format!("sigma_{} [{unit}]", group.name)));
-        for column in group.shape_draws.first().map_or(&[][..], shape_columns) {
+        text.push_str(&quoted(&format!("sigma_{} [{}]", group.name, or_one(unit))));
+        for (column, unit) in shape_columns(group.noise_shape.as_ref(), observable) {
             text.push(',');
-            text.push_str(&quoted(&format!("{column}_{} [1]", group.name)));
+            text.push_str(&quoted(&format!("{column}_{} [{unit}]", group.name)));
         }
     }
     // One observable has the noise of the draw itself.
     let single = posterior.groups.is_empty();
     if single {
         text.push_str(",sigma [1]");
-        let shape = posterior.draws.first().and_then(|draw| draw.shape);
-        for column in shape.as_ref().map_or(&[][..], shape_columns) {
-            let _ = write!(text, ",{column} [1]");
+        let observable = record.observables().next().map(|(plan, _)| plan);
+        for (column, unit) in shape_columns(posterior.noise_shape.as_ref(), observable) {
+            text.push(',');
+            text.push_str(&quoted(&format!("{column} [{unit}]")));
         }
     }
     text.push_str(",sample\n");
@@ -95,13 +97,23 @@ pub(super) fn draws_csv(record: &Record, posterior: &Posterior) -> String {
     text
 }
 
-/// Columns of what the noise has beside sigma. Correlation lengths are in the logarithm of the control variable, or in its
-/// unit: `noise_shape` of `posterior.json` says which.
-fn shape_columns(shape: &NoiseShape) -> &'static [&'static str] {
-    match shape {
-        NoiseShape::Correlated { .. } => &["correlation_length", "white_share"],
-        NoiseShape::Robust { .. } => &[],
-    }
+/// Columns of what the noise has beside sigma, with their units: a correlation length is in the logarithm of the control
+/// variable, or in its unit.
+fn shape_columns<'a>(
+    shape: Option<&ShapeSummary>,
+    observable: Option<&'a ObservablePlan>,
+) -> Vec<(&'static str, &'a str)> {
+    let Some(ShapeSummary::Correlated { scale, .. }) = shape else { return Vec::new() };
+    let unit = match scale {
+        DistanceScale::Log => "1",
+        DistanceScale::Linear => or_one(observable.map_or("", |plan| &plan.control_unit)),
+    };
+    vec![("correlation_length", unit), ("white_share", "1")]
+}
+
+/// The unit of numbers without one is 1.
+fn or_one(unit: &str) -> &str {
+    if unit.is_empty() { "1" } else { unit }
 }
 
 fn shape_values(text: &mut String, shape: Option<NoiseShape>) {

@@ -68,9 +68,7 @@ pub fn text(record: &Record, seconds: Option<f64>, out: Option<&Path>) -> String
     }
     text.push_str(&other_kinetics_line(record));
     let _ = writeln!(text, "  sampling: {}", record.trust.line(&record.log_evidence));
-    if let Some(sensitivity) = &record.sensitivity {
-        text.push_str(&beside(sensitivity, record, width));
-    }
+    text.push_str(&beside(record, width));
     for failure in &record.failures {
         let _ = writeln!(text, "  failed {} times: {}", failure.count, failure.cause);
     }

@@ -67,8 +67,8 @@ pub struct MaterialReport {
     pub ess: f64,
     /// Pareto shape of the weights.
     pub khat: f64,
-    /// Whether the sampler's diagnostics let the posterior be trusted.
-    pub trusted: bool,
+    /// Whether the sampler has converged.
+    pub converged: bool,
     /// Reasons to be careful.
     pub advice: Vec<String>,
 }
@@ -177,7 +177,7 @@ fn material(one: &Calibrated) -> Result<MaterialReport, Failure> {
         log_evidence: [record.log_evidence.value, record.log_evidence.se],
         ess: record.ess.importance,
         khat: record.khat,
-        trusted: record.trust.converged(),
+        converged: record.trust.converged(),
         advice: record.advice.clone(),
     })
 }

@@ -104,7 +104,7 @@ pub fn table_markdown(report: &Report) -> String {
         let _ = writeln!(
             text,
             "\nSampling: {}; {:.0} effective samples, k-hat {:.2}, log evidence {} ± {}.",
-            if material.trusted { "converged" } else { "NOT TO BE TRUSTED" },
+            if material.converged { "converged" } else { "NOT TO BE TRUSTED" },
             material.ess,
             material.khat,
             with_error(evidence, error, 2),
