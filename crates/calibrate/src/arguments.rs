@@ -219,6 +219,11 @@ pub(crate) fn noise(text: &str) -> Result<Noise, String> {
              robust"
                 .to_owned(),
         ),
+        ("correlated", Some(value)) if value.contains("log") || value.contains("linear") => Err(
+            "a scale and a prior of sigma are not combined here; use correlated:log, correlated:linear or correlated:NU0,S0, \
+             or a plan file, which takes nu0, s0 and scale"
+                .to_owned(),
+        ),
         ("correlated", Some(value)) => {
             let of = |(nu0, s0)| Noise::Correlated { nu0, s0, scale: None, nodes: None };
             prior(value)

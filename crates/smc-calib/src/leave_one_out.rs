@@ -200,7 +200,7 @@ fn densities(
         let values = &mut values[range];
         if part.has_shape() {
             let rng = |_| stream(seed, Purpose::LeaveOneOut, g, s);
-            let drawn = part.draw_shapes(1, |_| Some(&*values), rng);
+            let drawn = part.draw_shapes((1, false), |_| Some(&*values), rng);
             let left_out = drawn.and_then(|drawn| part.ln_left_out(drawn.draws.first()?, values));
             let Some(left_out) = left_out else { return Ok(None) };
             values.copy_from_slice(&left_out);

@@ -148,6 +148,30 @@ pub enum NoiseError {
         /// Its value.
         value: f64,
     },
+    /// A number of the prior of sigma that cannot be computed with.
+    #[error(
+        "noise {field} is {value:e}; it must be between {:e} and {:e}", range[0], range[1]
+    )]
+    OutOfRange {
+        /// Field of the noise model.
+        field: &'static str,
+        /// Its value.
+        value: f64,
+        /// The range.
+        range: [f64; 2],
+    },
+    /// A prior of sigma that the sum over sigma of robust noise cannot follow.
+    #[error(
+        "robust noise with nu0 = {nu0:e}, s0 = {s0:e} and {rows} observations takes too many values of sigma; give an s0 of about the scatter that is expected, and nu0 below ten thousand"
+    )]
+    TooManySigmas {
+        /// Degrees of freedom of the prior.
+        nu0: f64,
+        /// Scale of the prior.
+        s0: f64,
+        /// Number of observations.
+        rows: usize,
+    },
     /// A share outside (0, 1).
     #[error("noise share is {value}; it must lie between 0 and 1, both excluded")]
     Share {

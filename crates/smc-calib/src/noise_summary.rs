@@ -54,9 +54,9 @@ impl Part<'_> {
             let kept = &pool.kept[chosen[k] * pool.kept_width..][self.range.clone()];
             (!again).then_some(kept)
         };
-        let drawn = self
-            .likelihood
-            .draw_shapes(chosen.len(), curve, |k| stream(seed, Purpose::Sigma, self.group, k));
+        let drawn = self.likelihood.draw_shapes((chosen.len(), true), curve, |k| {
+            stream(seed, Purpose::Sigma, self.group, k)
+        });
         let Some(NoiseDraws { draws, moments: [mean, square], shape }) = drawn else {
             return GroupNoise { draws: Vec::new(), sigma: None, shape: None };
         };

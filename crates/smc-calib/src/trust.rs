@@ -14,9 +14,9 @@ pub use concern::Concern;
 
 use self::limits::*;
 use self::modes::two_modes;
-use crate::Noise;
 use crate::posterior::{Evidence, ParameterSummary, Posterior, Residuals};
 use crate::prior::PriorSpec;
+use crate::{Noise, StageRecord};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -66,6 +66,10 @@ pub struct Trust {
     pub tail_share_limit: f64,
     /// Whether the standard error of the log evidence can be believed.
     pub evidence_error_known: bool,
+    /// A further mode whose surroundings take more than this share of the prior would have been met with a probability of
+    /// 95 %: `1 - 0.05^(1/n)`, about 3/n, for n samples drawn from the prior; 1 without any.
+    #[serde(default)]
+    pub unseen: f64,
     /// Reasons to be careful.
     pub concerns: Vec<Concern>,
 }
@@ -76,10 +80,11 @@ impl Trust {
         self.verdict == Verdict::Converged
     }
 
-    /// Whether intervals can be taken as they are: converged, and no errors that are more alike than the noise model has
-    /// them, which makes intervals too narrow.
+    /// Whether intervals can be taken as they are: converged, a fit that meets the data, and no errors that are more alike
+    /// than the noise model has them, which makes intervals too narrow.
     pub fn trusted(&self) -> bool {
-        self.converged() && !self.intervals_too_narrow()
+        let poor = self.concerns.iter().any(|c| matches!(c, Concern::PoorFit { .. }));
+        self.converged() && !poor && !self.intervals_too_narrow()
     }
 
     /// Whether residuals are alike where the noise model has them independent.
@@ -101,8 +106,16 @@ impl Trust {
         } else {
             ""
         };
+        let explored = if self.unseen < 1.0 {
+            let share = two_digits(100.0 * self.unseen);
+            format!(
+                "; a further mode around more than {share} % of the prior would have been met (95 %)"
+            )
+        } else {
+            String::new()
+        };
         format!(
-            "{}; {:.0} effective samples{of}, k-hat {:.2} (limit {}{harmless}), {}",
+            "{}; {:.0} effective samples{of}, k-hat {:.2} (limit {}{harmless}), {}{explored}",
             self.verdict,
             self.effective_samples,
             self.khat,
@@ -194,8 +207,17 @@ impl Posterior {
             tail_share: self.parameters.iter().map(|p| p.tail_share).fold(0.0, f64::max),
             tail_share_limit: TAIL_SHARE,
             evidence_error_known: sound,
+            unseen: self.unseen(),
             concerns: self.concerns(wished),
         }
+    }
+
+    /// Share of the prior that no sample may have come from, see [`Trust::unseen`].
+    fn unseen(&self) -> f64 {
+        let from_prior =
+            |stage: &StageRecord| stage.simulations as f64 * stage.proposal.prior_share;
+        let draws: f64 = self.stages.iter().map(from_prior).sum();
+        if draws >= 1.0 { 1.0 - MISSED.powf(1.0 / draws) } else { 1.0 }
     }
 
     fn concerns(&self, wished: f64) -> Vec<Concern> {

@@ -147,7 +147,7 @@ impl Careful {
             ),
             Self::EvidencesTooClose { best, other, noise, difference, error } => format!(
                 "{best} against {other} with {noise} errors: the evidences differ by {}, no more than their Monte Carlo error {} allows to tell",
-                significant(*difference, 2), significant(*error, 2)
+                significant(difference.max(0.0), 2), significant(*error, 2)
             ),
             Self::PriorDecides { best, other, noise, parameters, reach, difference } => {
                 let between = format!("{best} against {other} with {noise} errors");

@@ -25,6 +25,14 @@ pub fn significant(value: f64, digits: usize) -> String {
     }
 }
 
+/// Significant digits that tell the ends of an interval apart, at least three and at most twelve: `999.95` and `1000.01`,
+/// not `1000` and `1000`.
+pub fn digits_of([lower, upper]: [f64; 2]) -> usize {
+    let largest = lower.abs().max(upper.abs());
+    let apart = (largest.log10().floor() - (upper - lower).abs().log10().floor()) as i64 + 1;
+    apart.clamp(3, 12) as usize
+}
+
 /// A number with as many decimals as show the first two digits of its standard error (`86.3368` with an error of
 /// 0.0012), and at least `least`.
 pub fn with_error(value: f64, error: f64, least: usize) -> String {
@@ -78,6 +86,16 @@ mod tests {
         assert_eq!(significant(-3.809_52, 3), "-3.81");
         assert_eq!(significant(0.0, 3), "0");
         assert_eq!(significant(f64::INFINITY, 3), "inf");
+    }
+
+    #[test]
+    fn the_ends_of_an_interval_are_told_apart() {
+        assert_eq!(digits_of([0.0628, 0.0798]), 3);
+        assert_eq!(digits_of([20.7, 27.6]), 3);
+        assert_eq!(digits_of([999.95, 1000.01]), 6);
+        assert_eq!(digits_of([-3.0, 5.0]), 3);
+        assert_eq!(digits_of([1.0, 1.0]), 12);
+        assert_eq!(digits_of([0.0, 0.0]), 3);
     }
 
     #[test]

@@ -54,6 +54,8 @@ pub(crate) struct Correlated {
     scale: DistanceScale,
     control: Vec<f64>,
     nodes: Vec<Node>,
+    /// The part of the prior's distribution function that each length, and each share, stands for.
+    parts: [Vec<[f64; 2]>; 2],
     /// Range of the observations on the scale.
     range: f64,
     rows: usize,
@@ -107,9 +109,10 @@ impl Correlated {
         let Some(range) = scale.range(&control) else { return Ok(None) };
         let nodes = product(range, lengths, shares);
         let constants = student_constants(nu0, sum0, rows);
-        let (steps, powers) = (Vec::new(), Vec::new());
+        let (steps, powers, parts) = (Vec::new(), Vec::new(), Default::default());
         let mut new =
-            Self { nu0, sum0, scale, control, nodes, range, rows, steps, constants, powers };
+            Self { nu0, sum0, scale, control, nodes, parts, range, rows, steps, constants, powers };
+        new.parts = [0, 1].map(|axis| parts_of(&new.prior(axis)));
         new.steps = new.nodes.chunks(LANES).flat_map(|block| new.prepared(block)).collect();
         if nu0.fract() == 0.0 && rows as f64 + nu0 <= MULTIPLIED {
             new.powers = (0..rows).map(|k| new.power(k)).collect();
@@ -193,6 +196,13 @@ impl Correlated {
     /// The length, or the share, at a value of its distribution function under the prior.
     pub(crate) fn quantity(&self, axis: usize, u: f64) -> f64 {
         if axis == 0 { length(self.range, u) } else { share(u) }
+    }
+
+    /// The length, or the share, at a value `u` of the distribution function within the part of the prior that a node
+    /// stands for.
+    pub(crate) fn within(&self, axis: usize, place: usize, u: f64) -> f64 {
+        let [before, after] = self.parts[axis][place];
+        self.quantity(axis, before + u * (after - before))
     }
 
     /// Log likelihood of the curve.
@@ -434,6 +444,17 @@ fn times(a: &Lane, b: &Lane) -> Lane {
 #[inline(always)]
 fn ln_one_plus(x: f64) -> f64 {
     ln_of_positive((1.0 + x).min(f64::MAX))
+}
+
+/// The part of the distribution function that each of some probabilities takes.
+fn parts_of(probabilities: &[f64]) -> Vec<[f64; 2]> {
+    let mut sum = 0.0;
+    let part = |p: &f64| {
+        let before = sum;
+        sum += p;
+        [before, sum]
+    };
+    probabilities.iter().map(part).collect()
 }
 
 /// The correlation length at a value of its distribution function: log-uniform.

@@ -126,10 +126,12 @@ impl Likelihood {
     }
 
     /// Draws the noise for curves that were drawn one after the other, with a random stream for each; none for models
-    /// without a shape. `curve(k)` is the curve of draw k where it is another one than that of the draw before.
+    /// without a shape. `curve(k)` is the curve of draw k where it is another one than that of the draw before. A node of the
+    /// quadrature stands for a part of the prior: with `spread` what is drawn lies anywhere there, as a user wants to see it;
+    /// without it is the node, as likelihoods are computed.
     pub(crate) fn draw_shapes<'c, R: Rng>(
         &self,
-        count: usize,
+        (count, spread): (usize, bool),
         curve: impl Fn(usize) -> Option<&'c [f64]>,
         stream: impl Fn(usize) -> R,
     ) -> Option<NoiseDraws> {
@@ -143,7 +145,7 @@ impl Likelihood {
                     if let Some(outputs) = curve(k) {
                         known = model.posterior(values, outputs);
                     }
-                    draws.push(tally.correlated(model, &known, &mut stream(k))?);
+                    draws.push(tally.correlated((model, spread), &known, &mut stream(k))?);
                 }
             }
             Kind::Robust(model) => {
@@ -154,7 +156,12 @@ impl Likelihood {
                         known = model.posterior(values, outputs);
                         residuals = self.residuals(outputs);
                     }
-                    draws.push(tally.robust(&known, &residuals, &mut stream(k))?);
+                    let mut rng = stream(k);
+                    let mut draw = tally.robust(&known, &residuals, &mut rng)?;
+                    if spread {
+                        draw.sigma *= model.within(rng.random());
+                    }
+                    draws.push(draw);
                 }
             }
             _ => return None,
@@ -205,7 +212,7 @@ impl Tally {
     /// sigma^2 given a node is inverse gamma: `E sigma = sqrt(b) Gamma(a - 1/2)/Gamma(a)`, `E sigma^2 = b/(a - 1)`.
     fn correlated(
         &mut self,
-        model: &Correlated,
+        (model, spread): (&Correlated, bool),
         known: &[(f64, f64)],
         rng: &mut impl Rng,
     ) -> Option<NoiseDraw> {
@@ -222,7 +229,12 @@ impl Tally {
         let at = chosen(known.iter().map(|(p, _)| *p), rng.random());
         let (node, (_, sum)) = (model.nodes().get(at)?, known.get(at)?);
         let gamma: f64 = Gamma::new(a, 1.0).ok()?.sample(rng);
-        let shape = NoiseShape::Correlated { length: node.length, white_share: node.white };
+        let [length, white_share] = if spread {
+            [0, 1].map(|axis| model.within(axis, node.place[axis], rng.random()))
+        } else {
+            [node.length, node.white]
+        };
+        let shape = NoiseShape::Correlated { length, white_share };
         Some(NoiseDraw { sigma: (0.5 * (sum0 + sum) / gamma).sqrt(), shape: Some(shape) })
     }
 

@@ -54,7 +54,7 @@ impl Likelihood {
             }
             Noise::Robust { nu0, s0 } => {
                 prior_sum(*nu0, *s0)?;
-                Kind::Robust(Robust::new(*nu0, *s0, observations))
+                Kind::Robust(Robust::new(*nu0, *s0, observations)?)
             }
         };
         Ok(Self { values, kind })
@@ -224,11 +224,13 @@ fn positive(field: &'static str, value: f64) -> Result<(), NoiseError> {
 
 /// `nu0 s0^2`, checked.
 fn prior_sum(nu0: f64, s0: f64) -> Result<f64, NoiseError> {
-    positive("nu0", nu0)?;
-    positive("s0", s0)?;
-    let sum0 = nu0 * s0 * s0;
-    positive("s0", sum0)?;
-    Ok(sum0)
+    for (field, value, range) in [("nu0", nu0, [1e-6, 1e9]), ("s0", s0, [1e-150, 1e150])] {
+        positive(field, value)?;
+        if !(range[0]..=range[1]).contains(&value) {
+            return Err(NoiseError::OutOfRange { field, value, range });
+        }
+    }
+    Ok(nu0 * s0 * s0)
 }
 
 fn inferred(nu0: f64, s0: f64, values: &[f64]) -> Result<Kind, NoiseError> {

@@ -10,6 +10,7 @@
 //! ln(1/eps). A larger eps makes intervals of clean data wider, an inferred one does both worse. Outliers within the first
 //! rise, where a few rows carry all that is known, cannot be recognised by any eps.
 
+use super::NoiseError;
 use super::rule::{Lane, ln_sum_exp};
 use crate::Observations;
 use crate::lanes::{LANES, exp_of_nonpositive, ln_of_positive};
@@ -25,6 +26,8 @@ pub(crate) const OUTLIER_SHARE: f64 = 0.005;
 const SPACING: f64 = 0.2;
 /// Log density below the largest at which a block of nodes is left out.
 const DEPTH: f64 = 45.0;
+/// Most nodes of sigma: more are needed only for a prior of sigma far narrower than the distance to the scatter of the data.
+const MAX_NODES: usize = 200_000;
 /// Observations between two scalings of the products of densities: each factor is at least 5e-4.
 const SCALED: usize = 32;
 
@@ -32,6 +35,8 @@ const SCALED: usize = 32;
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Robust {
     rows: usize,
+    /// Spacing of the nodes of ln sigma.
+    step: f64,
     /// sigma, eight at a time.
     sigma: Vec<Lane>,
     /// ln sigma.
@@ -51,7 +56,7 @@ pub(crate) struct Robust {
 impl Robust {
     /// The model for some observations: `sigma^2 ~ Inverse-Gamma(nu0/2, nu0 s0^2/2)`, cut off where neither prior nor
     /// data can have it: far above both s0 and the observed values.
-    pub(crate) fn new(nu0: f64, s0: f64, observations: &Observations) -> Self {
+    pub(crate) fn new(nu0: f64, s0: f64, observations: &Observations) -> Result<Self, NoiseError> {
         let rows = observations.len();
         let of_ln_sigma = 1.0 / (2.0 * (nu0 + rows as f64)).sqrt();
         let step = of_ln_sigma.min(SPACING);
@@ -60,8 +65,11 @@ impl Robust {
         // themselves would give as residuals.
         let mean = |sum: f64| (sum / (nu0 + rows as f64)).sqrt().ln();
         let lowest = mean(nu0 * s0 * s0) - 6.0 * of_ln_sigma;
-        let highest = mean(nu0 * s0 * s0 + squares.min(1e24 * s0 * s0)) + 10.0 * of_ln_sigma;
+        let highest = mean(nu0 * s0 * s0 + squares) + 10.0 * of_ln_sigma;
         let count = ((highest - lowest) / step).ceil().max(1.0) as usize + 1;
+        if count > MAX_NODES {
+            return Err(NoiseError::TooManySigmas { nu0, s0, rows });
+        }
         let (a, b) = (0.5 * nu0, 0.5 * nu0 * s0 * s0);
         let lanes = |value: &dyn Fn(f64) -> f64, none: f64| -> Vec<Lane> {
             let at = |j: usize| if j < count { value(lowest + step * j as f64) } else { none };
@@ -72,8 +80,9 @@ impl Robust {
         // Density of ln sigma: 2 b^a/Gamma(a) sigma^(-2a) exp(-b/sigma^2).
         let constant = step.ln() + 2f64.ln() + a * b.ln() - ln_gamma(a);
         let ln_prior = |u: f64| constant - 2.0 * a * u - b * (-2.0 * u).exp();
-        Self {
+        Ok(Self {
             rows,
+            step,
             sigma: lanes(&f64::exp, 1.0),
             ln_sigma: lanes(&|u| u, 0.0),
             half_precision: lanes(&|u| 0.5 * (-2.0 * u).exp(), 0.5),
@@ -81,7 +90,12 @@ impl Robust {
             least_half_precision: 0.5 * (-2.0 * (lowest + step * (count - 1) as f64)).exp(),
             weights: lanes(&|u| ln_prior(u).exp(), 0.0),
             ln_prior: lanes(&ln_prior, f64::NEG_INFINITY),
-        }
+        })
+    }
+
+    /// Factor that takes sigma at a node to a place within the spacing, evenly in ln sigma for `u` evenly over (0, 1).
+    pub(crate) fn within(&self, u: f64) -> f64 {
+        (self.step * (u - 0.5)).exp()
     }
 
     /// Log likelihood of the curve.

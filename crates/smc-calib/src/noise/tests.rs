@@ -315,7 +315,7 @@ fn a_prior_far_below_the_residuals_leaves_numbers_for_any_number_of_nodes() {
 fn robust_errors_know_sigma_though_the_prior_is_far_below_it() {
     let (observations, outputs) = data(44);
     let sigma = |s0: f64| {
-        let model = robust::Robust::new(NU0, s0, &observations);
+        let model = robust::Robust::new(NU0, s0, &observations).expect("a model");
         let posterior = model.posterior(observations.values(), &outputs);
         posterior.iter().map(|(sigma, p)| sigma * p).sum::<f64>()
     };

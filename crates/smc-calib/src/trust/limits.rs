@@ -48,6 +48,9 @@ pub const BOUND_SCORE: f64 = 2.326_347_874;
 /// ten times that of the prior.
 pub const BOUND_SHARE: f64 = 0.1;
 
+/// Probability that all draws from the prior miss a mode of the share that is stated.
+pub const MISSED: f64 = 0.05;
+
 /// Density between two modes, over that of the lower one, below which they are called two: that of two equal normals whose
 /// centres are 4.1 sds apart.
 pub const VALLEY: f64 = 0.25;

@@ -101,6 +101,20 @@ fn nothing_speaks_against_a_sound_result() {
 }
 
 #[test]
+fn the_share_of_the_prior_where_a_mode_would_have_been_met_is_that_of_the_draws_from_the_prior() {
+    let drawn = |simulations, prior_share| {
+        let proposal = crate::MixtureRecord { prior_share, components: Vec::new() };
+        StageRecord { simulations, proposal, ..stage(1.0) }
+    };
+    let trust = after(|p| p.stages = vec![drawn(1000, 1.0), drawn(10_000, 0.02)]);
+    // 1200 draws all miss a mode of this share with a probability of 5 %.
+    assert!(((1.0 - trust.unseen).powi(1200) - 0.05).abs() < 1e-9, "{}", trust.unseen);
+    let line = trust.line(&sound().log_evidence);
+    assert!(line.ends_with("more than 0.25 % of the prior would have been met (95 %)"), "{line}");
+    assert_eq!(after(|p| p.stages = vec![drawn(1000, 0.0)]).unseen, 1.0);
+}
+
+#[test]
 fn a_tuned_result_is_untrusted_and_has_no_evidence() {
     let trust = after(|p| p.is_posterior = false);
     assert_eq!(trust.verdict, Verdict::Untrusted);

@@ -4,7 +4,7 @@
 
 use dem_core::{Kinetics, SolverKind};
 use rayon::prelude::*;
-use smc_calib::{Noise, Parameter, Posterior, Settings, Trust};
+use smc_calib::{Noise, Parameter, Posterior, Settings, Trust, Verdict};
 
 use super::of_pair::calibrated_alone;
 use crate::error::InputError;
@@ -19,6 +19,8 @@ const LEAST_SAMPLES: usize = 4096;
 const MOST_OBSERVATIONS: usize = 500;
 /// Most simulations for kinetics with three parameters: with 768 the sampler does not converge on the materials.
 const BUDGET: usize = 2048;
+/// Times as many where that was not enough.
+const MORE: usize = 4;
 /// Standard errors that a difference must be beyond.
 const ERRORS: f64 = 2.0;
 /// Evidence that is not worth more than a bare mention, in ln K (Kass and Raftery).
@@ -63,12 +65,15 @@ fn look(
     let one = |kinetics: Kinetics| -> Result<Option<OtherKinetics>, InputError> {
         let pair = PairPlan { kinetics, ..pair.clone() };
         let Some(parameters) = parameters(plan, &pair)? else { return Ok(None) };
-        let settings = settings(plan, parameters.len());
-        let Some(other) = calibrated_alone(&pair, &parameters, measured, &settings)? else {
-            return Ok(None);
-        };
+        let mut settings = settings(plan, parameters.len());
+        let mut other = calibrated_alone(&pair, &parameters, measured, &settings)?;
+        if !other.as_ref().is_some_and(sound) {
+            settings.samples *= MORE;
+            other = calibrated_alone(&pair, &parameters, measured, &settings)?;
+        }
+        let Some(other) = other else { return Ok(None) };
         let tau_s = place(&parameters).and_then(|place| other.parameters.get(place));
-        let Some(tau_s) = tau_s.filter(|_| other.trust().converged()) else { return Ok(None) };
+        let Some(tau_s) = tau_s else { return Ok(None) };
         let ln_bayes_factor = other.log_evidence.value - posterior.log_evidence.value;
         let se = other.log_evidence.se.hypot(posterior.log_evidence.se);
         let eti95 = tau_s.in_si.eti95;
@@ -76,7 +81,8 @@ fn look(
             kinetics,
             ln_bayes_factor,
             ln_bayes_factor_se: se,
-            fits_as_well: ln_bayes_factor + BARE_MENTION > ERRORS * se,
+            judged: sound(&other),
+            fits_as_well: sound(&other) && ln_bayes_factor + BARE_MENTION > ERRORS * se,
             tau_s_median: tau_s.in_si.median,
             tau_s_eti95: [eti95.lower, eti95.upper],
             tau_s_disjoint: eti95.upper < own.lower || own.upper < eti95.lower,
@@ -109,6 +115,11 @@ fn parameters(plan: &Plan, pair: &PairPlan) -> Result<Option<Vec<Parameter>>, In
         }
     }
     Ok(Some(found))
+}
+
+/// Whether the evidence and the rough place of tau_s can be read off.
+fn sound(posterior: &Posterior) -> bool {
+    posterior.trust().verdict != Verdict::Untrusted
 }
 
 /// A small budget, smaller still for kinetics with tau_s alone, and nothing simulated but the samples.

@@ -99,26 +99,34 @@ impl OfPair<'_> {
             && first_s > UNSEEN_SHARE * knee.time_s
     }
 
-    /// The calibration with t0 anywhere from one length of the table before its first row to its last row.
-    fn with_free_clock(&self) -> Option<Look> {
+    /// The time of first contact, anywhere from one length of the table before its first row to its last row.
+    fn free_clock(&self) -> Option<Parameter> {
         let (first, last) = (self.measured.control.first()?, self.measured.control.last()?);
         // One length of the table, or the whole time from 0 for a table of one instant.
         let length = if last > first { last - first } else { *last };
         let prior = Prior::new(PriorSpec::Uniform { lower: first - length, upper: *last }).ok()?;
-        let mut parameters = self.plan.parameters.clone();
         let name = self.pair.calibrated(ParameterName::T0);
-        parameters.push(Parameter::new(name, ParameterName::T0.unit(), prior));
+        Some(Parameter::new(name, ParameterName::T0.unit(), prior))
+    }
+
+    fn with_free_clock(&self) -> Option<Look> {
+        let mut parameters = self.plan.parameters.clone();
+        parameters.push(self.free_clock()?);
         self.look(parameters)
     }
 
-    /// The calibration with C1, tau_s and delta_c anywhere over many decades around their priors.
+    /// The calibration with C1, tau_s and delta_c anywhere over many decades around their priors, and t0 anywhere
+    /// where it is calibrated.
     fn with_wide_priors(&self) -> Option<Look> {
         let wide = |parameter: &Parameter| {
             let name = ParameterName::ALL
                 .into_iter()
                 .find(|name| self.pair.calibrated(*name) == parameter.name)?;
-            let known = matches!(name, ParameterName::Phi | ParameterName::T0);
-            if known { Some(parameter.clone()) } else { wider(parameter) }
+            match name {
+                ParameterName::Phi => Some(parameter.clone()),
+                ParameterName::T0 => self.free_clock(),
+                _ => wider(parameter),
+            }
         };
         let parameters = self.plan.parameters.iter().map(wide).collect::<Option<Vec<_>>>()?;
         self.look(parameters)
@@ -141,13 +149,25 @@ impl OfPair<'_> {
         let (first_s, last_s) = (self.measured.control.first()?, self.measured.control.last()?);
         let late = *first_s > last_s - first_s && t0.eti95.lower > 0.0;
         let needed = if late { LATE_CLOCK_GAIN } else { CLOCK_GAIN };
-        (log_gain > needed).then_some(Doubt::Clock {
+        // A clock that leaves most rows before first contact explains nothing: the data do not grow.
+        let control = &self.measured.control;
+        let after = control.iter().filter(|time_s| **time_s > t0.median).count();
+        let grows = 2 * after > control.len() && self.grows();
+        (grows && log_gain > needed).then_some(Doubt::Clock {
             first_s: *first_s,
             t0_s: t0.median,
             eti95_s: [t0.eti95.lower, t0.eti95.upper],
             log_gain,
             rmse: [found.rmse, look.rmse],
         })
+    }
+
+    /// Whether the measured contact ratio grows from first to last: its first half lies below its second.
+    fn grows(&self) -> bool {
+        let values = &self.measured.values;
+        let (first, second) = values.split_at(values.len() / 2);
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
+        mean(first) < mean(second)
     }
 
     fn about_prior(&self, look: &Look, found: FitError) -> Option<Doubt> {

@@ -6,7 +6,7 @@ use smc_calib::trust::khat_holds;
 use smc_calib::trust::limits::FEWEST_EFFECTIVE_SAMPLES;
 use smc_calib::{
     Concern, Group, JointProblem, Noise, Observer, ParameterSummary, Posterior, Settings,
-    Simulator, StageRecord, Trust, Weighted, calibrate_joint, reweighted,
+    Simulator, StageRecord, Trust, Verdict, Weighted, calibrate_joint, reweighted,
 };
 
 use crate::error::InputError;
@@ -16,6 +16,9 @@ use crate::watch::Watch;
 
 /// Most simulations of the second posterior: its means are then known to a few hundredths of their standard deviations.
 const SIMULATIONS: usize = 4096;
+
+/// Times as many where these were not enough.
+const MORE: usize = 4;
 
 /// Adds to a record the result under correlated errors. Nothing is added above [`Sensitivity::MOST_OBSERVATIONS`], where the residuals are
 /// no reason for it, or where the noise of those that are has no correlated counterpart.
@@ -60,13 +63,13 @@ fn correlated_groups(plan: &Plan, trust: &Trust) -> Result<Option<Vec<Group>>, I
     let mut changed = false;
     let mut groups = plan.groups()?;
     let single = groups.len() == 1;
-    for group in &mut groups {
+    for (group, (_, observable)) in groups.iter_mut().zip(plan.observables()) {
         let asked = alike.iter().any(|name| match name {
             Some(name) => *name == group.name,
             None => single,
         });
         if let (true, Some(noise)) = (asked, group.noise.with_correlation()) {
-            group.noise = noise.at(group.observations.control());
+            group.noise = observable.scaled(noise);
             changed = true;
         }
     }
@@ -89,13 +92,21 @@ fn sampled(
     noise: Vec<Noise>,
     watch: &dyn Watch,
 ) -> Option<Sensitivity> {
-    let settings = Settings {
-        seed: plan.sampler.seed,
-        draws: 1000,
-        path: false,
-        ..Settings::for_budget(plan.sampler.samples.min(SIMULATIONS))
+    let sampled = |samples: usize| {
+        let settings = Settings {
+            seed: plan.sampler.seed,
+            draws: 1000,
+            path: false,
+            ..Settings::for_budget(samples)
+        };
+        calibrate_joint(problem, &settings, &mut Stopping(watch)).ok()
     };
-    let other = calibrate_joint(problem, &settings, &mut Stopping(watch)).ok()?;
+    // A few simulations do mostly.
+    let most = plan.sampler.samples;
+    let mut other = sampled(most.min(SIMULATIONS))?;
+    if other.trust().verdict == Verdict::Untrusted && most > SIMULATIONS {
+        other = sampled(most.min(MORE * SIMULATIONS))?;
+    }
     let parameters = other.parameters.iter().zip(&posterior.parameters).map(|(new, old)| {
         let (si, eti95) = (&new.in_si, &new.in_si.eti95);
         let moments = (new.in_coordinate.mean, new.in_coordinate.sd);
@@ -105,7 +116,18 @@ fn sampled(
         [] => vec![other.noise_shape.clone()],
         groups => groups.iter().map(|group| group.noise_shape.clone()).collect(),
     };
+    let trust = other.trust();
+    let told = |concern: &Concern| {
+        matches!(
+            concern,
+            Concern::TwoModes { .. }
+                | Concern::ResidualsNotIndependent { .. }
+                | Concern::PoorFit { .. }
+        )
+    };
     Some(Sensitivity {
+        trusted: trust.verdict != Verdict::Untrusted,
+        concerns: trust.concerns.into_iter().filter(told).collect(),
         noise,
         method: Method::Sampled,
         samples: other.samples.len(),
@@ -113,7 +135,6 @@ fn sampled(
         log_evidence_se: other.log_evidence.se,
         ess: other.ess.importance,
         khat: other.khat,
-        trusted: other.trust().verdict != smc_calib::Verdict::Untrusted,
         parameters: parameters.collect(),
         noise_shape: shapes,
     })
@@ -152,6 +173,7 @@ fn weighted(
         log_evidence_se: found.log_evidence_se,
         ess: found.ess,
         khat: found.khat,
+        concerns: Vec::new(),
         trusted: khat_holds(found.khat) && found.ess >= FEWEST_EFFECTIVE_SAMPLES,
         parameters: parameters.collect(),
     })

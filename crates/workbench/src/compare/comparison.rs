@@ -2,12 +2,12 @@
 
 use serde::Serialize;
 use smc_calib::trust::limits::INFORMED_BITS;
-use smc_calib::{LeaveOneOut, Noise};
+use smc_calib::{LeaveOneOut, Noise, Verdict};
 
 use super::strength::Strength;
 use crate::error::InputError;
 use crate::plan::Plan;
-use crate::record::{FitError, Record};
+use crate::record::{Doubt, FitError, Record};
 
 /// Version of the layout of `compare.json`.
 pub(crate) const SCHEMA_VERSION: u32 = 2;
@@ -119,8 +119,11 @@ pub struct Entry {
     pub ess: f64,
     /// Pareto shape of the importance weights.
     pub khat: f64,
-    /// Whether the sampler has converged.
-    pub converged: bool,
+    /// What the sampler's diagnostics say.
+    pub sampling: Verdict,
+    /// What of the clock and the priors is to be suspected.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub doubts: Vec<Doubt>,
 }
 
 /// Information gained on a parameter.
@@ -277,7 +280,8 @@ impl Entry {
             residuals_independent: pair.found.residuals.independent,
             ess: record.ess.importance,
             khat: record.khat,
-            converged: record.trust.converged(),
+            sampling: record.trust.verdict,
+            doubts: pair.neck_growth.doubts.clone(),
         })
     }
 }

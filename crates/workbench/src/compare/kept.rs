@@ -83,7 +83,7 @@ impl KeptModel {
             noise: noise.to_owned(),
             log_evidence: record.log_evidence.value,
             log_evidence_se: record.log_evidence.se,
-            trusted: record.trust.trusted(),
+            trusted: record.trusted(),
             advice: record.advice.clone(),
             pair: record.pair()?.plan.clone(),
             parameters: record.plan.parameters.clone(),

@@ -53,6 +53,12 @@ pub(super) fn named(noises: &[Noise]) -> Result<Vec<(String, Noise)>, InputError
         }
         named.push((name, noise.clone()));
     }
+    let scale_left_open = |noise: &Noise| matches!(noise, Noise::Correlated { scale: None, .. });
+    let correlated = noises.iter().filter(|noise| noise.is_correlated()).count();
+    if correlated > 1 && noises.iter().any(scale_left_open) {
+        return Err(refused("correlated noise whose scale is left open beside another".to_owned())
+            .expected("correlated:log,correlated:linear, or one of them"));
+    }
     if named.is_empty() {
         return Err(refused("no noise model".to_owned()).expected("at least one"));
     }

@@ -4,6 +4,7 @@ use super::comparison::{Comparison, Entry};
 use super::strength::{Strength, bayes_factor};
 use crate::careful::Careful;
 use crate::number::{probability, significant};
+use smc_calib::Verdict;
 use smc_calib::trust::limits::EVIDENCE_ERRORS;
 
 /// Difference of two log evidences that is worth a word.
@@ -172,7 +173,8 @@ fn preferred_noise(comparison: &Comparison) -> Option<String> {
 /// Reasons to be careful: where the prior or the method decides.
 pub(super) fn warnings(comparison: &Comparison) -> Vec<String> {
     let mut warnings = Vec::new();
-    for entry in comparison.entries.iter().filter(|entry| !entry.converged) {
+    let untrusted = |entry: &&Entry| entry.sampling == Verdict::Untrusted;
+    for entry in comparison.entries.iter().filter(untrusted) {
         warnings.push(Careful::UntrustedKinetics {
             kinetics: entry.kinetics.to_string(),
             noise: entry.noise.to_string(),
@@ -204,7 +206,21 @@ pub(super) fn warnings(comparison: &Comparison) -> Vec<String> {
         let value = comparison.final_contact_ratio;
         warnings.push(Careful::FinalContactRatioReadOff { value });
     }
-    warnings.iter().map(ToString::to_string).collect()
+    doubt(comparison).into_iter().chain(warnings.iter().map(ToString::to_string)).collect()
+}
+
+/// The clock or the priors, where the most probable model under a doubt says so.
+fn doubt(comparison: &Comparison) -> Option<String> {
+    let doubted = || comparison.entries.iter().filter(|entry| !entry.doubts.is_empty());
+    let first = doubted().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))?;
+    Some(format!(
+        "{} with {} errors, and {} of {} models in all: {}",
+        first.kinetics,
+        first.noise,
+        doubted().count(),
+        comparison.entries.len(),
+        first.doubts.first()?
+    ))
 }
 
 /// Kinetics under one noise that the method or the prior tells apart, not the data.

@@ -185,10 +185,10 @@ fn refused(fields: &Fields<'_>, error: &PriorError) -> InputError {
         }
         PriorError::NotPositive { field, value } => {
             let mistake = if *value < 0.0 { Mistake::Negative } else { Mistake::OutOfRange };
-            at(field, mistake)
-                .found(value)
-                .expected("a number > 0")
-                .help("a logarithmic prior has no zero; choose the smallest value that makes sense")
+            at(field, mistake).found(value).expected("a number > 0").help(match *field {
+                "sd" => "a standard deviation is above zero",
+                _ => "a logarithmic prior has no zero; choose the smallest value that makes sense",
+            })
         }
         PriorError::Bounds { lower, upper } if lower < upper => at("upper", Mistake::OutOfRange)
             .found(format_args!("{lower:e} to {upper:e}"))

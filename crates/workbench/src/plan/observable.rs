@@ -54,7 +54,7 @@ pub(super) fn observable(
             .help("noise = { kind = \"inferred\", nu0 = 4, s0 = ABOUT }, ABOUT in the unit of the values")
             .help("or noise = { kind = \"fixed\", sigma = KNOWN }, or { kind = \"fixed-table\" } with a sigma column"));
     };
-    observable.noise = noise(&noise_table)?.at(&observable.control);
+    observable.noise = observable.scaled(noise(&noise_table)?);
     let per_point = Noise::Fixed { sigma: FixedSigma::PerPoint };
     if observable.noise == per_point && observable.sigma.is_none() {
         return Err(fields

@@ -9,7 +9,8 @@ use campaign::{Call, ResultSpec};
 use dem_core::{Kinetics, PairScene, PairSpec, Powder, SolverKind, SolverSettings};
 use serde::{Deserialize, Serialize};
 use smc_calib::{
-    Concern, FixedSigma, Group, Noise, ObservationError, Observations, Parameter, Settings,
+    Concern, DistanceScale, FixedSigma, Group, Noise, ObservationError, Observations, Parameter,
+    Settings,
 };
 
 use crate::careful::{self, Careful, Simulations};
@@ -229,6 +230,18 @@ pub(super) fn is_word(name: &str) -> bool {
     let begins = name.starts_with(|c: char| c.is_ascii_alphabetic());
     let rest = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
     begins && rest && name.len() <= 64
+}
+
+impl ObservablePlan {
+    /// A noise model with the scale that it takes here: rows in no order have no logarithm.
+    pub fn scaled(&self, noise: Noise) -> Noise {
+        match noise {
+            Noise::Correlated { nu0, s0, scale: None, nodes } if self.control_column.is_none() => {
+                Noise::Correlated { nu0, s0, scale: Some(DistanceScale::Linear), nodes }
+            }
+            other => other.at(&self.control),
+        }
+    }
 }
 
 impl Plan {

@@ -189,7 +189,7 @@ pub fn noise_in_words(noise: &Noise) -> String {
         Noise::Correlated { nu0, s0, scale, .. } => format!(
             "correlated: independent part and Ornstein-Uhlenbeck part, distances {}; sigma^2 ~ Inverse-Gamma({nu0}/2, {nu0} * {s0}^2/2), integrated out, as are correlation length and white share",
             match scale {
-                Some(DistanceScale::Linear) => "in the control variable",
+                Some(DistanceScale::Linear) => "in the control variable or rows",
                 Some(DistanceScale::Log) => "in the logarithm of the control variable",
                 None => "in the control variable or its logarithm",
             }

@@ -77,14 +77,8 @@ pub(crate) fn average(kept: &KeptModels, wanted: &Wanted) -> Result<Prediction, 
             .help("run the comparison again")
             .into());
     };
-    let mut advice: Vec<String> =
+    let advice =
         advice.into_iter().map(|(line, models)| format!("{}: {line}", models.join(", "))).collect();
-    if kept.left_out > 0 {
-        advice.push(format!(
-            "{} less probable models are left out, of probability {:.1e} together",
-            kept.left_out, kept.left_out_probability
-        ));
-    }
     let calibrated_radius_m = first.pair.powder.radius_m;
     let (sintering, after) = predicted(&drawn, wanted)?;
     Ok(Prediction {
@@ -92,6 +86,8 @@ pub(crate) fn average(kept: &KeptModels, wanted: &Wanted) -> Result<Prediction, 
         title: kept.title.clone(),
         kinetics: None,
         averaged,
+        left_out_models: kept.left_out,
+        left_out_probability: kept.left_out_probability,
         radius_m: wanted.radius_m.unwrap_or(calibrated_radius_m),
         calibrated_radius_m,
         final_contact_ratio: first.pair.final_contact_ratio,

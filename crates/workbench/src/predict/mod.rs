@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use crate::careful::Careful;
 use crate::error::{Failure, InputError, Mistake, RunError};
-use crate::number::significant;
+use crate::number::{digits_of, significant};
 use crate::pair::draws::PairDraws;
 use crate::pair::parameter::ParameterName;
 use smc_calib::Weighted;
@@ -48,11 +48,14 @@ impl Predicted {
     }
 
     fn text(&self, unit: &str) -> String {
-        let interval =
-            |[a, b]: [f64; 2]| format!("{} .. {}{unit}", significant(a, 3), significant(b, 3));
+        let digits = digits_of(self.eti95);
+        let interval = |ends: [f64; 2]| {
+            let [a, b] = ends.map(|end| significant(end, digits));
+            format!("{a} .. {b}{unit}")
+        };
         format!(
             "{}{unit} (50 % {}, 95 % {})",
-            significant(self.median, 3),
+            significant(self.median, digits),
             interval(self.eti50),
             interval(self.eti95)
         )
@@ -147,6 +150,10 @@ impl Scatter {
     }
 }
 
+fn is_zero<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
 /// Sintering times and contact ratios of a pair.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Prediction {
@@ -160,6 +167,12 @@ pub struct Prediction {
     /// The models of an average, the most probable first; empty for one posterior.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub averaged: Vec<AveragedModel>,
+    /// Number of less probable models that are left out of an average.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub left_out_models: usize,
+    /// Probability of these together.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub left_out_probability: f64,
     /// Radius of the predicted pair \[m\].
     pub radius_m: f64,
     /// Radius that the posterior was calibrated at \[m\].
@@ -206,10 +219,12 @@ pub fn predict(calibrated: &PairDraws, wanted: &Wanted) -> Result<Prediction, Fa
         title: record.plan.title.clone(),
         kinetics: Some(kinetics),
         averaged: Vec::new(),
+        left_out_models: 0,
+        left_out_probability: 0.0,
         radius_m,
         calibrated_radius_m,
         final_contact_ratio: pair.final_contact_ratio,
-        trusted: record.trust.trusted(),
+        trusted: record.trusted(),
         first_contact_s: Predicted::of(
             (0..calibrated.len())
                 .filter_map(|row| Some((calibrated.value(ParameterName::T0, row)?, 1.0))),
@@ -331,6 +346,13 @@ impl Prediction {
         lines.extend(self.averaged.iter().map(|model| {
             format!("  {:.3}  {} with {} errors", model.weight, model.kinetics, model.noise)
         }));
+        if self.left_out_models > 0 {
+            lines.push(format!(
+                "  {:.0e}  {}, left out",
+                self.left_out_probability,
+                models(self.left_out_models)
+            ));
+        }
         if let Some(start) = &self.first_contact_s {
             lines.push(format!(
                 "  times count from first contact, at t0 = {} in the table's clock",

@@ -154,6 +154,13 @@ impl Record {
         self.plan.observables().map(|(_, plan)| plan).zip(found)
     }
 
+    /// Whether intervals can be taken as they are: by the diagnostics of the sampler and the fit, and without a doubt of the
+    /// clock or of a prior.
+    pub fn trusted(&self) -> bool {
+        let of_pairs = self.experiments.iter().filter_map(|one| one.neck_growth.as_ref());
+        self.trust.trusted() && of_pairs.flat_map(|neck| &neck.doubts).next().is_none()
+    }
+
     /// The pair of a run with one built-in experiment.
     ///
     /// # Errors

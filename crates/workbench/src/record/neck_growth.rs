@@ -41,6 +41,9 @@ pub struct OtherKinetics {
     pub ln_bayes_factor: f64,
     /// Its standard error.
     pub ln_bayes_factor_se: f64,
+    /// Whether the simulations were enough to judge them.
+    #[serde(default)]
+    pub judged: bool,
     /// Whether they fit as well or better: ln K above -1, by more than two standard errors.
     pub fits_as_well: bool,
     /// Posterior median of tau_s under them \[s\].

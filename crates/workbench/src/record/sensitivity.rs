@@ -1,7 +1,7 @@
 //! A result under another noise model, beside the one that was asked for.
 
 use serde::{Deserialize, Serialize};
-use smc_calib::{Noise, ShapeSummary};
+use smc_calib::{Concern, Noise, ShapeSummary};
 
 /// The posterior under correlated errors.
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -24,6 +24,9 @@ pub struct Sensitivity {
     pub khat: f64,
     /// Whether the numbers can be trusted; else the summary says what to run.
     pub trusted: bool,
+    /// What is to be known of its posterior: two modes, residuals that are still alike, a poor fit.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub concerns: Vec<Concern>,
     /// Parameters, in the order of the plan.
     pub parameters: Vec<SensitivityOf>,
     /// Correlation length and white share of each observable, where the samples are of this model.

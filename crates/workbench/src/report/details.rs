@@ -11,7 +11,7 @@ use crate::record::Record;
 
 /// A posterior as `calibrate check` describes it.
 pub fn understood(record: &Record) -> Understood {
-    let trusted = if record.trust.trusted() { "to be trusted" } else { "not to be trusted" };
+    let trusted = if record.trusted() { "to be trusted" } else { "not to be trusted" };
     Understood {
         headline: format!(
             "a posterior of {} ({} simulations, {trusted})",

@@ -49,6 +49,19 @@ pub(super) fn noise_line(plan: &ObservablePlan, found: &ObservableRecord) -> Str
     }
 }
 
+/// The unit of a correlation length.
+pub(super) fn length_unit(scale: DistanceScale, plan: &ObservablePlan) -> &str {
+    match scale {
+        DistanceScale::Log => "1",
+        DistanceScale::Linear => or_one(&plan.control_unit),
+    }
+}
+
+/// The unit of numbers without one is 1.
+pub(super) fn or_one(unit: &str) -> &str {
+    if unit.is_empty() { "1" } else { unit }
+}
+
 /// A row by its line in the table, where that is known, and its control value.
 fn row_in_words(plan: &ObservablePlan, row: usize) -> String {
     let control = match (&plan.control_column, shown_unit(&plan.control_unit)) {
@@ -79,20 +92,28 @@ pub(super) fn beside(record: &Record, width: usize) -> String {
         Method::Sampled => "sampled again",
         Method::Weighted => "the same runs, weighted",
     };
-    let _ = writeln!(
-        text,
-        "  with correlated errors ({how}; log evidence {} against {}):",
-        significant(sensitivity.log_evidence, 5),
-        significant(record.log_evidence.value, 5),
-    );
     if !sensitivity.trusted {
+        let simulations = record.plan.simulations();
+        let (option, more) = if simulations.of_file {
+            ("noise = { kind = \"correlated\", s0 = ABOUT } in the plan", "samples in [sampler]")
+        } else {
+            ("--noise correlated", "--samples")
+        };
         let _ = writeln!(
             text,
-            "    not known from these runs ({:.0} effective samples, k-hat {:.2}): run with --noise correlated, in a plan noise = {{ kind = \"correlated\", s0 = ABOUT }}",
+            "  with correlated errors ({how}): not known from these runs ({:.0} effective samples, k-hat {:.2}); run with {option}, and with more {more} where that is not to be trusted either",
             sensitivity.ess, sensitivity.khat
         );
         return text;
     }
+    let (other, own) = (sensitivity.log_evidence, record.log_evidence.value);
+    let _ = writeln!(
+        text,
+        "  with correlated errors ({how}; log evidence {} against {}{}):",
+        significant(other, 5),
+        significant(own, 5),
+        if other < own { ", which the data prefer" } else { "" }
+    );
     for (parameter, summary) in sensitivity.parameters.iter().zip(&record.parameters) {
         let _ = writeln!(
             text,
@@ -106,6 +127,9 @@ pub(super) fn beside(record: &Record, width: usize) -> String {
             significant(parameter.widening, 2),
             w = width.saturating_sub(2),
         );
+    }
+    for concern in &sensitivity.concerns {
+        let _ = writeln!(text, "    there: {concern}");
     }
     text
 }

@@ -4,8 +4,9 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use campaign::Format;
-use smc_calib::{DistanceScale, NoiseShape, Parameter, ParameterSummary, Posterior, ShapeSummary};
+use smc_calib::{NoiseShape, Parameter, ParameterSummary, Posterior, ShapeSummary};
 
+use super::noise::{length_unit, or_one};
 use crate::error::{InputError, Mistake};
 use crate::input::data_table::{DataTable, quoted};
 use crate::output::checksums;
@@ -104,16 +105,8 @@ fn shape_columns<'a>(
     observable: Option<&'a ObservablePlan>,
 ) -> Vec<(&'static str, &'a str)> {
     let Some(ShapeSummary::Correlated { scale, .. }) = shape else { return Vec::new() };
-    let unit = match scale {
-        DistanceScale::Log => "1",
-        DistanceScale::Linear => or_one(observable.map_or("", |plan| &plan.control_unit)),
-    };
+    let unit = observable.map_or("1", |plan| length_unit(*scale, plan));
     vec![("correlation_length", unit), ("white_share", "1")]
-}
-
-/// The unit of numbers without one is 1.
-fn or_one(unit: &str) -> &str {
-    if unit.is_empty() { "1" } else { unit }
 }
 
 fn shape_values(text: &mut String, shape: Option<NoiseShape>) {

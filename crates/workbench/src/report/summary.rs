@@ -8,7 +8,7 @@ use smc_calib::{Concern, ParameterSummary};
 
 use super::noise::{beside, noise_line};
 use crate::error::RunError;
-use crate::number::{percentile, shown_unit, significant};
+use crate::number::{digits_of, percentile, shown_unit, significant};
 use crate::output::pretty;
 use crate::plan::{ObservablePlan, SimulatorPlan};
 use crate::record::{
@@ -111,13 +111,14 @@ fn headline(record: &Record, seconds: Option<f64>) -> String {
 
 fn parameter_line(summary: &ParameterSummary, width: usize) -> String {
     let si = &summary.in_si;
+    let digits = digits_of([si.eti95.lower, si.eti95.upper]);
     format!(
         "  {:<width$} {:>9} {:<9} 95 % {} .. {}",
         summary.parameter.name,
-        significant(si.median, 3),
+        significant(si.median, digits),
         shown_unit(&summary.parameter.unit),
-        significant(si.eti95.lower, 3),
-        significant(si.eti95.upper, 3),
+        significant(si.eti95.lower, digits),
+        significant(si.eti95.upper, digits),
     )
 }
 
@@ -189,12 +190,13 @@ fn knee_line(knee: &KneeSummary) -> String {
     } else {
         String::new()
     };
+    let digits = digits_of(knee.time_s.eti95);
     format!(
         "  knee: a/R {} at {} s (95 % {} .. {} s){probability}\n",
         significant(knee.contact_ratio.median, 3),
-        significant(knee.time_s.median, 3),
-        significant(knee.time_s.eti95[0], 3),
-        significant(knee.time_s.eti95[1], 3),
+        significant(knee.time_s.median, digits),
+        significant(knee.time_s.eti95[0], digits),
+        significant(knee.time_s.eti95[1], digits),
     )
 }
 
@@ -214,17 +216,29 @@ fn other_kinetics_line(record: &Record) -> String {
             )
         })
         .collect();
-    if others.is_empty() {
-        return String::new();
-    }
+    let not_judged: Vec<String> = pair
+        .neck_growth
+        .other_kinetics
+        .iter()
+        .filter(|other| !other.judged)
+        .map(|other| other.kinetics.to_string())
+        .collect();
     let material = match pair.plan.material {
         Some(material) if material.name() == record.plan.name => format!(" --material {material}"),
         _ => String::new(),
     };
-    format!(
-        "  other kinetics fit as well or better by evidence: {}; see calibrate compare{material}\n",
-        others.join(", "),
-    )
+    let mut text = String::new();
+    for (what, which) in [
+        ("fit as well or better by evidence", others),
+        ("were not judged, few simulations did not suffice", not_judged),
+    ] {
+        if !which.is_empty() {
+            let which = which.join(", ");
+            let _ =
+                writeln!(text, "  other kinetics {what}: {which}; see calibrate compare{material}");
+        }
+    }
+    text
 }
 
 /// The summary as JSON: the same facts for a program to read.
@@ -247,7 +261,7 @@ pub fn json(record: &Record, out: Option<&Path>) -> Result<String, RunError> {
     pretty(&json!({
         "name": record.plan.name,
         "is_posterior": record.is_posterior,
-        "trusted": record.trust.trusted(),
+        "trusted": record.trusted(),
         "trust": record.trust,
         "parameters": record.parameters,
         "observables": observables,

@@ -2,12 +2,12 @@
 
 use std::fmt::Write as _;
 
-use smc_calib::{Coordinate, SigmaSummary};
+use smc_calib::{Coordinate, NoiseQuantity, ShapeSummary, SigmaSummary};
 
-use super::noise::beside_markdown;
+use super::noise::{beside_markdown, length_unit, noise_line};
 use super::summary::{OF_TABLE3, is_uninformed, neck_growth, paper_place};
 use crate::input::data_table::quoted;
-use crate::number::{shown_unit, significant, with_error};
+use crate::number::{digits_of, shown_unit, significant, with_error};
 use crate::plan::SimulatorPlan;
 use crate::record::Record;
 
@@ -83,16 +83,39 @@ fn rows(record: &Record) -> Vec<Row> {
         });
     }
     for (plan, found) in record.observables() {
+        let named = |what: &str| match record.plan.observables().count() {
+            1 => what.to_owned(),
+            _ => format!("{what} of {}", found.label),
+        };
         if let Some(sigma) = &found.sigma {
-            let name = if record.plan.observables().count() > 1 {
-                format!("sigma of {}", found.label)
-            } else {
-                "sigma".to_owned()
-            };
-            rows.push(sigma_row(name, &plan.unit, sigma));
+            rows.push(sigma_row(named("sigma"), &plan.unit, sigma));
+        }
+        if let Some(ShapeSummary::Correlated { scale, length, white_share, .. }) =
+            &found.noise_shape
+        {
+            let unit = length_unit(*scale, plan);
+            rows.push(shape_row(named("correlation length"), unit, length));
+            rows.push(shape_row(named("white share"), "1", white_share));
         }
     }
     rows
+}
+
+/// What the noise has beside sigma; no standard deviation is computed of it.
+fn shape_row(parameter: String, unit: &str, found: &NoiseQuantity) -> Row {
+    Row {
+        parameter,
+        unit: unit.to_owned(),
+        form: "noise",
+        map: None,
+        median: found.median,
+        eti95: found.eti95,
+        mean_sd: (found.mean, f64::NAN, Coordinate::Linear),
+        bits: None,
+        informed: true,
+        paper: None,
+        percentile: None,
+    }
 }
 
 fn sigma_row(parameter: String, unit: &str, sigma: &SigmaSummary) -> Row {
@@ -176,6 +199,8 @@ fn markdown_row(row: &Row, with_paper: bool) -> String {
     // A standard deviation that does not exist is stored as the largest number there is.
     let values = if sd < f64::MAX {
         format!("{} ± {}", with_error(mean, sd, 2), significant(sd, 2))
+    } else if sd.is_nan() {
+        significant(mean, 3)
     } else {
         format!("{} (no finite sd)", significant(mean, 3))
     };
@@ -183,15 +208,16 @@ fn markdown_row(row: &Row, with_paper: bool) -> String {
     let bits = row
         .bits
         .map(|bits| format!("{bits:.2}{}", if row.informed { "" } else { " (not informed)" }));
+    let digits = digits_of(row.eti95);
     let mut line = format!(
         "| {} | {} | {} | {} | {} | {} … {} | {values}{log10} | {} |",
         row.parameter,
         row.unit,
         row.form,
-        or_dash(row.map.map(|map| significant(map, 3))),
-        significant(row.median, 3),
-        significant(row.eti95[0], 3),
-        significant(row.eti95[1], 3),
+        or_dash(row.map.map(|map| significant(map, digits))),
+        significant(row.median, digits),
+        significant(row.eti95[0], digits),
+        significant(row.eti95[1], digits),
         or_dash(bits),
     );
     if with_paper {
@@ -209,7 +235,7 @@ fn markdown_row(row: &Row, with_paper: bool) -> String {
 /// How well each observable is met.
 fn observables_markdown(record: &Record) -> String {
     let mut text = String::from(
-        "\n| observable | points | RMSE of the MAP | noise sigma, 95 % | residuals |\n|---|---|---|---|---|\n",
+        "\n| observable | points | RMSE of the MAP | errors | noise sigma, 95 % | residuals |\n|---|---|---|---|---|---|\n",
     );
     for (plan, found) in record.observables() {
         let sigma = match &found.sigma {
@@ -223,12 +249,19 @@ fn observables_markdown(record: &Record) -> String {
         let rmse = significant(found.map_error.rmse, 2);
         let _ = writeln!(
             text,
-            "| {} | {} | {} | {sigma} | {} |",
+            "| {} | {} | {} | {} | {sigma} | {} |",
             found.label,
             plan.values.len(),
             format_args!("{rmse} {}", shown_unit(&plan.unit)).to_string().trim_end(),
+            plan.noise.kind(),
             if found.residuals.independent { "independent" } else { "not independent" },
         );
+    }
+    for (plan, found) in record.observables() {
+        let line = noise_line(plan, found);
+        if !line.is_empty() {
+            let _ = writeln!(text, "\n{}: {}.", found.label, line.trim());
+        }
     }
     text
 }
