@@ -15,7 +15,7 @@
 use super::contact::{LawConstants, Memory, Scheme};
 use super::error::{BedError, within};
 use super::friction::Slider;
-use super::material::{ContactConstants, Friction, Growing, Material};
+use super::material::{ContactConstants, Friction, Growing, Material, effective_radius};
 use super::motion::WallList;
 use super::neighbours::{NeighbourList, image_of, index_of};
 use super::particles::Particles;
@@ -166,7 +166,7 @@ impl Bed {
             for k in self.list.row(i) {
                 let j = index_of(self.list.other[k]);
                 let (radius_i, radius_j) = (self.particles.radius_m[i], self.particles.radius_m[j]);
-                let radius = 2.0 * radius_i * radius_j / (radius_i + radius_j);
+                let radius = effective_radius(radius_i, radius_j);
                 let overlap = (radius_i + radius_j - norm(self.distance(i, k))) / radius;
                 if overlap < 0.0 {
                     continue;

@@ -171,8 +171,7 @@ fn rows_forces<F: PairFeatures>(input: &PairInput<'_>, output: PairOutput<'_>, r
                 );
                 let relative =
                     add(sub(input.velocity[i], input.velocity[j]), cross(normal, turning));
-                let law = &input.law.law;
-                let pressing = (law.adhesion - memory.pull + law.kc * overlap) * scheme.force_scale;
+                let pressing = (input.law.law.adhesion - memory.pull) * scheme.force_scale;
                 let tangential = input.slider.force(
                     &mut spring[at],
                     normal,

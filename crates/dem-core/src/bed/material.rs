@@ -10,11 +10,13 @@ use crate::{ContactLaw, Damping, Kinetic, Kinetics, PairScene, PairSpec, Sinteri
 /// dashpot,
 ///
 /// ```text
-/// f_t = -k_t xi - gamma_t v_t   while |f_t| <= mu (f_ep - gamma_n v_n + Kc delta),
+/// f_t = -k_t xi - gamma_t v_t   while |f_t| <= mu (f_n + fa),   f_n + fa = f_ep - gamma_n v_n,
 /// ```
 ///
-/// and on the slider, at that limit, the spring is shortened to fit. The limit counts from the lowest
-/// force that the contact can carry: an adhesive contact holds tangentially without pressure.
+/// and on the slider, at that limit, the spring is shortened to fit. mu is the ratio at which a contact slides: of the
+/// tangential force to the normal one with which the surfaces press each other, the adhesive force fa included (B.V.
+/// Derjaguin, Z. Physik 88 (1934) 661). An adhesive contact without load holds mu fa; one that is pulled by fa or more
+/// slides freely.
 ///
 /// In a scene file `[friction]`.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
@@ -115,6 +117,14 @@ impl Material {
         Ok(spec.build()?)
     }
 
+    /// Plastic overlap at which the growth of a contact ends: in balance with the final neck of its two particles.
+    fn end_plastic(&self, radius_i: f64, radius_j: f64) -> f64 {
+        let law = &self.law;
+        let ratio = final_contact_ratio(self.spec.final_contact_ratio, radius_i, radius_j);
+        // A final neck below the adhesive contact is that of the adhesive contact.
+        law.equilibrium_plastic_overlap((ratio * ratio).max(law.adhesion))
+    }
+
     /// Normal dissipation over effective mass, `c = gamma_n/m_eff` \[1/s\].
     pub(crate) fn dissipation(&self, effective_mass_kg: f64) -> f64 {
         match self.spec.damping {
@@ -137,7 +147,7 @@ impl Material {
         (radius_i, mass_i): (f64, f64),
         (radius_j, mass_j): (f64, f64),
     ) -> Result<ContactConstants, BedError> {
-        let radius = 2.0 * radius_i * radius_j / (radius_i + radius_j);
+        let radius = effective_radius(radius_i, radius_j);
         let effective_mass = mass_i * mass_j / (mass_i + mass_j);
         let pair = self.pair_of_radius(radius)?;
         let rate = match growing {
@@ -149,6 +159,7 @@ impl Material {
             frequency_squared: self.spec.k1 / effective_mass,
             dissipation: self.dissipation(effective_mass),
             start: pair.x0(),
+            end_plastic: self.end_plastic(radius_i, radius_j),
             rate,
         })
     }
@@ -160,9 +171,28 @@ impl Material {
             frequency_squared: self.spec.k1 / mass,
             dissipation: self.dissipation(mass),
             start: self.law.adhesion,
+            end_plastic: self.law.equilibrium_plastic_overlap(self.law.plastic_overlap_max),
             rate: NO_RATE,
         }
     }
+}
+
+/// Effective radius of two particles, `2 Ri Rj/(Ri + Rj)`: two spheres that overlap by delta meet in a circle of radius
+/// `sqrt(delta R)` while delta is small, whatever their ratio.
+pub(crate) fn effective_radius(radius_i: f64, radius_j: f64) -> f64 {
+    2.0 * radius_i * radius_j / (radius_i + radius_j)
+}
+
+/// Contact ratio a/R, in effective radii, at which the coalescence of two particles ends: `phi Rmin/R = phi (Ri + Rj)/(2 Rmax)`.
+///
+/// The neck is there as long as it is a waist, that is until it is as wide as the smaller particle. With its volume kept the smaller one is then a
+/// hemisphere on the other, `2/3 pi a^3 = 4/3 pi Rmin^3`: `a = 2^(1/3) Rmin`, and what follows, the flattening of
+/// that hemisphere into the larger particle, is not the growth of a neck. Where coalescence stops earlier,
+/// `phi < 2^(1/3)`, the same share of that neck is reached. Equal particles end at phi.
+#[must_use]
+pub fn final_contact_ratio(phi: f64, radius_i: f64, radius_j: f64) -> f64 {
+    // Exactly phi where they are equal.
+    phi * (0.5 * (radius_i / radius_i.max(radius_j) + radius_j / radius_i.max(radius_j)))
 }
 
 const NO_RATE: RateCoefficients<f64> =
@@ -202,6 +232,8 @@ pub(crate) struct ContactConstants {
     pub(crate) dissipation: f64,
     /// Overlap x0 of the adhesive contact, in effective radii.
     pub(crate) start: f64,
+    /// Plastic overlap at which growth ends.
+    pub(crate) end_plastic: f64,
     /// Growth of the overlap.
     pub(crate) rate: RateCoefficients<f64>,
 }

@@ -1,6 +1,7 @@
 //! Observations of a bed between steps.
 
 use super::engine::Bed;
+use super::material::effective_radius;
 use super::neighbours::index_of;
 use super::region::Side;
 use super::vec3::{Vec3, ZERO, dot, norm, scale};
@@ -12,7 +13,8 @@ pub struct ContactState {
     pub particles: [usize; 2],
     /// Unit vector from the second particle to the first.
     pub normal: [f64; 3],
-    /// Effective radius R \[m\].
+    /// Effective radius `R = 2 Ri Rj/(Ri + Rj)` \[m\], the unit of the contact ratio: the radius of equal particles, and
+    /// between one and two of the smaller radius for unequal ones.
     pub effective_radius_m: f64,
     /// Overlap over R, `x = (a/R)^2`.
     pub overlap: f64,
@@ -25,7 +27,7 @@ pub struct ContactState {
 }
 
 impl ContactState {
-    /// Contact ratio a/R.
+    /// Contact ratio a/R, the neck radius over the effective radius; it ends at [`final_contact_ratio`](super::final_contact_ratio).
     #[must_use]
     pub fn contact_ratio(&self) -> f64 {
         self.overlap.sqrt()
@@ -107,7 +109,7 @@ impl Bed {
                 Some(ContactState {
                     particles: [i, j],
                     normal: scale(d, 1.0 / norm(d)),
-                    effective_radius_m: 2.0 * a * b / (a + b),
+                    effective_radius_m: effective_radius(a, b),
                     overlap: memory.overlap,
                     plastic_overlap: memory.plastic,
                     driving: (alpha - memory.pull) / alpha,

@@ -8,8 +8,8 @@
 //! | random and jammed packings | [`random_packing`], [`jammed_packing`] |
 //! | tables, pictures' data, restarts | [`write_csv`], [`write_vtk`], [`Bed::checkpoint`] |
 //!
-//! A contact is the pair of the calibration at the effective radius `R = 2 Ri Rj/(Ri + Rj)`; a wall has
-//! `2 Ri` and does not grow. Features that a scene does not have (images, unequal radii, friction and with it rotation,
+//! A contact is the pair of the calibration at the effective radius `R = 2 Ri Rj/(Ri + Rj)`, up to the neck at which the
+//! smaller particle is a hemisphere on the larger one ([`final_contact_ratio`]); a wall has `2 Ri` and does not grow. Features that a scene does not have (images, unequal radii, friction and with it rotation,
 //! walls, gravity, drag, growth) are not compiled into its step; `README.md` beside this module has the cost of each.
 //!
 //! ```
@@ -68,7 +68,7 @@ mod vec3;
 
 pub use engine::{Bed, Drive, Work};
 pub use error::BedError;
-pub use material::{Friction, Growing, Material};
+pub use material::{Friction, Growing, Material, final_contact_ratio};
 pub use measure::{ContactState, Energies, Sample, inertia_error};
 pub use output::{CSV_HEADER, write_csv, write_vtk};
 pub use packing::{Radii, jammed_packing, random_packing};

@@ -307,12 +307,11 @@ fn wall_force<F: MotionFeatures>(
     let mut torque = ZERO;
     if F::FRICTION {
         let relative = add(body.velocity, cross(normal, scale(body.spin, distance)));
-        let law = &input.law.law;
         let tangential = input.slider.force(
             spring,
             normal,
             relative,
-            (law.adhesion - memory.pull + law.kc * overlap) * scheme.force_scale,
+            (input.law.law.adhesion - memory.pull) * scheme.force_scale,
             scheme.damping * input.step_s * input.material.k1_n_per_m(),
             input.step_s,
         );

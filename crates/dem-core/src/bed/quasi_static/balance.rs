@@ -120,6 +120,7 @@ impl Bed {
         let law: &LawConstants = &self.law;
         let alpha = law.law.adhesion;
         let (x0, p0) = (memory.overlap.max(0.0), memory.plastic);
+        let end = constants.end_plastic;
         let grows = step.length_s > 0.0 && constants.rate.stretching > 0.0;
         let (mut p1, mut kappa, mut free_growth) = (p0, law.stiffness(p0), 0.0);
         let mut slope = kappa;
@@ -130,10 +131,10 @@ impl Bed {
             for _ in 0..3 {
                 free_growth = step.length_s
                     * bare
-                    * law.law.equilibrium_factor(0.5 * (p0 + p1.clamp(0.0, law.end_plastic)));
+                    * law.law.equilibrium_factor(0.5 * (p0 + p1.clamp(0.0, end)));
                 let s = kappa * free_growth / alpha;
                 p1 = (p0 + s * x1) / (1.0 + s);
-                kappa = law.stiffness(p1.clamp(0.0, law.end_plastic));
+                kappa = law.stiffness(p1.clamp(0.0, end));
                 slope = kappa / (1.0 + s);
             }
             let s = kappa * free_growth / alpha;
@@ -149,8 +150,8 @@ impl Bed {
             let e = s * (x1 - p1) / (1.0 + s);
             let along = (s / (1.0 + s) + e * b) / (1.0 - e * q / kappa);
             slope = (kappa * (1.0 - along) + q * along * (x1 - p1)).max(0.1 * slope);
-            if p1 >= law.end_plastic || p0 >= law.end_plastic {
-                p1 = law.end_plastic;
+            if p1 >= end || p0 >= end {
+                p1 = end;
                 kappa = law.stiffness(p1);
                 slope = kappa;
             }
@@ -162,7 +163,7 @@ impl Bed {
             return Outcome { plastic, force: least, slope: 0.0, free_growth };
         }
         if x1 > 0.0 && force > x1 {
-            let (force, plastic) = law.force(x1, plastic);
+            let (force, plastic) = law.force(x1, plastic, end);
             let slope = if force < x1 { kappa } else { 1.0 };
             return Outcome { plastic, force, slope, free_growth };
         }

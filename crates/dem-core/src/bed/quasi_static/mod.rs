@@ -33,7 +33,7 @@ pub use settings::{QuasiStaticReport, QuasiStaticSettings};
 use super::contact::{Grows, Memory};
 use super::engine::Bed;
 use super::error::{BedError, field, within};
-use super::material::ContactConstants;
+use super::material::{ContactConstants, effective_radius};
 use super::neighbours::index_of;
 use super::region::Side;
 use super::vec3::{Vec3, ZERO, dot, norm, scale, sub};
@@ -230,7 +230,7 @@ impl Bed {
             for k in self.list.row(i) {
                 let j = index_of(self.list.other[k]);
                 let radius_j = self.particles.radius_m[j];
-                let effective = 2.0 * radius_i * radius_j / (radius_i + radius_j);
+                let effective = effective_radius(radius_i, radius_j);
                 let d = self.distance(i, k);
                 let then = scale(sub(d, sub(moved[i], moved[j])), 1.0 / (1.0 + strain));
                 let overlap = |d: Vec3| (radius_i + radius_j - norm(d)) / effective;
@@ -303,7 +303,7 @@ impl Bed {
                         0.0
                     };
                 }
-                let (force, plastic) = self.law.force(x1, plastic);
+                let (force, plastic) = self.law.force(x1, plastic, constants.end_plastic);
                 self.pairs.memory[k] = Memory { overlap: x1, drift, plastic, pull: alpha - force };
                 self.pairs.plastic_before[k] = plastic;
             }
@@ -318,7 +318,7 @@ impl Bed {
                 } else {
                     changes.changed += u64::from(!was);
                     let before = if was { memory.plastic } else { 0.0 };
-                    let (force, plastic) = self.law.force(overlap, before);
+                    let (force, plastic) = self.law.force(overlap, before, self.law.end_plastic);
                     *memory = Memory { overlap, drift: 0.0, plastic, pull: alpha - force };
                 }
             }
