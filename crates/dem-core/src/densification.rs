@@ -20,6 +20,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use crate::kinetics::UnknownName;
+use crate::{Kinetics, PairScene, Sintering, time_to_contact_ratio};
 
 /// How far two particles approach each other while a neck of radius a grows between them: `2 s a^2/(2R)`, s the
 /// [`factor`](Self::factor). The neck, a/R over time, is the same for all.
@@ -168,6 +169,73 @@ pub fn closure_density(from: f64, time: f64) -> f64 {
     inverse(time, [from, 1.0], |density| closure_time(from, density))
 }
 
+/// A law by which a bed of equal particles densifies from its first contacts on, in closed form.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Densification {
+    /// All its pairs approach alike, up to `a/R = 1/2`, where the necks of two neighbours that touch each other meet, or to
+    /// [`CLOSED`]; from there open and closed pores.
+    Pairs(Approach),
+    /// Open and closed pores from the start.
+    Cell,
+    /// Closed pores from the start.
+    Pores,
+}
+
+impl Densification {
+    /// All of them.
+    pub const ALL: [Self; 5] = [
+        Self::Pairs(Approach::Overlap),
+        Self::Pairs(Approach::EnergyBalance),
+        Self::Pairs(Approach::KingeryBerg),
+        Self::Cell,
+        Self::Pores,
+    ];
+
+    /// A name with its source.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Pairs(Approach::Overlap) => "pairs, approach a^2/2R (overlap)",
+            Self::Pairs(Approach::EnergyBalance) => "pairs, 3a^2/8R (Frenkel's energy balance)",
+            Self::Pairs(Approach::KingeryBerg) => "pairs, a^2/4R (Kingery and Berg)",
+            Self::Cell => "open pores (Scherer)",
+            Self::Pores => "closed pores (Mackenzie and Shuttleworth)",
+        }
+    }
+
+    /// Time \[s\] from the relative density `start` to `density`: 0 at or below the start, `None` where it is never reached.
+    ///
+    /// `pair` and `sintering` are those of the radius of the particles.
+    #[must_use]
+    pub fn time_s(
+        self,
+        pair: &PairScene,
+        (kinetics, sintering): (Kinetics, &Sintering),
+        start: f64,
+        density: f64,
+    ) -> Option<f64> {
+        let closed = |from: f64| sintering.tau_s * closure_time(from, density);
+        if density <= start {
+            return Some(0.0);
+        }
+        if density > 1.0 {
+            return None;
+        }
+        match self {
+            Self::Pairs(approach) => {
+                let end = affine_overlap(start, CLOSED, approach).min(0.25);
+                let overlap = affine_overlap(start, density, approach).min(end);
+                let alone = time_to_contact_ratio(pair, kinetics, sintering, overlap.sqrt())?;
+                let there = affine_density(start, overlap, approach);
+                Some(alone + if overlap < end { 0.0 } else { closed(there.max(start)) })
+            }
+            Self::Cell => Some(closed(start)),
+            Self::Pores => Some(sintering.tau_s * (pore_time(start) - pore_time(density))),
+        }
+    }
+}
+
 /// Where a rising function has a value, between the ends, to rounding.
 fn inverse(value: f64, [mut low, mut high]: [f64; 2], of: impl Fn(f64) -> f64) -> f64 {
     if value <= of(low) {
@@ -280,6 +348,35 @@ mod tests {
         }
         assert_eq!(closure_density(1.0, 0.1), 1.0);
         assert_eq!(closure_density(1.2, 0.1), 1.0);
+    }
+
+    #[test]
+    fn times_of_all_laws_to_a_density_are_those_of_their_parts() {
+        let pair = crate::PairSpec::new(crate::paper::PA12, 2f64.cbrt()).build().expect("valid");
+        let sintering = Sintering { c1: 1e-5, tau_s: 2.0, delta_c: 1e-7 };
+        let law = (Kinetics::Frenkel, &sintering);
+        let time = |of: Densification, density: f64| of.time_s(&pair, law, 0.64, density);
+        let overlap = Densification::Pairs(Approach::Overlap);
+        // x = x0 + t/tau_s with 0.64/(1 - x/2)^3 = 0.9.
+        let x = 2.0 * (1.0 - (0.64f64 / 0.9).cbrt());
+        let found = time(overlap, 0.9).expect("reached");
+        assert!((found - 2.0 * (x - pair.x0())).abs() < 1e-12, "{found}");
+        assert!((x - 0.2149).abs() < 1e-4, "{x}");
+        // Kingery and Berg's pairs end at x = 1/4 and a density of 0.777.
+        let end = 0.64 / 0.9375f64.powi(3);
+        let expected = 2.0 * (0.25 - pair.x0() + closure_time(end, 0.9));
+        let found = time(Densification::Pairs(Approach::KingeryBerg), 0.9).expect("reached");
+        assert!((found / expected - 1.0).abs() < 1e-12, "{found} {expected}");
+        let pores = time(Densification::Pores, 0.9).expect("reached");
+        assert!((pores - 2.0 * 0.537).abs() < 2e-3, "{pores}");
+        assert_eq!(time(Densification::Cell, 0.97), Some(2.0 * closure_time(0.64, 0.97)));
+        for of in Densification::ALL {
+            assert_eq!(time(of, 0.6), Some(0.0));
+            assert_eq!(time(of, 1.01), None);
+            let times: Vec<f64> =
+                [0.7, 0.8, 0.94, 0.95, 0.999].iter().filter_map(|&to| time(of, to)).collect();
+            assert!(times.len() == 5 && times.is_sorted(), "{}: {times:?}", of.name());
+        }
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! One step of one contact: overlap, plastic overlap, damping.
 //!
-//! Lengths in effective radii R, forces in `K1 R`, with `omega^2 = K1/m_eff`, `alpha = fa/(K1 R)`,
+//! Lengths in the unit R of overlaps (the effective radius times the factor of the
+//! [approach](crate::densification::Approach)), forces in `K1 R`, with `omega^2 = K1/m_eff`, `alpha = fa/(K1 R)`,
 //! `c = gamma_n/m_eff`. The normal force without adhesion, damping included, is
 //! `S = f + (c/omega^2) x'`, f by the contact law, and the contact pulls with `alpha - S`.
 //!
@@ -142,9 +143,8 @@ impl LawConstants {
 /// The constants of a contact for one time step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Scheme {
-    /// Effective radius \[m\], and its inverse.
-    pub(crate) radius: f64,
-    pub(crate) inverse_radius: f64,
+    /// One over the unit of overlaps \[1/m\].
+    pub(crate) inverse_unit: f64,
     /// `K1 R` \[N\].
     pub(crate) force_scale: f64,
     step_s: f64,
@@ -167,9 +167,8 @@ impl Scheme {
         let undamped = 1.0 / (1.0 + half);
         let inverse = 1.0 / (constants.frequency_squared * step_s);
         Self {
-            radius: constants.radius,
-            inverse_radius: 1.0 / constants.radius,
-            force_scale: k1 * constants.radius,
+            inverse_unit: 1.0 / constants.unit,
+            force_scale: k1 * constants.unit,
             step_s,
             undamped,
             beta: half * undamped,

@@ -5,6 +5,7 @@
 //! | a scene from TOML, its phases, its run | [`SceneFile`], [`Scene::run`], [`Run`], [`Series`] |
 //! | the engine: velocity Verlet, neighbour list, threads | [`Bed::advance`] |
 //! | force balance at every instant, for times that no step of inertia reaches | [`Bed::advance_quasi_static`] |
+//! | the end of the pairs, and the closed laws that follow | [`WhenNecksMeet`], [`Law`], [`densification`](crate::densification) |
 //! | random and jammed packings | [`random_packing`], [`jammed_packing`] |
 //! | tables, pictures' data, restarts | [`write_csv`], [`write_vtk`], [`Bed::checkpoint`] |
 //!
@@ -41,6 +42,7 @@
 
 mod advance;
 mod checkpoint;
+mod closure;
 mod contact;
 mod engine;
 mod error;
@@ -66,6 +68,7 @@ mod stability;
 mod start;
 mod vec3;
 
+pub use closure::{Law, NECKS_MEET, WhenNecksMeet};
 pub use engine::{Bed, Drive, Work};
 pub use error::BedError;
 pub use material::{Friction, Growing, Material, final_contact_ratio};
@@ -79,7 +82,7 @@ pub use region::{Region, Side, Wall};
 pub use run::{Progress, Run, Series};
 pub use scene::Scene;
 pub use scene_file::{
-    BoxTable, DragTable, GravityTable, MaterialTable, Outline, ParticlesTable, SceneFile,
-    SinteringTable,
+    AdhesionTable, BoxTable, DragTable, GravityTable, MaterialTable, Outline, ParticlesTable,
+    SceneFile, SinteringTable,
 };
 pub use start::{Start, Surroundings};

@@ -266,3 +266,22 @@ fn resting_sphere_presses_the_floor_with_its_weight_through_twice_its_radius() {
     let sunk = R - bed.particles().position_m[0][2];
     assert!((sunk / (weight / 3.0 + 1e-9 * 2.0 * R) - 1.0).abs() < 1e-6, "{sunk}");
 }
+
+#[test]
+fn in_a_stack_of_three_every_contact_carries_the_weight_above_it() {
+    let mut bed =
+        on_floor(None, 9.81, &start(R, &[[3.0, 3.0, 1.0], [3.0, 3.0, 3.0], [3.0, 3.0, 5.0]]));
+    bed.begin(&Drive::default()).expect("stable");
+    bed.advance(60_000).expect("runs");
+    let weight = 4.0 / 3.0 * PI * R.powi(3) * 1000.0 * 9.81;
+    let floor = bed.wall_forces_n()[0][2];
+    assert!((floor / (-3.0 * weight) - 1.0).abs() < 1e-5, "{floor}");
+    // Soft springs K1 in series: each is shortened by its load, and fa, nearly nothing, by 1e-9 R.
+    let mut approach: Vec<f64> = bed.contacts().map(|contact| contact.approach_m).collect();
+    approach.sort_by(f64::total_cmp);
+    for (carried, approach) in [1.0, 2.0].into_iter().zip(&approach) {
+        let expected = carried * weight / 3.0 + 1e-9 * R;
+        assert!((approach / expected - 1.0).abs() < 1e-4, "{carried} weights: {approach}");
+    }
+    assert_eq!(approach.len(), 2);
+}

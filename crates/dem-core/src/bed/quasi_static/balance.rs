@@ -205,7 +205,7 @@ impl Bed {
             let d = self.distance(i, k);
             let length = norm(d);
             let constants = self.contact_constants(step.equal, k);
-            let x1 = (radius + self.particles.radius_m[j] - length) / constants.radius;
+            let x1 = (radius + self.particles.radius_m[j] - length) / constants.unit;
             let outcome = self.outcome(memory, x1, &constants, step);
             let mut slope = outcome.slope;
             if is_first && outcome.free_growth > x1.max(constants.start) {
@@ -217,7 +217,7 @@ impl Bed {
                 normal: scale(d, 1.0 / length),
                 length,
                 stiffness: k1 * slope,
-                pull: k1 * constants.radius * (alpha - outcome.force),
+                pull: k1 * constants.unit * (alpha - outcome.force),
                 drag: if outcome.free_growth > 0.0 {
                     k1 * alpha / outcome.free_growth
                 } else {
@@ -231,7 +231,8 @@ impl Bed {
                 continue;
             }
             let wall = self.walls[self.wall_list.wall[k] as usize];
-            let x1 = (radius - wall.distance(position)) / (2.0 * radius);
+            let unit = self.material.wall_unit(radius);
+            let x1 = (radius - wall.distance(position)) / unit;
             let still = Step { rate: None, ..*step };
             let outcome = self.outcome(memory, x1, step.equal, &still);
             let mut normal = ZERO;
@@ -242,7 +243,7 @@ impl Bed {
                 normal,
                 length: 0.0,
                 stiffness: k1 * outcome.slope,
-                pull: k1 * 2.0 * radius * (alpha - outcome.force),
+                pull: k1 * unit * (alpha - outcome.force),
                 drag: 0.0,
             });
         }
@@ -322,7 +323,7 @@ impl Bed {
         let settings = step.settings;
         let n = self.particles.len();
         let mean_radius = self.mean_radius();
-        let adhesion = self.law.law.adhesion * self.material.k1_n_per_m() * mean_radius;
+        let adhesion = self.material.adhesion_n(mean_radius);
         let mut strain = strained;
         let mut bonds = self.bonds(step, true);
         let hold = hold(&bonds);
