@@ -135,6 +135,41 @@ fn a_scene_gives_series_summary_pictures_and_vtk_files() {
 }
 
 #[test]
+fn a_bed_heated_past_its_end_is_at_most_full_in_every_output_and_may_stop_there() {
+    let sandbox = Sandbox::new();
+    let long = frenkel(PACKING).replace("duration_s = 1.5", "duration_s = 8.0");
+    sandbox.write("past.toml", &long);
+    let ran = sandbox.run("scene past.toml --out past");
+    let stdout = &ran.succeeded().stdout;
+    assert!(stdout.contains("heat          density 1.000 (closed pores)"), "{stdout}");
+    assert!(
+        stdout.contains("careful: from t =") && stdout.contains("open and closed pores"),
+        "{stdout}"
+    );
+    let series = fs::read_to_string(sandbox.path().join("past/series.csv")).expect("series.csv");
+    let header: Vec<&str> = series.lines().next().expect("a header").split(',').collect();
+    let column = header.iter().position(|name| *name == "relative_density").expect("a column");
+    for row in series.lines().skip(1) {
+        let density: f64 = row.split(',').nth(column).expect("a cell").parse().expect("a number");
+        assert!(density <= 1.0, "{row}");
+    }
+    assert!(series.contains(",pairs\n") && series.ends_with(",pores\n"), "{series}");
+    let record = json(&sandbox.path().join("past/scene.json"));
+    let end = record["pairs_end"]["relative_density"].as_f64().expect("the pairs end");
+    assert!((0.8..0.95).contains(&end), "{end}");
+
+    let stop = long.replace("\"frenkel\"", "\"frenkel\"\nwhen_necks_meet = \"stop\"");
+    sandbox.write("stop.toml", stop);
+    let ran = sandbox.run("scene stop.toml --vtk --out stop");
+    assert!(ran.succeeded().stdout.contains("the run ended there"), "{}", ran.stdout);
+    let record = json(&sandbox.path().join("stop/scene.json"));
+    let observations = record["observations"].as_u64().expect("a number");
+    assert!(observations < 13 && record["end"] == record["pairs_end"], "{observations}");
+    let frames = fs::read_dir(sandbox.path().join("stop/vtk")).expect("VTK files").count();
+    assert_eq!(frames as u64, observations);
+}
+
+#[test]
 fn a_scene_is_the_same_from_toml_and_json_on_one_thread_and_three() {
     let sandbox = Sandbox::new();
     sandbox.write("forty.toml", PACKING);
@@ -265,9 +300,29 @@ fn densify_says_the_same_on_any_number_of_threads_and_takes_finished_beds_up() {
         ran.stdout
     );
     assert!(ran.stdout.contains("5 draws are few"), "{}", ran.stdout);
+    for line in [
+        "Kingery and Berg",
+        "closed pores (Mackenzie and Shuttleworth)",
+        "the posterior's part alone",
+    ] {
+        assert!(ran.stdout.contains(line), "{line}: {}", ran.stdout);
+    }
     sandbox.run(&format!("{common} --threads 3 --out three")).succeeded();
     let (one, three) = (sandbox.path().join("one"), sandbox.path().join("three"));
     same_files(&one, &three);
+    // By pairs that approach half as far, and by pores, the same density takes longer.
+    let report = json(&one.join("densify.json"));
+    let median = |time: &Value| time["median"].as_f64().expect("reached");
+    let times: Vec<f64> = report["other_laws"]
+        .as_array()
+        .expect("laws")
+        .iter()
+        .map(|law| median(&law["time_s"]))
+        .collect();
+    let bed = median(&report["target"]["time_s"]);
+    assert!(times.len() == 5 && times[..3].is_sorted(), "{times:?}");
+    assert!((bed / times[0] - 1.0).abs() < 0.05, "a bed is its affine formula: {bed} {times:?}");
+    assert!(times[4] > 2.0 * bed, "{bed} {times:?}");
     let names: Vec<String> = files(&one).into_keys().filter(|name| !name.contains('/')).collect();
     assert_eq!(names, ["densify.csv", "densify.json", "densify.png", "densify.svg", "draws.csv"]);
     // Another target from the same beds.

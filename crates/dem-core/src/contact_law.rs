@@ -125,11 +125,18 @@ impl ContactLaw {
     #[must_use]
     #[inline]
     pub fn equilibrium_plastic_overlap(&self, overlap: f64) -> f64 {
-        let fluid = overlap - self.adhesion / self.k2_max;
+        self.plastic_overlap_carrying(self.adhesion, overlap)
+    }
+
+    /// The plastic overlap with which a contact carries a force, of at most the overlap: `kappa(p) (x - p) = force`.
+    #[must_use]
+    #[inline]
+    pub(crate) fn plastic_overlap_carrying(&self, force: f64, overlap: f64) -> f64 {
+        let fluid = overlap - force / self.k2_max;
         if fluid >= self.plastic_overlap_max {
             return fluid;
         }
-        positive_root(self.stiffening(), 1.0 - self.stiffening() * overlap, overlap - self.adhesion)
+        positive_root(self.stiffening(), 1.0 - self.stiffening() * overlap, overlap - force)
     }
 
     /// `(dp/dX)_eq = 1/(1 - K2' fa/K2^2)`: the ratio of the rate of the plastic overlap to that of the

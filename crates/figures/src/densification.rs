@@ -23,8 +23,8 @@ pub struct DensificationFigure {
     pub band50: Band,
     /// Central 90 % of the draws.
     pub band90: Band,
-    /// Value of the quantity at which the model ends; what lies above is shaded.
-    pub model_ends_at: Option<f64>,
+    /// Value of the quantity at which the pairs end; what lies above is shaded.
+    pub pairs_end_at: Option<f64>,
     /// Value that the bed is to reach.
     pub target: f64,
     /// Median of the time to the target \[s\].
@@ -51,8 +51,8 @@ impl Figure for DensificationFigure {
         if self.time_to_target_s.is_some() {
             entries.push(("time to the target, 90 %", Swatch::Point(look)));
         }
-        if self.model_ends_at.is_some() {
-            entries.push(("necks meet: outside the model", Swatch::Band(GREY.mix(0.3))));
+        if self.pairs_end_at.is_some() {
+            entries.push(("necks meet: after the pairs", Swatch::Band(GREY.mix(0.3))));
         }
         let top = header(page, &self.title, &entries)?;
 
@@ -63,7 +63,7 @@ impl Figure for DensificationFigure {
         let y = Axis::holding(&self.quantity, "", Scale::Linear, values, 0.06);
         let Some(panel) = one_panel(page, top, Spec::new(x, y))? else { return Ok(()) };
         let across = [panel.x.low, panel.x.high];
-        if let Some(end) = self.model_ends_at {
+        if let Some(end) = self.pairs_end_at {
             let lower = [end.max(panel.y.low); 2];
             panel.between(&across, &lower, &[panel.y.high; 2], GREY.mix(0.18))?;
             panel.across(end, Pen::dashed(GREY, 0.9, &[1.2, 1.4]))?;

@@ -27,8 +27,8 @@ pub struct SeriesFigure {
     pub contact_ratio_90: Vec<f64>,
     /// Time at which heating began \[s\].
     pub heated_from_s: Option<f64>,
-    /// Time at which the model ended \[s\].
-    pub model_ends_s: Option<f64>,
+    /// Time at which the pairs ended \[s\]: from there the density is that of closed laws.
+    pub pairs_end_s: Option<f64>,
 }
 
 impl Figure for SeriesFigure {
@@ -50,8 +50,8 @@ impl Figure for SeriesFigure {
         if self.heated_from_s.is_some() {
             entries.push(("heated", Swatch::Line(heat)));
         }
-        if self.model_ends_s.is_some() {
-            entries.push(("necks meet: the model ends", Swatch::Line(ends)));
+        if self.pairs_end_s.is_some() {
+            entries.push(("necks meet: the pairs end", Swatch::Line(ends)));
         }
         let top = header(page, &self.title, &entries)?;
 
@@ -74,7 +74,7 @@ impl Figure for SeriesFigure {
         let specs = axes.into_iter().map(|y| Spec::new(x.clone(), y)).collect();
         let panels = layout(page, top, 8.0, &grid_of(1, page.of_width(70.0, 110.0), specs))?;
         for (panel, curve) in panels.iter().zip(curves) {
-            for (at, pen) in [(self.heated_from_s, heat), (self.model_ends_s, ends)] {
+            for (at, pen) in [(self.heated_from_s, heat), (self.pairs_end_s, ends)] {
                 at.map_or(Ok(()), |at| panel.upright(at, pen))?;
             }
             if std::ptr::eq(curve, &self.mean_contact_ratio) {

@@ -327,7 +327,7 @@ impl Data {
             contact_ratio_10: scaled(&self.mean, 0.9),
             contact_ratio_90: scaled(&self.mean, 1.1),
             heated_from_s: Some(0.2 * self.end_s),
-            model_ends_s: Some(0.8 * self.end_s),
+            pairs_end_s: Some(0.8 * self.end_s),
         }
     }
 
@@ -341,7 +341,7 @@ impl Data {
             band50: around(&median, 0.01),
             band90: around(&median, 0.03),
             median,
-            model_ends_at: Some(0.78),
+            pairs_end_at: Some(0.78),
             target: 0.7,
             time_to_target_s: Some(0.5 * self.end_s),
             interval_s: [Some(0.4 * self.end_s), None],

@@ -472,11 +472,15 @@ proptest! {
             Box::new(SeriesFigure {
                 time_s: sorted.clone(), relative_density: xs.clone(), coordination: ys.clone(),
                 mean_contact_ratio: ys.clone(), contact_ratio_10: xs.clone(), contact_ratio_90: ys.clone(),
-                heated_from_s: Some(shift), model_ends_s: xs.first().copied(), title: String::new(),
+                heated_from_s: Some(shift), pairs_end_s: xs.first().copied(), title: String::new(),
+            }),
+            Box::new(CurvesFigure {
+                curves: vec![MarkedCurve { name: "m".into(), role: Role::Map, x: sorted.clone(), y: ys.clone(), mark: Some((shift, shift)) }; 2],
+                x_name: "x".into(), y_name: "y".into(), mark_name: "end".into(), title: String::new(),
             }),
             Box::new(DensificationFigure {
                 time_s: sorted.clone(), median: ys.clone(), band50: band.clone(), band90: band.clone(),
-                model_ends_at: Some(shift), target: shift, time_to_target_s: Some(shift),
+                pairs_end_at: Some(shift), target: shift, time_to_target_s: Some(shift),
                 interval_s: [xs.first().copied(), None], ..Default::default()
             }),
             Box::new(RanksFigure {

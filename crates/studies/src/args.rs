@@ -45,6 +45,10 @@ pub(crate) enum Study {
     Exact(ExactArgs),
     /// What do mass scaling and the quasi-static mode cost in accuracy for a bed? (30 seconds)
     BedAccuracy(BedAccuracyArgs),
+    /// How far are laws of densification apart? A bed by kinetics and by approach, and closed formulas (1 minute)
+    BedLaws,
+    /// How do beds settle by adhesion and friction, and does the numerical stiffness matter? (5 minutes)
+    BedSettling,
     /// Prints the speed and memory of steps of one bed (seconds); bed/instructions.sh and bed/lammps.sh make tables
     BedCost(BedCostArgs),
     /// What does a run cost beside the simulator? Runs of a command that does nothing (1 minute)

@@ -46,14 +46,14 @@ pub(crate) enum Careful {
     /// A heated phase in which inertia has a part.
     InertiaFelt { inertial_number: f64, limit: f64 },
     /// A bed in which the necks of a particle meet.
-    NecksMeet { time_s: f64, contact_ratio: f64, limit: f64 },
+    NecksMeet { time_s: f64, contact_ratio: f64, limit: f64, then: String },
     /// A bed of another powder than that of the posterior.
     OtherPowder { what: String, unit: String, scene: f64, calibrated: f64 },
     /// A bed whose contacts stop at another contact ratio than those of the posterior.
     OtherFinalContactRatio { scene: f64, calibrated: f64 },
     /// Draws whose beds could not be computed.
     FailedBeds { failed: usize, draws: usize },
-    /// Draws that reach the target after the model has ended.
+    /// Draws that reach the target after their pairs have ended.
     TargetOutsideModel { outside: usize, draws: usize, limit: f64 },
     /// Too few draws for an interval.
     FewDraws { draws: usize },
@@ -117,8 +117,8 @@ impl Careful {
                 "inertia is felt: the inertial number reaches {} in a heated phase, above {limit}: the bed does not creep as powder does",
                 significant(*inertial_number, 2)
             ),
-            Self::NecksMeet { time_s, contact_ratio, limit } => {
-                necks_meet(*time_s, *contact_ratio, *limit)
+            Self::NecksMeet { time_s, contact_ratio, limit, then } => {
+                necks_meet(*time_s, *contact_ratio, *limit, then)
             }
             Self::OtherPowder { what, unit, scene, calibrated } => format!(
                 "the scene's {what} is {} {unit}, the posterior was calibrated with {} {unit}: another powder?",
@@ -187,7 +187,7 @@ impl Careful {
             Self::TunedDraws => "calibrate with --noise inferred",
             Self::NeverReached { .. } => "ask for a smaller --contact-ratio",
             Self::InertiaFelt { .. } => "mode = \"quasi-static\" in that phase leaves it out",
-            Self::NecksMeet { .. } => "end the phase there, or read later densities as a trend",
+            Self::NecksMeet { .. } => "sintering.when_necks_meet = \"stop\" ends the run there",
             Self::OtherPowder { .. } => {
                 "write the powder of the posterior into [material] of the scene, or calibrate that of the scene"
             }
@@ -197,7 +197,9 @@ impl Careful {
             Self::FailedBeds { .. } => {
                 "see \"failed\" in densify.json; the same command tries them again"
             }
-            Self::TargetOutsideModel { .. } => "ask for a smaller --target",
+            Self::TargetOutsideModel { .. } => {
+                "see what other laws say of that time, or ask for a smaller --target"
+            }
             Self::FewDraws { .. } => "take --draws 20 or more",
             Self::SpreadUnexplained { .. } => "take more --draws",
             Self::SpreadUnknown => "take more --draws, or a --target that more of them reach",
@@ -219,19 +221,19 @@ impl Careful {
 }
 
 /// Words on a bed in which the necks of a particle meet.
-fn necks_meet(time_s: f64, contact_ratio: f64, limit: f64) -> String {
+fn necks_meet(time_s: f64, contact_ratio: f64, limit: f64, then: &str) -> String {
     format!(
-        "from t = {} s (a/R {}) necks meet on more than {} % of the particles: what follows is outside the model",
+        "from t = {} s (a/R {}) necks meet on more than {} % of the particles, or pores close: {then}",
         significant(time_s, 3),
         significant(contact_ratio, 3),
         100.0 * limit
     )
 }
 
-/// Words on draws that reach the target after the model has ended.
+/// Words on draws that reach the target after their pairs have ended.
 fn outside_model(outside: usize, draws: usize, limit: f64) -> String {
     format!(
-        "{outside} of {draws} draws that reach the target do so outside the model, after necks have met on more than {} % of the particles: their times are a continuation, not a prediction",
+        "{outside} of {draws} draws that reach the target do so after necks have met on more than {} % of the particles, or pores have closed: from there their times are not those of the contacts",
         100.0 * limit
     )
 }

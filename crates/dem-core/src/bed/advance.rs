@@ -93,6 +93,7 @@ impl Bed {
             diameter: 2.0 * self.particles.radius_m[0],
             constants: &self.pairs.constants,
             slider,
+            closed: self.closed,
         };
         let output = PairOutput {
             memory: &mut self.pairs.memory,

@@ -4,11 +4,11 @@
 //! FNV-1a sum of all that. A vector is its length and its elements. The description of the scene (material,
 //! surroundings, growth) is not in it: a checkpoint is read into the bed of the same scene.
 
+use super::closure::Law;
 use super::contact::Memory;
 use super::engine::{Bed, Drive};
 use super::error::BedError;
 use super::material::Growing;
-use super::material::Material;
 use super::measure::{Energies, Sample};
 use super::quasi_static::QuasiStaticReport;
 use super::run::{Run, Series};
@@ -17,7 +17,7 @@ use super::vec3::Vec3;
 
 const MAGIC: &[u8; 8] = b"dem-bed\0";
 const RUN_MAGIC: &[u8; 8] = b"dem-run\0";
-const VERSION: u64 = 1;
+const VERSION: u64 = 2;
 
 /// Something that is stored as a fixed number of bytes.
 trait Stored: Sized {
@@ -115,13 +115,23 @@ macro_rules! stored_struct {
 stored_struct!(Energies: translation_j, rotation_j, elastic_j, adhesion_j, gravity_j);
 stored_struct!(
     Sample: time_s, relative_density, coordination, mean_contact_ratio, contact_ratio_deciles, mean_driving,
-    largest_driving, inertial_number, necks_meet, energies
+    largest_driving, inertial_number, necks_meet, law, energies
 );
 stored_struct!(
     QuasiStaticReport: steps, rejected, newton, conjugate_gradients, error_estimate, mean_error,
     squared_error, balanced_at_s, next_step_s
 );
-stored_struct!(Series: samples, phase, phase_start_s, quasi_static, stopped);
+stored_struct!(Series: samples, phase, phase_start_s, quasi_static, hand_over, stopped);
+
+impl Stored for Law {
+    fn put(&self, to: &mut Vec<u8>) {
+        (*self as u8).put(to);
+    }
+    fn take(from: &mut &[u8]) -> Option<Self> {
+        let stored = u8::take(from)?;
+        Self::ALL.into_iter().find(|law| *law as u8 == stored)
+    }
+}
 
 impl Stored for bool {
     fn put(&self, to: &mut Vec<u8>) {
@@ -169,6 +179,7 @@ macro_rules! for_each_field {
         $each!($bed.phase_start_s);
         $each!($bed.skin);
         $each!($bed.travelled);
+        $each!($bed.closed);
         $each!($bed.fastest);
         $each!($bed.work.steps);
         $each!($bed.work.rebuilds);
@@ -225,9 +236,8 @@ impl Bed {
         let damaged = BedError::Checkpoint("damaged, or not a checkpoint of a bed");
         let mut from = unsealed(bytes, MAGIC)?;
         let mut fresh = self.clone();
-        let mut spec = *self.material.spec();
-        spec.k1 = f64::take(&mut from).ok_or_else(|| damaged.clone())?;
-        fresh.set_material(Material::new(spec)?);
+        let k1 = f64::take(&mut from).ok_or_else(|| damaged.clone())?;
+        fresh.set_material(self.material.with_k1(k1)?);
         let mass_scaling = f64::take(&mut from).ok_or_else(|| damaged.clone())?;
         fresh.drive = Drive { growing, mass_scaling, ..fresh.drive };
         macro_rules! take {
@@ -268,6 +278,7 @@ impl Run {
         self.phase.put(&mut bytes);
         self.output.put(&mut bytes);
         self.steps.put(&mut bytes);
+        self.closure_time.put(&mut bytes);
         self.series.put(&mut bytes);
         self.bed.checkpoint().put(&mut bytes);
         sealed(bytes)
@@ -284,16 +295,17 @@ impl Scene {
         let damaged = BedError::Checkpoint("damaged, or not a checkpoint of a run");
         let mut from = unsealed(bytes, RUN_MAGIC)?;
         let mut run = self.start();
-        let mut take = || -> Option<(usize, usize, u64, Series, Vec<u8>)> {
+        let mut take = || -> Option<(usize, usize, u64, f64, Series, Vec<u8>)> {
             Some((
                 usize::take(&mut from)?,
                 usize::take(&mut from)?,
                 u64::take(&mut from)?,
+                f64::take(&mut from)?,
                 Series::take(&mut from)?,
                 Vec::take(&mut from)?,
             ))
         };
-        let (phase, output, steps, series, bed) = take().ok_or(damaged)?;
+        let (phase, output, steps, closure_time, series, bed) = take().ok_or(damaged)?;
         let fits = |output: usize| {
             self.phases.get(phase).map_or(output == 0, |phase| output <= phase.outputs)
         };
@@ -303,6 +315,6 @@ impl Scene {
         }
         // As it was in the phase of the last observation.
         run.bed.restore(&bed, self.growing.filter(|_| before.is_some_and(|phase| phase.heated)))?;
-        Ok(Run { phase, output, steps, series, ..run })
+        Ok(Run { phase, output, steps, closure_time, series, ..run })
     }
 }

@@ -1,6 +1,7 @@
 //! One step of one contact: overlap, plastic overlap, damping.
 //!
-//! Lengths in effective radii R, forces in `K1 R`, with `omega^2 = K1/m_eff`, `alpha = fa/(K1 R)`,
+//! Lengths in the unit R of overlaps (the effective radius times the factor of the
+//! [approach](crate::densification::Approach)), forces in `K1 R`, with `omega^2 = K1/m_eff`, `alpha = fa/(K1 R)`,
 //! `c = gamma_n/m_eff`. The normal force without adhesion, damping included, is
 //! `S = f + (c/omega^2) x'`, f by the contact law, and the contact pulls with `alpha - S`.
 //!
@@ -97,7 +98,7 @@ pub(crate) struct LawConstants {
     pub(crate) stiffening: f64,
     elastic_width: f64,
     inverse_adhesion: f64,
-    /// Plastic overlap of the fully coalesced contact.
+    /// Plastic overlap of the fully coalesced contact of equal particles.
     pub(crate) end_plastic: f64,
 }
 
@@ -118,33 +119,32 @@ impl LawConstants {
         (1.0 + self.stiffening * plastic).min(self.law.k2_max)
     }
 
-    /// Elasto-plastic force and plastic overlap by the branch that holds.
+    /// Elasto-plastic force and plastic overlap, at most `end`, by the branch that holds.
     #[inline(always)]
-    pub(crate) fn force(&self, overlap: f64, plastic: f64) -> (f64, f64) {
+    pub(crate) fn force(&self, overlap: f64, plastic: f64, end: f64) -> (f64, f64) {
         let force = self.stiffness(plastic) * (overlap - plastic);
         let cohesive = -self.law.kc * overlap - force;
         let loading = overlap - plastic - self.elastic_width;
         if cohesive > 0.0 || loading > 0.0 {
-            return self.other_branch(overlap, plastic);
+            return self.other_branch(overlap, plastic, end);
         }
         (force, plastic)
     }
 
     #[cold]
     #[inline(never)]
-    fn other_branch(&self, overlap: f64, plastic: f64) -> (f64, f64) {
+    fn other_branch(&self, overlap: f64, plastic: f64, end: f64) -> (f64, f64) {
         let response = self.law.respond(overlap, plastic);
         debug_assert_ne!(response.branch, Branch::Apart);
-        (response.force, response.plastic_overlap.min(self.end_plastic))
+        (response.force, response.plastic_overlap.min(end))
     }
 }
 
 /// The constants of a contact for one time step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Scheme {
-    /// Effective radius \[m\], and its inverse.
-    pub(crate) radius: f64,
-    pub(crate) inverse_radius: f64,
+    /// One over the unit of overlaps \[1/m\].
+    pub(crate) inverse_unit: f64,
     /// `K1 R` \[N\].
     pub(crate) force_scale: f64,
     step_s: f64,
@@ -156,6 +156,7 @@ pub(crate) struct Scheme {
     /// `1/(h omega)^2`.
     inverse_phase_squared: f64,
     start: f64,
+    end_plastic: f64,
     rate: RateCoefficients<f64>,
 }
 
@@ -166,15 +167,15 @@ impl Scheme {
         let undamped = 1.0 / (1.0 + half);
         let inverse = 1.0 / (constants.frequency_squared * step_s);
         Self {
-            radius: constants.radius,
-            inverse_radius: 1.0 / constants.radius,
-            force_scale: k1 * constants.radius,
+            inverse_unit: 1.0 / constants.unit,
+            force_scale: k1 * constants.unit,
             step_s,
             undamped,
             beta: half * undamped,
             damping: constants.dissipation * inverse,
             inverse_phase_squared: inverse / step_s,
             start: constants.start,
+            end_plastic: constants.end_plastic,
             rate: constants.rate,
         }
     }
@@ -205,7 +206,7 @@ impl Scheme {
             let n = n * squared;
             let d = d * (squared - law.stiffening * alpha);
             // Growth, forth or back, stops at full coalescence.
-            let hn = if p < law.end_plastic { self.step_s * n } else { 0.0 };
+            let hn = if p < self.end_plastic { self.step_s * n } else { 0.0 };
             let stiffness = law.stiffness(p);
             let softened = stiffness - law.stiffening * (x - p);
             let z = hn * softened * law.inverse_adhesion; // times d
@@ -215,12 +216,12 @@ impl Scheme {
             let stiff = d + z;
             let share = 0.5 * hn / (d * d + 0.5 * z * (stiff * self.undamped + d));
             *plastic_before = p;
-            (p + share * (stiff * predicted + d * driving)).max(0.0).min(law.end_plastic)
+            (p + share * (stiff * predicted + d * driving)).max(0.0).min(self.end_plastic)
         } else {
             p
         };
 
-        let (force, plastic) = law.force(x1, p1);
+        let (force, plastic) = law.force(x1, p1, self.end_plastic);
         let normal = self.undamped * (force + damped) + waiting;
         *memory = Memory { overlap: x1, drift, plastic, pull: alpha - normal };
     }
@@ -228,7 +229,7 @@ impl Scheme {
     /// The mean pull over the first half step from a start, where the driving factor D may relax
     /// within a time far below the step: D times `(1 - exp(-z/2))/(z/2)`.
     pub(crate) fn first_pull<G: Growth>(&self, law: &LawConstants, memory: &Memory) -> f64 {
-        if !G::GROWS || memory.plastic >= law.end_plastic {
+        if !G::GROWS || memory.plastic >= self.end_plastic {
             return memory.pull;
         }
         let alpha = law.law.adhesion;
@@ -251,7 +252,7 @@ impl Scheme {
 
     /// The pull of a contact at rest or in motion, out of its overlap, plastic overlap and the rate of the overlap \[1/s\].
     pub(crate) fn settle(&self, law: &LawConstants, memory: &mut Memory, rate: f64) {
-        let (force, plastic) = law.force(memory.overlap, memory.plastic);
+        let (force, plastic) = law.force(memory.overlap, memory.plastic, self.end_plastic);
         let normal = force + self.damping * self.step_s * rate;
         *memory = Memory { plastic, pull: law.law.adhesion - normal, ..*memory };
     }

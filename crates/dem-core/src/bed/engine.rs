@@ -15,7 +15,7 @@
 use super::contact::{LawConstants, Memory, Scheme};
 use super::error::{BedError, within};
 use super::friction::Slider;
-use super::material::{ContactConstants, Friction, Growing, Material};
+use super::material::{ContactConstants, Friction, Growing, Material, effective_radius};
 use super::motion::WallList;
 use super::neighbours::{NeighbourList, image_of, index_of};
 use super::particles::Particles;
@@ -88,6 +88,8 @@ pub struct Bed {
     pub(crate) listed_position: Vec<Vec3>,
     /// No particle has moved further than this since then.
     pub(crate) travelled: f64,
+    /// Whether no new contacts are made: from where the necks of the particles have met.
+    pub(crate) closed: bool,
     /// Largest speed, half a step ahead.
     pub(crate) fastest: f64,
     pub(crate) work: Work,
@@ -148,6 +150,7 @@ impl Bed {
             skin,
             listed_position: Vec::new(),
             travelled: 0.0,
+            closed: false,
             fastest: 0.0,
             work: Work::default(),
         };
@@ -166,8 +169,9 @@ impl Bed {
             for k in self.list.row(i) {
                 let j = index_of(self.list.other[k]);
                 let (radius_i, radius_j) = (self.particles.radius_m[i], self.particles.radius_m[j]);
-                let radius = 2.0 * radius_i * radius_j / (radius_i + radius_j);
-                let overlap = (radius_i + radius_j - norm(self.distance(i, k))) / radius;
+                let radius = effective_radius(radius_i, radius_j);
+                let unit = self.material.overlap_unit(radius_i, radius_j);
+                let overlap = (radius_i + radius_j - norm(self.distance(i, k))) / unit;
                 if overlap < 0.0 {
                     continue;
                 }
@@ -184,8 +188,8 @@ impl Bed {
             for k in self.wall_list.row(i) {
                 let wall = &self.walls[self.wall_list.wall[k] as usize];
                 let radius = self.particles.radius_m[i];
-                let overlap =
-                    (radius - wall.distance(self.particles.position_m[i])) / (2.0 * radius);
+                let overlap = (radius - wall.distance(self.particles.position_m[i]))
+                    / self.material.wall_unit(radius);
                 if overlap >= 0.0 {
                     self.wall_list.memory[k] =
                         Memory { overlap, drift: 0.0, plastic: 0.0, pull: 0.0 };
@@ -294,6 +298,29 @@ impl Bed {
     pub(crate) fn set_material(&mut self, material: Material) {
         self.law = LawConstants::new(*material.law());
         self.material = material;
+    }
+
+    /// Takes on a material of another stiffness. Where the adhesive force is stated the contacts keep their overlaps and
+    /// the forces they carry; where it goes by K1 all forces go with it.
+    pub(crate) fn change_stiffness(&mut self, material: Material) {
+        let share = self.material.k1_n_per_m() / material.k1_n_per_m();
+        let before = self.law;
+        self.set_material(material);
+        if share == 1.0 || !material.has_stated_adhesion() {
+            return;
+        }
+        let law = self.law.law;
+        for memory in self.pairs.memory.iter_mut().chain(&mut self.wall_list.memory) {
+            if memory.is_contact() {
+                let (x, p) = (memory.overlap, memory.plastic);
+                let force = before.stiffness(p) * (x - p) * share;
+                memory.plastic = law.plastic_overlap_carrying(force.min(x), x);
+                memory.pull *= share;
+            }
+        }
+        for (before, memory) in self.pairs.plastic_before.iter_mut().zip(&self.pairs.memory) {
+            *before = memory.plastic;
+        }
     }
 
     /// Box, gravity, fluid and friction.

@@ -119,20 +119,45 @@ pub enum BedError {
         /// Number of particles.
         particles: usize,
     },
-    /// The contacts are too soft for the weight they carry.
+    /// The weight of the bed, and not adhesion, would drive the growth of its contacts.
     #[error(
-        "material.k1_n_per_m = {k1}: the load at the bottom of the bed, {load_over_adhesion} of the adhesive force fa = 1e-3 K1 R, \
-         is not small against it; a K1 of {needed_k1} N/m brings it to {allowed}"
+        "adhesion: the load on a particle at the bottom of the bed, {load_over_adhesion} of the adhesive force, would drive the growth; \
+         heat fewer layers, state an adhesion.force_n of {needed_n} N or more, or allow it by gravity.allowed_load_over_adhesion \
+         (now {allowed})"
     )]
-    TooSoftForGravity {
-        /// The loading stiffness.
-        k1: f64,
+    WeightDrives {
         /// Load on a bottom contact over fa.
         load_over_adhesion: f64,
         /// The largest ratio allowed.
         allowed: f64,
+        /// An adhesive force that would do \[N\].
+        needed_n: f64,
+    },
+    /// The contacts are too soft for the adhesive force that is stated.
+    #[error(
+        "k1_n_per_m = {k1}: the adhesive force alone would press two particles {overlap} radii into each other, and hard \
+         particles are meant; a K1 of {needed_k1} N/m or more will do, or a smaller adhesion"
+    )]
+    Adhesion {
+        /// The loading stiffness.
+        k1: f64,
+        /// Overlap by adhesion, in effective radii.
+        overlap: f64,
         /// A stiffness that would do.
         needed_k1: f64,
+    },
+    /// The contacts are so soft that the bed is denser than its matter.
+    #[error(
+        "at t = {time_s} s the particles overlap so far that the relative density would be {relative_density}: \
+         raise k1_n_per_m (now {k1}), or lower what presses the bed"
+    )]
+    Overfull {
+        /// Time \[s\].
+        time_s: f64,
+        /// Mass over density and bed volume.
+        relative_density: f64,
+        /// The loading stiffness.
+        k1: f64,
     },
     /// Mass scaling has made inertia too large.
     #[error(

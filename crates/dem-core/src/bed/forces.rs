@@ -57,6 +57,8 @@ pub(crate) struct PairInput<'a> {
     /// The constants of each pair, where the radii differ.
     pub(crate) constants: &'a [ContactConstants],
     pub(crate) slider: Slider,
+    /// Whether no new contacts are made.
+    pub(crate) closed: bool,
 }
 
 /// Output of the pairs of some particles, each in its place.
@@ -154,8 +156,11 @@ fn rows_forces<F: PairFeatures>(input: &PairInput<'_>, output: PairOutput<'_>, r
                 &local
             };
             let distance = squared.sqrt();
-            let overlap = (reach - distance) * scheme.inverse_radius;
+            let overlap = (reach - distance) * scheme.inverse_unit;
             if !memory.is_contact() {
+                if input.closed {
+                    continue;
+                }
                 *memory = touch(input, scheme, &Meeting { i, j, d, reach, overlap });
             }
             let before = if F::G::GROWS { &mut plastic_before[at] } else { &mut nothing };
@@ -171,8 +176,7 @@ fn rows_forces<F: PairFeatures>(input: &PairInput<'_>, output: PairOutput<'_>, r
                 );
                 let relative =
                     add(sub(input.velocity[i], input.velocity[j]), cross(normal, turning));
-                let law = &input.law.law;
-                let pressing = (law.adhesion - memory.pull + law.kc * overlap) * scheme.force_scale;
+                let pressing = (input.law.law.adhesion - memory.pull) * scheme.force_scale;
                 let tangential = input.slider.force(
                     &mut spring[at],
                     normal,
@@ -208,6 +212,6 @@ fn touch(input: &PairInput<'_>, scheme: &Scheme, meeting: &Meeting) -> Memory {
     let &Meeting { i, j, d, reach, overlap } = meeting;
     let moved = scale(sub(input.velocity[i], input.velocity[j]), input.step_s);
     let before = sub(d, moved);
-    let before = (reach - dot(before, before).sqrt()) * scheme.inverse_radius;
+    let before = (reach - dot(before, before).sqrt()) * scheme.inverse_unit;
     scheme.touching(&input.law, before.min(0.0), overlap)
 }

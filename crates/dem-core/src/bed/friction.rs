@@ -26,7 +26,7 @@ impl Slider {
     /// returns the force.
     ///
     /// `relative` is the velocity at the contact of the first body relative to the second, `normal` points to the
-    /// first, and `pressing` is the normal force above the lowest that the contact can have \[N\].
+    /// first, and `pressing` is the normal force without adhesion, `f_n + fa` \[N\].
     #[inline(always)]
     pub(crate) fn force(
         &self,

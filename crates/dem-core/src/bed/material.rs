@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::error::{BedError, within};
+use super::error::{BedError, field, within};
+use crate::densification::Approach;
 use crate::kinetics::{RateCoefficients, WithLaw, with_law};
 use crate::{ContactLaw, Damping, Kinetic, Kinetics, PairScene, PairSpec, Sintering, SolveError};
 
@@ -10,11 +11,13 @@ use crate::{ContactLaw, Damping, Kinetic, Kinetics, PairScene, PairSpec, Sinteri
 /// dashpot,
 ///
 /// ```text
-/// f_t = -k_t xi - gamma_t v_t   while |f_t| <= mu (f_ep - gamma_n v_n + Kc delta),
+/// f_t = -k_t xi - gamma_t v_t   while |f_t| <= mu (f_n + fa),   f_n + fa = f_ep - gamma_n v_n,
 /// ```
 ///
-/// and on the slider, at that limit, the spring is shortened to fit. The limit counts from the lowest
-/// force that the contact can carry: an adhesive contact holds tangentially without pressure.
+/// and on the slider, at that limit, the spring is shortened to fit. mu is the ratio at which a contact slides: of the
+/// tangential force to the normal one with which the surfaces press each other, the adhesive force fa included (B.V.
+/// Derjaguin, Z. Physik 88 (1934) 661). An adhesive contact without load holds mu fa; one that is pulled by fa or more
+/// slides freely.
 ///
 /// In a scene file `[friction]`.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
@@ -57,6 +60,10 @@ impl Friction {
     }
 }
 
+/// Largest overlap, in effective radii, that adhesion alone may give a contact: the particles of a bed are hard.
+const LARGEST_ADHESIVE_OVERLAP: f64 = 0.02;
+const LEAST_ADHESIVE_OVERLAP: f64 = 1e-9;
+
 /// Growth of contacts: the kinetics, its parameters, and the radius of the calibration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Growing {
@@ -76,6 +83,9 @@ pub struct Growing {
 pub struct Material {
     spec: PairSpec,
     law: ContactLaw,
+    approach: Approach,
+    /// The adhesive force over the effective radius \[N/m\], where it does not go by K1.
+    adhesion_n_per_m: Option<f64>,
 }
 
 impl Material {
@@ -83,7 +93,74 @@ impl Material {
     ///
     /// [`BedError::Material`] as for a pair.
     pub fn new(spec: PairSpec) -> Result<Self, BedError> {
-        Ok(Self { law: *spec.build()?.law(), spec })
+        let law = *spec.build()?.law();
+        Ok(Self { spec, law, approach: Approach::default(), adhesion_n_per_m: None })
+    }
+
+    /// The same with another law of the approach of two particles.
+    #[must_use]
+    pub fn with_approach(self, approach: Approach) -> Self {
+        Self { approach, ..self }
+    }
+
+    /// The same with an adhesive force that does not depend on K1: `fa = adhesion_n_per_m R`, R the effective radius
+    /// of a contact, for the present approach and whatever K1 may become.
+    ///
+    /// # Errors
+    ///
+    /// [`BedError::Adhesion`] where K1 is too soft for it, or [`BedError::Field`] for one that is not positive.
+    pub fn with_adhesion(self, adhesion_n_per_m: f64) -> Result<Self, BedError> {
+        within("adhesion over R", adhesion_n_per_m, 1e-30, 1e30, "give a positive force")?;
+        Self { adhesion_n_per_m: Some(adhesion_n_per_m), ..self }.with_spec(self.spec)
+    }
+
+    /// The same with another description of the pair; a stated adhesive force stays as it is.
+    pub(crate) fn with_spec(self, mut spec: PairSpec) -> Result<Self, BedError> {
+        if let Some(adhesion_n_per_m) = self.adhesion_n_per_m {
+            let overlap = adhesion_n_per_m / (spec.k1 * self.approach.factor());
+            if overlap > LARGEST_ADHESIVE_OVERLAP {
+                let needed_k1 = spec.k1 * overlap / LARGEST_ADHESIVE_OVERLAP;
+                return Err(BedError::Adhesion { k1: spec.k1, overlap, needed_k1 });
+            }
+            if overlap < LEAST_ADHESIVE_OVERLAP {
+                let remedy = "so small a force is not followed with this K1: lower k1_n_per_m";
+                return Err(field("adhesion over R", adhesion_n_per_m, remedy));
+            }
+            spec.adhesion_over_k1_radius = overlap;
+        }
+        Ok(Self { law: *spec.build()?.law(), spec, ..self })
+    }
+
+    /// The same with another loading stiffness.
+    pub(crate) fn with_k1(self, k1_n_per_m: f64) -> Result<Self, BedError> {
+        self.with_spec(PairSpec { k1: k1_n_per_m, ..self.spec })
+    }
+
+    /// Adhesive force fa of two particles of a radius \[N\].
+    #[must_use]
+    pub fn adhesion_n(&self, radius_m: f64) -> f64 {
+        self.law.adhesion * self.spec.k1 * self.overlap_unit(radius_m, radius_m)
+    }
+
+    /// Whether the adhesive force does not go by K1.
+    pub(crate) fn has_stated_adhesion(&self) -> bool {
+        self.adhesion_n_per_m.is_some()
+    }
+
+    /// The law of the approach of two particles.
+    #[must_use]
+    pub fn approach(&self) -> Approach {
+        self.approach
+    }
+
+    /// Unit of the overlap of two particles \[m\]: `(a/R)^2` units are their approach.
+    pub(crate) fn overlap_unit(&self, radius_i: f64, radius_j: f64) -> f64 {
+        self.approach.factor() * effective_radius(radius_i, radius_j)
+    }
+
+    /// Unit of the overlap of a particle and a wall \[m\].
+    pub(crate) fn wall_unit(&self, radius: f64) -> f64 {
+        self.approach.factor() * (2.0 * radius)
     }
 
     /// The pair that this material was described by.
@@ -115,6 +192,14 @@ impl Material {
         Ok(spec.build()?)
     }
 
+    /// Plastic overlap at which the growth of a contact ends: in balance with the final neck of its two particles.
+    fn end_plastic(&self, radius_i: f64, radius_j: f64) -> f64 {
+        let law = &self.law;
+        let ratio = final_contact_ratio(self.spec.final_contact_ratio, radius_i, radius_j);
+        // A final neck below the adhesive contact is that of the adhesive contact.
+        law.equilibrium_plastic_overlap((ratio * ratio).max(law.adhesion))
+    }
+
     /// Normal dissipation over effective mass, `c = gamma_n/m_eff` \[1/s\].
     pub(crate) fn dissipation(&self, effective_mass_kg: f64) -> f64 {
         match self.spec.damping {
@@ -137,7 +222,7 @@ impl Material {
         (radius_i, mass_i): (f64, f64),
         (radius_j, mass_j): (f64, f64),
     ) -> Result<ContactConstants, BedError> {
-        let radius = 2.0 * radius_i * radius_j / (radius_i + radius_j);
+        let radius = effective_radius(radius_i, radius_j);
         let effective_mass = mass_i * mass_j / (mass_i + mass_j);
         let pair = self.pair_of_radius(radius)?;
         let rate = match growing {
@@ -145,10 +230,11 @@ impl Material {
             None => NO_RATE,
         };
         Ok(ContactConstants {
-            radius,
+            unit: self.overlap_unit(radius_i, radius_j),
             frequency_squared: self.spec.k1 / effective_mass,
             dissipation: self.dissipation(effective_mass),
             start: pair.x0(),
+            end_plastic: self.end_plastic(radius_i, radius_j),
             rate,
         })
     }
@@ -156,13 +242,32 @@ impl Material {
     /// The constants of a contact with a wall, which does not grow.
     pub(crate) fn wall_contact(&self, radius: f64, mass: f64) -> ContactConstants {
         ContactConstants {
-            radius: 2.0 * radius,
+            unit: self.wall_unit(radius),
             frequency_squared: self.spec.k1 / mass,
             dissipation: self.dissipation(mass),
             start: self.law.adhesion,
+            end_plastic: self.law.equilibrium_plastic_overlap(self.law.plastic_overlap_max),
             rate: NO_RATE,
         }
     }
+}
+
+/// Effective radius of two particles, `2 Ri Rj/(Ri + Rj)`: two spheres that overlap by delta meet in a circle of radius
+/// `sqrt(delta R)` while delta is small, whatever their ratio.
+pub(crate) fn effective_radius(radius_i: f64, radius_j: f64) -> f64 {
+    2.0 * radius_i * radius_j / (radius_i + radius_j)
+}
+
+/// Contact ratio a/R, in effective radii, at which the coalescence of two particles ends: `phi Rmin/R = phi (Ri + Rj)/(2 Rmax)`.
+///
+/// The neck is there as long as it is a waist, that is until it is as wide as the smaller particle. With its volume kept the smaller one is then a
+/// hemisphere on the other, `2/3 pi a^3 = 4/3 pi Rmin^3`: `a = 2^(1/3) Rmin`, and what follows, the flattening of
+/// that hemisphere into the larger particle, is not the growth of a neck. Where coalescence stops earlier,
+/// `phi < 2^(1/3)`, the same share of that neck is reached. Equal particles end at phi.
+#[must_use]
+pub fn final_contact_ratio(phi: f64, radius_i: f64, radius_j: f64) -> f64 {
+    // Exactly phi where they are equal.
+    phi * (0.5 * (radius_i / radius_i.max(radius_j) + radius_j / radius_i.max(radius_j)))
 }
 
 const NO_RATE: RateCoefficients<f64> =
@@ -194,14 +299,16 @@ fn rate_at_radius(
 /// Constants of a contact besides the contact law. SI.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ContactConstants {
-    /// Effective radius.
-    pub(crate) radius: f64,
+    /// Unit of overlaps: the effective radius times the factor of the approach.
+    pub(crate) unit: f64,
     /// `omega^2 = K1/m_eff`.
     pub(crate) frequency_squared: f64,
     /// `c = gamma_n/m_eff`.
     pub(crate) dissipation: f64,
     /// Overlap x0 of the adhesive contact, in effective radii.
     pub(crate) start: f64,
+    /// Plastic overlap at which growth ends.
+    pub(crate) end_plastic: f64,
     /// Growth of the overlap.
     pub(crate) rate: RateCoefficients<f64>,
 }

@@ -1,6 +1,8 @@
 //! Observations of a bed between steps.
 
+use super::closure::Law;
 use super::engine::Bed;
+use super::material::effective_radius;
 use super::neighbours::index_of;
 use super::region::Side;
 use super::vec3::{Vec3, ZERO, dot, norm, scale};
@@ -12,10 +14,13 @@ pub struct ContactState {
     pub particles: [usize; 2],
     /// Unit vector from the second particle to the first.
     pub normal: [f64; 3],
-    /// Effective radius R \[m\].
+    /// Effective radius `R = 2 Ri Rj/(Ri + Rj)` \[m\], the unit of the contact ratio: the radius of equal particles, and
+    /// between one and two of the smaller radius for unequal ones.
     pub effective_radius_m: f64,
     /// Overlap over R, `x = (a/R)^2`.
     pub overlap: f64,
+    /// By how much the centres have come nearer than the sum of the radii \[m\].
+    pub approach_m: f64,
     /// Plastic overlap over R.
     pub plastic_overlap: f64,
     /// Driving factor of the growth, `(f_ep - gamma_n v_n)/fa`; 1 for a contact without load.
@@ -25,7 +30,7 @@ pub struct ContactState {
 }
 
 impl ContactState {
-    /// Contact ratio a/R.
+    /// Contact ratio a/R, the neck radius over the effective radius; it ends at [`final_contact_ratio`](super::final_contact_ratio).
     #[must_use]
     pub fn contact_ratio(&self) -> f64 {
         self.overlap.sqrt()
@@ -75,8 +80,11 @@ pub struct Sample {
     /// Inertial number, `sqrt(<(dx/dt)^2> m d/fa)`: the rate of strain of the contacts against the time in
     /// which fa moves a particle by its size. Inertia is not felt while it is below 1e-3.
     pub inertial_number: f64,
-    /// Share of the particles on which two necks meet: beyond it the model, a sum of pairs, ends.
+    /// Share of the particles on which two necks meet: above [`NECKS_MEET`](super::NECKS_MEET) the model, a sum of pairs, ends.
     pub necks_meet: f64,
+    /// The law of densification that holds; from the hand-over on only `time_s` and `relative_density` go on, and all else
+    /// is as it was there.
+    pub law: Law,
     /// Energies.
     pub energies: Energies,
 }
@@ -107,8 +115,9 @@ impl Bed {
                 Some(ContactState {
                     particles: [i, j],
                     normal: scale(d, 1.0 / norm(d)),
-                    effective_radius_m: 2.0 * a * b / (a + b),
+                    effective_radius_m: effective_radius(a, b),
                     overlap: memory.overlap,
+                    approach_m: memory.overlap * self.material.overlap_unit(a, b),
                     plastic_overlap: memory.plastic,
                     driving: (alpha - memory.pull) / alpha,
                     rate_per_s: memory.drift / self.step_s,
@@ -128,7 +137,7 @@ impl Bed {
                 let memory = &self.wall_list.memory[k];
                 if memory.is_contact() {
                     let wall = &self.walls[index];
-                    let scale = k1 * 2.0 * self.particles.radius_m[i];
+                    let scale = k1 * self.material.wall_unit(self.particles.radius_m[i]);
                     forces[index][wall.axis] += wall.inward * memory.pull * scale;
                 }
             }
@@ -152,20 +161,21 @@ impl Bed {
             for k in self.wall_list.row(i) {
                 let memory = &self.wall_list.memory[k];
                 if memory.is_contact() {
-                    let radius = 2.0 * p.radius_m[i];
-                    self.add_contact_energy(&mut energies, radius, memory.overlap, memory.plastic);
+                    let unit = self.material.wall_unit(p.radius_m[i]);
+                    self.add_contact_energy(&mut energies, unit, memory.overlap, memory.plastic);
                 }
             }
         }
         for contact in self.contacts() {
-            let ContactState { effective_radius_m, overlap, plastic_overlap, .. } = contact;
-            self.add_contact_energy(&mut energies, effective_radius_m, overlap, plastic_overlap);
+            let ContactState { particles: [i, j], overlap, plastic_overlap, .. } = contact;
+            let unit = self.material.overlap_unit(p.radius_m[i], p.radius_m[j]);
+            self.add_contact_energy(&mut energies, unit, overlap, plastic_overlap);
         }
         energies
     }
 
-    fn add_contact_energy(&self, energies: &mut Energies, radius: f64, x: f64, p: f64) {
-        let unit = self.material.k1_n_per_m() * radius * radius;
+    fn add_contact_energy(&self, energies: &mut Energies, unit_m: f64, x: f64, p: f64) {
+        let unit = self.material.k1_n_per_m() * unit_m * unit_m;
         energies.elastic_j += unit * 0.5 * self.law.stiffness(p) * (x - p) * (x - p);
         energies.adhesion_j -= unit * self.law.law.adhesion * x;
     }
@@ -189,6 +199,21 @@ impl Bed {
             };
         }
         Some(volume)
+    }
+
+    /// Mass over density and bed volume; `None` where the bed has no volume.
+    pub(crate) fn relative_density(&self) -> Option<f64> {
+        Some(self.particles.solid_volume_m3() / self.bed_volume_m3()?)
+    }
+
+    /// Whether the volume of the bed follows its particles: a free box, or a bed with a surface.
+    pub(crate) fn can_shrink(&self, free_box: bool) -> bool {
+        let surface = (0..3).any(|axis| match self.around.region.sides[axis] {
+            Side::LowerWall => true,
+            Side::Walls => self.around.gravity_m_per_s2[axis] < 0.0,
+            Side::Open | Side::Periodic => false,
+        });
+        self.bed_volume_m3().is_some() && (free_box || surface)
     }
 
     fn height_m(&self, axis: usize) -> f64 {
@@ -223,12 +248,10 @@ impl Bed {
         };
         let mass = self.particles.inertia.iter().sum::<f64>() / n as f64;
         let radius = self.particles.radius_m.iter().sum::<f64>() / n as f64;
-        let adhesion = self.law.law.adhesion * self.material.k1_n_per_m() * radius;
+        let adhesion = self.material.adhesion_n(radius);
         Sample {
             time_s: self.time_s,
-            relative_density: self
-                .bed_volume_m3()
-                .map_or(f64::NAN, |volume| self.particles.solid_volume_m3() / volume),
+            relative_density: self.relative_density().unwrap_or(f64::NAN),
             coordination: 2.0 * ratios.len() as f64 / n as f64,
             mean_contact_ratio,
             contact_ratio_deciles: [0.1, 0.5, 0.9].map(|share| below(share).unwrap_or(0.0)),
@@ -236,13 +259,14 @@ impl Bed {
             largest_driving: largest,
             inertial_number: (rate / count * mass * 2.0 * radius / adhesion).sqrt(),
             necks_meet: self.necks_meet(),
+            law: Law::Pairs,
             energies: self.energies(),
         }
     }
 
     /// Share of the particles with two contacts whose necks touch: the contact circles, seen from the
     /// centre under `asin(a/R)`, reach each other.
-    fn necks_meet(&self) -> f64 {
+    pub(crate) fn necks_meet(&self) -> f64 {
         let n = self.particles.len();
         let mut necks: Vec<Vec<(Vec3, f64)>> = vec![Vec::new(); n];
         for contact in self.contacts() {

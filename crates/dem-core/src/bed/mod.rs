@@ -5,11 +5,12 @@
 //! | a scene from TOML, its phases, its run | [`SceneFile`], [`Scene::run`], [`Run`], [`Series`] |
 //! | the engine: velocity Verlet, neighbour list, threads | [`Bed::advance`] |
 //! | force balance at every instant, for times that no step of inertia reaches | [`Bed::advance_quasi_static`] |
+//! | the end of the pairs, and the closed laws that follow | [`WhenNecksMeet`], [`Law`], [`densification`](crate::densification) |
 //! | random and jammed packings | [`random_packing`], [`jammed_packing`] |
 //! | tables, pictures' data, restarts | [`write_csv`], [`write_vtk`], [`Bed::checkpoint`] |
 //!
-//! A contact is the pair of the calibration at the effective radius `R = 2 Ri Rj/(Ri + Rj)`; a wall has
-//! `2 Ri` and does not grow. Features that a scene does not have (images, unequal radii, friction and with it rotation,
+//! A contact is the pair of the calibration at the effective radius `R = 2 Ri Rj/(Ri + Rj)`, up to the neck at which the
+//! smaller particle is a hemisphere on the larger one ([`final_contact_ratio`]); a wall has `2 Ri` and does not grow. Features that a scene does not have (images, unequal radii, friction and with it rotation,
 //! walls, gravity, drag, growth) are not compiled into its step; `README.md` beside this module has the cost of each.
 //!
 //! ```
@@ -41,6 +42,7 @@
 
 mod advance;
 mod checkpoint;
+mod closure;
 mod contact;
 mod engine;
 mod error;
@@ -66,9 +68,10 @@ mod stability;
 mod start;
 mod vec3;
 
+pub use closure::{Law, NECKS_MEET, WhenNecksMeet};
 pub use engine::{Bed, Drive, Work};
 pub use error::BedError;
-pub use material::{Friction, Growing, Material};
+pub use material::{Friction, Growing, Material, final_contact_ratio};
 pub use measure::{ContactState, Energies, Sample, inertia_error};
 pub use output::{CSV_HEADER, write_csv, write_vtk};
 pub use packing::{Radii, jammed_packing, random_packing};
@@ -79,7 +82,7 @@ pub use region::{Region, Side, Wall};
 pub use run::{Progress, Run, Series};
 pub use scene::Scene;
 pub use scene_file::{
-    BoxTable, DragTable, GravityTable, MaterialTable, Outline, ParticlesTable, SceneFile,
-    SinteringTable,
+    AdhesionTable, BoxTable, DragTable, GravityTable, MaterialTable, Outline, ParticlesTable,
+    SceneFile, SinteringTable,
 };
 pub use start::{Start, Surroundings};

@@ -294,10 +294,10 @@ fn wall_force<F: MotionFeatures>(
     }
     let constants = input.material.wall_contact(body.radius, body.mass);
     let scheme = Scheme::new(&constants, input.material.k1_n_per_m(), input.step_s);
-    let overlap = (body.radius - distance) * scheme.inverse_radius;
+    let overlap = (body.radius - distance) * scheme.inverse_unit;
     if !memory.is_contact() {
         let before = distance - wall.inward * body.velocity[wall.axis] * input.step_s;
-        let before = (body.radius - before) * scheme.inverse_radius;
+        let before = (body.radius - before) * scheme.inverse_unit;
         *memory = scheme.touching(&input.law, before.min(0.0), overlap);
     }
     scheme.advance::<NoGrowth>(&input.law, overlap, memory, &mut 0.0);
@@ -307,12 +307,11 @@ fn wall_force<F: MotionFeatures>(
     let mut torque = ZERO;
     if F::FRICTION {
         let relative = add(body.velocity, cross(normal, scale(body.spin, distance)));
-        let law = &input.law.law;
         let tangential = input.slider.force(
             spring,
             normal,
             relative,
-            (law.adhesion - memory.pull + law.kc * overlap) * scheme.force_scale,
+            (input.law.law.adhesion - memory.pull) * scheme.force_scale,
             scheme.damping * input.step_s * input.material.k1_n_per_m(),
             input.step_s,
         );

@@ -41,7 +41,7 @@ pub(super) fn packing_radii(count: usize, radii: &Radii, seed: u64) -> Result<Ve
 }
 
 /// Volume of the particles \[m3\].
-fn solid_m3(radius_m: &[f64]) -> f64 {
+pub(super) fn solid_m3(radius_m: &[f64]) -> f64 {
     4.0 / 3.0 * std::f64::consts::PI * radius_m.iter().map(|r| r.powi(3)).sum::<f64>()
 }
 

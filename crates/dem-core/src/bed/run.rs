@@ -2,15 +2,17 @@
 
 use std::ops::ControlFlow;
 
+use super::closure::{Law, WhenNecksMeet};
 use super::engine::{Bed, Drive};
 use super::error::{BedError, field};
-use super::material::{Growing, Material};
+use super::material::Growing;
 use super::measure::Sample;
 use super::phase::{Mode, Phase};
 use super::quasi_static::{QuasiStaticReport, QuasiStaticSettings};
 use super::region::Side;
 use super::scene::Scene;
 use super::vec3::norm;
+use crate::densification::closure_density;
 
 /// Observations of a run of a scene.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -23,6 +25,8 @@ pub struct Series {
     pub phase_start_s: Vec<f64>,
     /// Work and error of the quasi-static phases.
     pub quasi_static: QuasiStaticReport,
+    /// The bed where its pairs ended: the necks met, or the pores closed.
+    pub hand_over: Option<Sample>,
     /// Whether the run was stopped by its observer.
     pub stopped: bool,
 }
@@ -50,6 +54,8 @@ pub struct Run {
     pub(crate) output: usize,
     /// Steps between two observations of a dynamic phase.
     pub(crate) steps: u64,
+    /// Heated time since the hand-over, in tau_s.
+    pub(crate) closure_time: f64,
 }
 
 impl Run {
@@ -99,15 +105,21 @@ impl Run {
         } else {
             self.go(&phase)?;
         }
-        let sample = self.bed.sample();
-        phase.check_inertia(&sample)?;
+        let sample = self.sample(&phase);
+        if sample.law == Law::Pairs {
+            phase.check_inertia(&sample)?;
+            self.check_density(&sample)?;
+        }
         self.series.samples.push(sample);
         self.series.phase.push(self.phase);
         let total: usize = self.scene.phases.iter().map(|phase| phase.outputs + 1).sum();
         let share = self.series.samples.len() as f64 / total as f64;
         let progress = Progress { phase: self.phase, share, sample };
         self.output += 1;
-        if self.output > phase.outputs {
+        if self.has_stopped() {
+            self.phase = self.scene.phases.len();
+            self.output = 0;
+        } else if self.output > phase.outputs {
             self.phase += 1;
             self.output = 0;
         }
@@ -115,9 +127,14 @@ impl Run {
     }
 
     fn begin(&mut self, phase: &Phase) -> Result<(), BedError> {
-        let mut spec = *self.scene.bed.material().spec();
-        spec.k1 = phase.k1_n_per_m.unwrap_or(spec.k1);
-        self.bed.set_material(Material::new(spec)?);
+        if self.closed_from().is_some() {
+            let now_s = self.series.samples.last().map_or(0.0, |sample| sample.time_s);
+            self.series.phase_start_s.push(now_s);
+            return Ok(());
+        }
+        let material = *self.scene.bed.material();
+        let k1 = phase.k1_n_per_m.unwrap_or(material.k1_n_per_m());
+        self.bed.change_stiffness(material.with_k1(k1)?);
         if phase.heated {
             self.scene.check_load(&self.bed)?;
         }
@@ -141,23 +158,113 @@ impl Run {
         }
     }
 
+    /// To the present observation.
     fn go(&mut self, phase: &Phase) -> Result<(), BedError> {
-        match phase.mode {
-            Mode::Dynamic => {
-                if self.bed.work().steps + self.steps > phase.max_work {
-                    let (max_work, time_s) = (phase.max_work, self.bed.time_s());
-                    return Err(BedError::WorkLimit { max_work, time_s });
-                }
-                self.bed.advance(self.steps)
+        let from_s = match (self.closed_from(), self.series.samples.last()) {
+            (Some(_), Some(last)) => last.time_s,
+            _ => {
+                self.go_by_pairs(phase)?;
+                self.bed.time_s()
             }
-            Mode::QuasiStatic => self.bed.advance_quasi_static(
-                self.series.phase_start_s[self.phase] + self.output as f64 * phase.every_s(),
-                &phase.quasi_static(self.scene.free_box),
-                &mut self.series.quasi_static,
-            ),
+        };
+        if self.closed_from().is_some()
+            && phase.heated
+            && let Some(growing) = &self.scene.growing
+        {
+            let left_s = self.observed_s(phase) - from_s;
+            self.closure_time += left_s / self.bed.closure_tau_s(growing);
         }
+        Ok(())
+    }
+
+    fn go_by_pairs(&mut self, phase: &Phase) -> Result<(), BedError> {
+        let may_end = phase.heated && self.series.hand_over.is_none();
+        let left = self.steps_by_pairs(phase, may_end, self.steps)?;
+        if !(may_end && self.bed.pairs_have_ended()) {
+            return Ok(());
+        }
+        let end = self.bed.sample();
+        self.check_density(&end)?;
+        self.series.hand_over = Some(end);
+        self.bed.closed = true;
+        if self.closed_from().is_none() && !self.has_stopped() {
+            self.steps_by_pairs(phase, false, left)?;
+        }
+        Ok(())
+    }
+
+    /// Follows the pairs to the present observation, or to where they end; returns the steps that were left out.
+    fn steps_by_pairs(
+        &mut self,
+        phase: &Phase,
+        may_end: bool,
+        mut left: u64,
+    ) -> Result<u64, BedError> {
+        if phase.mode == Mode::QuasiStatic {
+            let settings = QuasiStaticSettings {
+                ends_where_necks_meet: may_end,
+                ..phase.quasi_static(self.scene.free_box)
+            };
+            let until_s = self.observed_s(phase);
+            self.bed.advance_quasi_static(until_s, &settings, &mut self.series.quasi_static)?;
+            return Ok(0);
+        }
+        if self.bed.work().steps + left > phase.max_work {
+            let (max_work, time_s) = (phase.max_work, self.bed.time_s());
+            return Err(BedError::WorkLimit { max_work, time_s });
+        }
+        let at_once = self.scene.growing.filter(|_| may_end).map_or(left, |growing| {
+            let look_s = LOOK_EVERY_TAU * self.bed.closure_tau_s(&growing);
+            ((look_s / self.bed.step_s()) as u64).max(1)
+        });
+        while left > 0 {
+            let steps = at_once.min(left);
+            self.bed.advance(steps)?;
+            left -= steps;
+            if may_end && self.bed.pairs_have_ended() {
+                break;
+            }
+        }
+        Ok(left)
+    }
+
+    /// Time of the present observation, where steps end on it \[s\].
+    fn observed_s(&self, phase: &Phase) -> f64 {
+        self.series.phase_start_s[self.phase] + self.output as f64 * phase.every_s()
+    }
+
+    /// The bed at the hand-over, where its density goes on by the closed laws.
+    fn closed_from(&self) -> Option<&Sample> {
+        let closes = self.scene.when_necks_meet == WhenNecksMeet::Closure
+            && self.bed.can_shrink(self.scene.free_box);
+        self.series.hand_over.as_ref().filter(|_| closes)
+    }
+
+    /// Whether the run has ended where its pairs have.
+    fn has_stopped(&self) -> bool {
+        self.series.hand_over.is_some() && self.scene.when_necks_meet == WhenNecksMeet::Stop
+    }
+
+    fn sample(&self, phase: &Phase) -> Sample {
+        let Some(from) = self.closed_from() else { return self.bed.sample() };
+        let relative_density = closure_density(from.relative_density, self.closure_time);
+        let time_s = self.observed_s(phase);
+        Sample { time_s, relative_density, law: Law::at(relative_density), ..*from }
+    }
+
+    /// Refuses contacts so soft that their overlaps leave no room for the matter of the particles.
+    fn check_density(&self, sample: &Sample) -> Result<(), BedError> {
+        if sample.relative_density > 1.0 {
+            let (time_s, relative_density) = (sample.time_s, sample.relative_density);
+            let k1 = self.bed.material().k1_n_per_m();
+            return Err(BedError::Overfull { time_s, relative_density, k1 });
+        }
+        Ok(())
     }
 }
+
+/// A dynamic phase looks whether necks meet after such a part of tau_s.
+const LOOK_EVERY_TAU: f64 = 0.002;
 
 impl Scene {
     /// A run from the start.
@@ -170,6 +277,7 @@ impl Scene {
             phase: 0,
             output: 0,
             steps: 0,
+            closure_time: 0.0,
         }
     }
 
@@ -202,9 +310,10 @@ impl Scene {
         if load_over_adhesion <= allowed {
             return Ok(());
         }
-        let k1 = bed.material().k1_n_per_m();
-        let needed_k1 = k1 * load_over_adhesion / allowed;
-        Err(BedError::TooSoftForGravity { k1, load_over_adhesion, allowed, needed_k1 })
+        let radii = &bed.particles().radius_m;
+        let mean_radius = radii.iter().sum::<f64>() / radii.len() as f64;
+        let needed_n = bed.material().adhesion_n(mean_radius) * load_over_adhesion / allowed;
+        Err(BedError::WeightDrives { load_over_adhesion, allowed, needed_n })
     }
 }
 
@@ -259,7 +368,6 @@ impl Bed {
                 layer *= (across / (2.0 * radius)).max(1.0);
             }
         }
-        let adhesion = self.law.law.adhesion * self.material.k1_n_per_m() * radius;
-        Some(mass * g / layer.min(n) / adhesion)
+        Some(mass * g / layer.min(n) / self.material.adhesion_n(radius))
     }
 }

@@ -1,8 +1,9 @@
 //! A checked scene.
 
+use super::closure::WhenNecksMeet;
 use super::engine::Bed;
 use super::error::BedError;
-use super::material::{Growing, Material};
+use super::material::Growing;
 use super::phase::Phase;
 use super::start::Start;
 
@@ -14,6 +15,7 @@ pub struct Scene {
     pub(crate) growing: Option<Growing>,
     pub(crate) phases: Vec<Phase>,
     pub(crate) free_box: bool,
+    pub(crate) when_necks_meet: WhenNecksMeet,
     pub(crate) allowed_load_over_adhesion: f64,
 }
 
@@ -61,7 +63,8 @@ impl Scene {
             velocity_m_per_s: sorted(&p.velocity_m_per_s),
             angular_velocity_per_s: sorted(&p.angular_velocity_per_s),
         };
-        self.bed = Bed::new(Material::new(spec)?, *self.bed.surroundings(), &start)?;
+        let material = self.bed.material().with_spec(spec)?;
+        self.bed = Bed::new(material, *self.bed.surroundings(), &start)?;
         Ok(self)
     }
 
@@ -71,10 +74,9 @@ impl Scene {
     ///
     /// [`BedError::Material`].
     pub fn with_k1(mut self, k1_n_per_m: f64) -> Result<Self, BedError> {
-        let mut spec = *self.bed.material().spec();
-        let factor = k1_n_per_m / spec.k1;
-        spec.k1 = k1_n_per_m;
-        self.bed.set_material(Material::new(spec)?);
+        let material = *self.bed.material();
+        let factor = k1_n_per_m / material.k1_n_per_m();
+        self.bed.set_material(material.with_k1(k1_n_per_m)?);
         for phase in &mut self.phases {
             phase.k1_n_per_m = phase.k1_n_per_m.map(|k1| k1 * factor);
         }
@@ -87,10 +89,8 @@ impl Scene {
     ///
     /// [`BedError::Material`].
     pub fn with_heated_k1(mut self, k1_n_per_m: f64) -> Result<Self, BedError> {
-        let mut spec = *self.bed.material().spec();
-        let before = spec.k1;
-        spec.k1 = k1_n_per_m;
-        Material::new(spec)?;
+        let before = self.bed.material().k1_n_per_m();
+        self.bed.material().with_k1(k1_n_per_m)?;
         for phase in &mut self.phases {
             let k1 = if phase.heated { k1_n_per_m } else { phase.k1_n_per_m.unwrap_or(before) };
             phase.k1_n_per_m = Some(k1);

@@ -4,16 +4,19 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::closure::WhenNecksMeet;
 use super::engine::Bed;
 use super::error::{BedError, field, within};
 use super::material::{Friction, Growing, Material};
 use super::packing::Radii;
 use super::phase::{Mode, Phase};
-use super::place::{lattice, lattice_count, packed_jammed, packed_to, packing_radii};
+use super::place::{lattice, lattice_count, packed_jammed, packed_to, packing_radii, solid_m3};
 use super::region::{Region, Side};
 use super::scene::Scene;
 use super::start::{Start, Surroundings};
-use crate::{Damping, Kinetics, PairSpec, Powder, Sintering, paper};
+use super::vec3::norm;
+use crate::densification::Approach;
+use crate::{Damping, Kinetics, PairScene, PairSpec, Powder, Sintering, paper};
 
 /// A scene as written, not yet checked.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
@@ -33,6 +36,8 @@ pub struct SceneFile {
     pub region: Option<BoxTable>,
     /// The particles.
     pub particles: ParticlesTable,
+    /// The adhesive force; needed with gravity, in proportion to K1 without.
+    pub adhesion: Option<AdhesionTable>,
     /// Gravity.
     pub gravity: Option<GravityTable>,
     /// Drag of a fluid in the background.
@@ -100,6 +105,12 @@ pub struct SinteringTable {
     pub delta_c: f64,
     /// Radius that `tau_s` was calibrated at \[m\].
     pub calibrated_radius_m: f64,
+    /// How far particles approach each other while their neck grows: `overlap`, `energy-balance` or `kingery-berg`.
+    #[serde(default)]
+    pub approach: Approach,
+    /// What follows where the necks of the particles meet: `closure` or `stop`.
+    #[serde(default)]
+    pub when_necks_meet: WhenNecksMeet,
 }
 
 /// `[box]`
@@ -151,6 +162,17 @@ pub enum ParticlesTable {
         /// Seed of positions and radii.
         seed: u64,
     },
+}
+
+/// `[adhesion]`: the adhesive force fa of two particles of the mean radius, by one of two fields. Of other particles it goes
+/// by their effective radius.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct AdhesionTable {
+    /// The force \[N\].
+    pub force_n: Option<f64>,
+    /// The force over the weight of a particle, the Bond number.
+    pub bond_number: Option<f64>,
 }
 
 /// `[gravity]`
@@ -212,6 +234,7 @@ impl SceneFile {
     ///
     /// [`BedError`] that names the field, its value and the remedy.
     pub fn outline(&self) -> Result<Outline, BedError> {
+        self.check_forces()?;
         let radii_m = self.radii_m()?;
         for (particle, &radius_m) in radii_m.iter().enumerate() {
             let name = format!("radius_m of particle {particle}");
@@ -225,6 +248,9 @@ impl SceneFile {
         let growing = self.growing()?;
         for (index, phase) in self.phases.iter().enumerate() {
             phase.check(index, growing.is_some())?;
+            if let Some(k1) = phase.k1_n_per_m.filter(|_| particles > 0) {
+                self.material_of(mean_radius_m)?.with_k1(k1)?;
+            }
         }
         if self.phases.is_empty() {
             return Err(field("phases", "none", "give at least one [[phases]]"));
@@ -279,6 +305,7 @@ impl SceneFile {
             growing,
             phases: self.phases.clone(),
             free_box: self.free_box(),
+            when_necks_meet: self.sintering.as_ref().map(|s| s.when_necks_meet).unwrap_or_default(),
             allowed_load_over_adhesion: self.allowed_load(),
         })
     }
@@ -306,7 +333,7 @@ impl SceneFile {
                 let name = "particles.lattice.radius_m";
                 within(name, *radius_m, 1e-9, 1e3, "give the radius in metres, 1e-9 to 1e3")?;
                 let pair = self.material_of(*radius_m)?.pair_of_radius(*radius_m)?;
-                let overlap = overlap.unwrap_or_else(|| pair.x0());
+                let overlap = overlap.unwrap_or_else(|| pair.x0() * self.approach().factor());
                 within("particles.lattice.overlap", overlap, -100.0, 1.0, "use -100 to 1 radii")?;
                 let origin_m = origin_m.unwrap_or([*radius_m; 3]);
                 Ok((lattice(counts, *radius_m, overlap, origin_m)?, self.given_box()?))
@@ -349,7 +376,71 @@ impl SceneFile {
         spec.k2_max_over_k1 = table.k2_max_over_k1;
         spec.kc_over_k1 = table.kc_over_k1;
         spec.damping = Damping::Restitution(table.restitution);
-        Material::new(spec)
+        let material = Material::new(spec)?.with_approach(self.approach());
+        match self.adhesion_n(radius_m) {
+            Some(force_n) => material.with_adhesion(force_n / radius_m),
+            None => Ok(material),
+        }
+    }
+
+    /// The pair of two particles of a radius of this scene.
+    ///
+    /// # Errors
+    ///
+    /// [`BedError`] as for the bed.
+    pub fn pair_of_radius(&self, radius_m: f64) -> Result<PairScene, BedError> {
+        self.material_of(radius_m)?.pair_of_radius(radius_m)
+    }
+
+    fn approach(&self) -> Approach {
+        self.sintering.as_ref().map(|table| table.approach).unwrap_or_default()
+    }
+
+    /// The adhesive force of two particles of a radius \[N\], where it is stated.
+    fn adhesion_n(&self, radius_m: f64) -> Option<f64> {
+        let table = self.adhesion.as_ref()?;
+        let acceleration = self.gravity.as_ref().map_or([0.0; 3], |g| g.acceleration_m_per_s2);
+        let weight = self.material.density_kg_per_m3 * solid_m3(&[radius_m]) * norm(acceleration);
+        table.force_n.or_else(|| Some(table.bond_number? * weight))
+    }
+
+    /// Checks adhesion against gravity, and friction against the modes.
+    fn check_forces(&self) -> Result<(), BedError> {
+        let pulls = self.gravity.as_ref().is_some_and(|g| norm(g.acceleration_m_per_s2) > 0.0);
+        match &self.adhesion {
+            None if pulls => {
+                let remedy = "with gravity the ratio of the adhesive force to the weight decides: give adhesion.bond_number, \
+                              or adhesion.force_n";
+                return Err(field("adhesion", "left out", remedy));
+            }
+            None => {}
+            Some(AdhesionTable { force_n: Some(force), bond_number: None }) => {
+                within("adhesion.force_n", *force, 1e-30, 1e6, "give it in newton, above 0")?;
+            }
+            Some(AdhesionTable { force_n: None, bond_number: Some(number) }) => {
+                within("adhesion.bond_number", *number, 1e-6, 1e12, "use 1e-6 to 1e12")?;
+                if !pulls {
+                    let remedy =
+                        "the Bond number needs the weight: give [gravity], or adhesion.force_n";
+                    return Err(field("adhesion.bond_number", number, remedy));
+                }
+            }
+            Some(_) => {
+                let remedy = "give one of adhesion.force_n and adhesion.bond_number";
+                return Err(field("adhesion", "none or both of its fields", remedy));
+            }
+        }
+        let still = self.phases.iter().find(|phase| phase.mode == Mode::QuasiStatic);
+        if let (Some(_), Some(phase)) = (&self.friction, still) {
+            let remedy = "a balance of forces has no friction: use mode = \"dynamic\" in every phase (mass_scaling makes it \
+                          shorter), or leave [friction] out";
+            return Err(field(
+                "friction",
+                format!("given with the quasi-static phase {}", phase.name),
+                remedy,
+            ));
+        }
+        Ok(())
     }
 
     fn growing(&self) -> Result<Option<Growing>, BedError> {

@@ -50,7 +50,7 @@ impl Bed {
                 let d = self.distance(i, k);
                 let normal = scale(d, 1.0 / norm(d));
                 let v = &self.particles.velocity_m_per_s;
-                let rate = dot(sub(v[j], v[i]), normal) * scheme.inverse_radius;
+                let rate = dot(sub(v[j], v[i]), normal) * scheme.inverse_unit;
                 scheme.settle(&self.law, &mut memory, rate);
                 self.pairs.memory[k] = memory;
                 let mut total = scale(normal, -memory.pull * scheme.force_scale);
@@ -83,7 +83,7 @@ impl Bed {
             let wall = self.walls[self.wall_list.wall[k] as usize];
             let scheme = self.wall_scheme(i);
             let v = self.particles.velocity_m_per_s[i][wall.axis];
-            scheme.settle(&self.law, &mut memory, -wall.inward * v * scheme.inverse_radius);
+            scheme.settle(&self.law, &mut memory, -wall.inward * v * scheme.inverse_unit);
             self.wall_list.memory[k] = memory;
             forces.force[i][wall.axis] -= wall.inward * memory.pull * scheme.force_scale;
             if self.around.friction.is_some() {
@@ -140,7 +140,7 @@ impl Bed {
                     let scheme = self.pair_scheme(equal, k);
                     let d = self.distance(i, k);
                     let approach = dot(sub(before[j], before[i]), d) / norm(d);
-                    self.pairs.memory[k].drift = approach * step_s * scheme.inverse_radius;
+                    self.pairs.memory[k].drift = approach * step_s * scheme.inverse_unit;
                 }
             }
             for k in self.wall_list.row(i) {
@@ -148,7 +148,7 @@ impl Bed {
                     let wall = self.walls[self.wall_list.wall[k] as usize];
                     let approach = -wall.inward * before[i][wall.axis];
                     self.wall_list.memory[k].drift =
-                        approach * step_s * self.wall_scheme(i).inverse_radius;
+                        approach * step_s * self.wall_scheme(i).inverse_unit;
                 }
             }
         }

@@ -96,7 +96,7 @@ impl Start {
             self.position_m.iter().zip(&self.radius_m).enumerate()
         {
             for wall in &walls {
-                let overlap = (radius_m - wall.distance(position_m)) / (2.0 * radius_m);
+                let overlap = (radius_m - wall.distance(position_m)) / material.wall_unit(radius_m);
                 if overlap > material.law().adhesion * (1.0 + 1e-6) {
                     let axis = wall.axis;
                     return Err(BedError::OutsideBox { particle, position_m, radius_m, axis });

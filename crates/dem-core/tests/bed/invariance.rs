@@ -67,6 +67,28 @@ fn momentum_is_conserved_to_rounding() {
 }
 
 #[test]
+fn energy_never_grows_where_nothing_puts_it_in() {
+    // Collisions, adhesion, plastic loading and cohesion, but no heat: what a contact loses does not come back.
+    for restitution in [0.1, 0.8, 1.0] {
+        let material = material(|spec| spec.damping = Damping::Restitution(restitution));
+        let mut bed = Bed::new(material, periodic(), &crowd()).expect("valid");
+        bed.begin(&Drive { step_over_collision_time: 0.005, ..Drive::default() }).expect("stable");
+        let first = bed.energies().total_j();
+        let (mut least, mut contacts) = (first, 0);
+        for _ in 0..300 {
+            bed.advance(10).expect("runs");
+            let now = bed.energies().total_j();
+            assert!(now < least + 1e-3 * first, "e = {restitution}: {now} after {least}");
+            least = least.min(now);
+            contacts = contacts.max(bed.contacts().count());
+        }
+        assert!(contacts > 20, "nothing collides: {contacts}");
+        let lost = restitution == 1.0 || least < 0.9 * first;
+        assert!(lost, "e = {restitution}: nothing is lost, {least} of {first}");
+    }
+}
+
+#[test]
 fn moved_scene_moves_along() {
     let (start, far) = (crowd(), [300.0 * R, -20.0 * R, 1.0 * R]);
     let mut moved = start.clone();

@@ -1,9 +1,12 @@
 //! The pair through the general engine is the pair of the pair solver.
 
-use dem_core::bed::{Bed, Drive};
+use dem_core::bed::{Bed, Drive, QuasiStaticReport, QuasiStaticSettings, final_contact_ratio};
 use dem_core::{Damping, Kinetics, SolverKind, SolverSettings, paper, simulate};
+use std::f64::consts::PI;
 
 use crate::builders::{PA12_SINTERING, free, growing, material, spec, start};
+
+const R: f64 = paper::PA12.radius_m;
 
 fn overlap(bed: &Bed) -> f64 {
     let r = &bed.particles().position_m;
@@ -74,4 +77,81 @@ fn step_of_a_pair_is_refused_where_the_pair_solver_refuses_it() {
     assert!(bed.begin(&drive(0.999 * limit)).is_ok());
     let message = bed.begin(&drive(1.001 * limit)).expect_err("unstable").to_string();
     assert!(message.contains("step_over_collision_time"), "{message}");
+}
+
+/// Volume of a sphere of radius `r` cut by a plane at a circle of radius `neck` so that the larger part is left, by
+/// discs, and of the sphere that has that volume whatever the cut: the radius r for a particle of radius `radius`.
+fn cut_sphere(radius: f64, neck: f64) -> Option<(f64, f64)> {
+    let volume = |r: f64| {
+        let plane = (r * r - neck * neck).max(0.0).sqrt();
+        let (discs, mut sum) = (4000, 0.0);
+        let thick = (r + plane) / f64::from(discs);
+        for disc in 0..discs {
+            let z = -r + (f64::from(disc) + 0.5) * thick;
+            sum += PI * (r * r - z * z) * thick;
+        }
+        sum
+    };
+    let wanted = 4.0 / 3.0 * PI * radius.powi(3);
+    let (mut low, mut high) = (neck.max(radius), 2.0 * radius.max(neck));
+    if volume(low) > wanted * (1.0 + 1e-6) {
+        return None;
+    }
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if volume(middle) < wanted { low = middle } else { high = middle }
+    }
+    Some((low, volume(low)))
+}
+
+#[test]
+fn final_neck_of_any_two_particles_is_the_widest_that_keeps_the_volume_of_both() {
+    let phi = 2f64.cbrt();
+    assert_eq!(final_contact_ratio(phi, 2.0, 2.0), phi);
+    assert_eq!(final_contact_ratio(1.08, 3e-5, 3e-5), 1.08);
+    for ratio in [1.0, 0.9, 0.6, 0.3, 0.1, 0.02] {
+        let (small, large) = (ratio * R, R);
+        let effective = 2.0 * small * large / (small + large);
+        let neck = final_contact_ratio(phi, small, large) * effective;
+        assert_eq!(final_contact_ratio(phi, large, small), final_contact_ratio(phi, small, large));
+        let total = 4.0 / 3.0 * PI * (small.powi(3) + large.powi(3));
+        let (dome, of_small) = cut_sphere(small, neck * (1.0 - 1e-6)).expect("room for the neck");
+        let (_, of_large) = cut_sphere(large, neck * (1.0 - 1e-6)).expect("room for the neck");
+        assert!(((of_small + of_large) / total - 1.0).abs() < 1e-5, "{ratio}: volume");
+        assert!((dome / neck - 1.0).abs() < 1e-2, "{ratio}: the smaller one is a hemisphere");
+        assert!(cut_sphere(small, 1.001 * neck).is_none(), "{ratio}: a wider neck has no room");
+    }
+}
+
+#[test]
+fn two_particles_of_any_ratio_end_at_their_own_neck_in_both_modes_of_motion() {
+    for ratio in [1.0, 0.6, 0.3, 0.1] {
+        let (small, large) = (ratio * R, R);
+        let effective = 2.0 * small * large / (small + large);
+        let reach = small + large - 1e-3 * effective;
+        let mut start = start(R, &[[0.0; 3], [0.0, 0.0, reach / R]]);
+        start.radius_m = vec![large, small];
+        let material = material(|_| ());
+        let drive = Drive { growing: Some(growing(Kinetics::Frenkel)), ..Drive::default() };
+        let neck = |bed: &Bed| bed.contacts().next().expect("bound").contact_ratio() * effective;
+        let wanted = 2f64.cbrt() * small;
+
+        let mut bed = free(material, &start);
+        bed.begin(&drive).expect("stable");
+        let settings = QuasiStaticSettings::default();
+        let mut report = QuasiStaticReport::default();
+        bed.advance_quasi_static(0.2, &settings, &mut report).expect("balances");
+        let within = neck(&bed);
+        bed.advance_quasi_static(20.0, &settings, &mut report).expect("balances");
+        assert!((neck(&bed) / wanted - 1.0).abs() < 1e-6, "{ratio}: {}", neck(&bed) / wanted);
+        assert!(within < 0.9 * wanted, "{ratio}: still grows at 0.2 s");
+
+        // The same in time, with kinetics a thousand times as fast.
+        let mut fast = growing(Kinetics::Frenkel);
+        fast.sintering.tau_s *= 1e-3;
+        let mut bed = free(material, &start);
+        bed.begin(&Drive { growing: Some(fast), ..Drive::default() }).expect("stable");
+        bed.advance((0.05 / bed.step_s()) as u64).expect("runs");
+        assert!((neck(&bed) / wanted - 1.0).abs() < 1e-3, "{ratio}: {}", neck(&bed) / wanted);
+    }
 }

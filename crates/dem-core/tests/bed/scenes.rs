@@ -30,6 +30,7 @@ fn example_parameters_are_those_of_the_paper() {
         ("four-particles", pa12),
         ("packing-200", peek),
         ("powder-bed-1000", pa12),
+        ("bed-with-friction", pa12),
         ("periodic-packing-10000", pa12),
     ] {
         let file = SceneFile::parse(&text(name), name).expect("valid");
@@ -110,6 +111,8 @@ count = 60
 relative_density = 0.5
 radii = { equal = { radius_m = 31.5e-6 } }
 seed = 1
+[adhesion]
+bond_number = 50.0
 [gravity]
 acceleration_m_per_s2 = [0.0, 0.0, -9.81]
 [drag]
@@ -119,7 +122,7 @@ name = "settle"
 duration_s = 0.1
 heated = false
 outputs = 5
-k1_n_per_m = 0.05
+k1_n_per_m = 0.5
 [[phases]]
 name = "heat"
 duration_s = 0.6
@@ -181,20 +184,53 @@ fn densification_of_a_bed_does_not_move_when_k1_is_doubled() {
 }
 
 #[test]
-fn gravity_with_the_stiffness_of_table_2_is_refused_with_one_that_would_do() {
-    let text = SMALL_BED.replace("k1_n_per_m = 60.0", "k1_n_per_m = 3e-4");
+fn heating_is_refused_where_the_weight_would_drive_it_with_the_adhesion_that_would_do() {
+    let text = SMALL_BED.replace("bond_number = 50.0", "bond_number = 10.0");
     let short = text.replace("duration_s = 0.1", "duration_s = 1e-5");
+    let run = |text: &str| scene(text).expect("valid").run(|_, _| ControlFlow::Break(()));
+    assert!(run(&short).is_ok(), "the observer ends the run before the heat");
     let error =
-        scene(&short).expect("valid").run(|_, _| ControlFlow::Continue(())).expect_err("too soft");
-    let BedError::TooSoftForGravity { load_over_adhesion, needed_k1, .. } = error else {
+        scene(&short).expect("valid").run(|_, _| ControlFlow::Continue(())).expect_err("heavy");
+    let BedError::WeightDrives { load_over_adhesion, needed_n, .. } = error else {
         panic!("{error}")
     };
-    // Sixty particles over 16 in a layer, 136 fa each (at Table 2's stiffness).
-    assert!(
-        (load_over_adhesion / (136.0 * 60.0 / 16.0) - 1.0).abs() < 0.01,
-        "{load_over_adhesion}"
-    );
-    assert!((1.0..10.0).contains(&needed_k1), "{needed_k1}");
+    // Sixty particles over 16 in a layer, of a tenth of fa each.
+    assert!((load_over_adhesion / (0.1 * 60.0 / 16.0) - 1.0).abs() < 0.01, "{load_over_adhesion}");
+    let weight = 4.0 / 3.0 * std::f64::consts::PI * 31.5e-6f64.powi(3) * 1000.0 * 9.81;
+    assert!((needed_n / (weight * 60.0 / 16.0 / 0.1) - 1.0).abs() < 0.01, "{needed_n}");
+}
+
+#[test]
+fn contacts_too_soft_for_the_weight_on_them_are_refused_before_the_bed_is_denser_than_its_matter() {
+    let text = SMALL_BED
+        .replace("bond_number = 50.0", "bond_number = 0.01")
+        .replace("k1_n_per_m = 60.0", "k1_n_per_m = 1.0")
+        .replace("k1_n_per_m = 0.5", "k1_n_per_m = 2e-4");
+    let error = scene(&text).expect("valid").run(|progress, _| {
+        assert!(progress.sample.relative_density <= 1.0);
+        ControlFlow::Continue(())
+    });
+    let error = error.expect_err("too soft");
+    assert!(matches!(error, BedError::Overfull { .. }), "{error}");
+    assert!(error.to_string().contains("raise k1_n_per_m"), "{error}");
+}
+
+#[test]
+fn the_adhesive_force_is_the_stated_one_whatever_k1_and_approach() {
+    let weight = 4.0 / 3.0 * std::f64::consts::PI * 31.5e-6f64.powi(3) * 1000.0 * 9.81;
+    for k1 in ["0.5", "60.0", "6e4"] {
+        for approach in ["overlap", "energy-balance", "kingery-berg"] {
+            let text = SMALL_BED
+                .replace("k1_n_per_m = 60.0", &format!("k1_n_per_m = {k1}"))
+                .replace("tau_s =", &format!("approach = \"{approach}\"\ntau_s ="));
+            let scene = scene(&text).expect("valid");
+            let force = scene.bed().material().adhesion_n(31.5e-6);
+            assert!((force / (50.0 * weight) - 1.0).abs() < 1e-12, "{k1} {approach}: {force}");
+            let softer = scene.with_k1(1.0).expect("valid");
+            let force = softer.bed().material().adhesion_n(31.5e-6);
+            assert!((force / (50.0 * weight) - 1.0).abs() < 1e-12, "{k1} {approach}: {force}");
+        }
+    }
 }
 
 #[test]
@@ -208,6 +244,26 @@ fn bad_scenes_name_field_value_and_remedy() {
         ("radius_m = 31.5e-6 }", "radius_m = 0.0 }", "radii.radius_m = 0"),
         ("count = 60", "count = 6000", "the particles need more than the box"),
         ("[252e-6, 252e-6, 1e-3]", "[52e-6, 252e-6, 1e-2]", "periodic and shorter"),
+        ("bond_number = 50.0", "", "adhesion = none or both of its fields"),
+        ("bond_number = 50.0", "bond_number = 5.0\nforce_n = 1e-8", "one of adhesion.force_n and"),
+        ("bond_number = 50.0", "bond_number = -1.0", "adhesion.bond_number = -1"),
+        ("bond_number = 50.0", "force_n = 0.0", "adhesion.force_n = 0"),
+        ("bond_number = 50.0", "bond_number = 5e5", "a K1 of"),
+        ("k1_n_per_m = 0.5", "k1_n_per_m = 0.02", "k1_n_per_m = 0.02: the adhesive force alone"),
+        ("bond_number = 50.0", "bond_number = 1e-4", "lower k1_n_per_m"),
+        ("[adhesion]\nbond_number = 50.0", "", "adhesion = left out: with gravity the ratio"),
+        ("tau_s = 3.81", "tau_s = 3.81\napproach = \"near\"", "unknown variant `near`"),
+        ("tau_s = 3.81", "tau_s = 3.81\nwhen_necks_meet = \"go-on\"", "unknown variant `go-on`"),
+        (
+            "[drag]",
+            "[friction]\ncoefficient = 0.3\n[drag]",
+            "friction = given with the quasi-static phase heat: a balance of forces has no friction",
+        ),
+        (
+            "acceleration_m_per_s2 = [0.0, 0.0, -9.81]",
+            "acceleration_m_per_s2 = [0.0, 0.0, 0.0]",
+            "the Bond number needs the weight",
+        ),
         // The text as it is.
         ("heated", "heated", ""),
         ("density_kg_per_m3 = 1000.0", "density_kg_per_m3 = \"x\"", "scene.toml:6"),

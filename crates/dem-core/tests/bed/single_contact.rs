@@ -82,8 +82,6 @@ fn on_floor(friction: Option<Friction>, gravity: f64, start: &Start) -> Bed {
     let material = material(|spec| {
         spec.adhesion_over_k1_radius = 1e-9;
         spec.k1 = 3.0;
-        // Coulomb's limit counts from the cohesive branch: without one it is the weight.
-        spec.kc_over_k1 = 0.0;
     });
     Bed::new(material, surroundings, start).expect("valid")
 }
@@ -112,6 +110,65 @@ fn sliding_sphere_starts_to_roll_when_and_how_fast_the_rigid_body_does() {
     let spin = bed.particles().angular_velocity_per_s[0][1];
     assert!((v / (5.0 / 7.0 * v0) - 1.0).abs() < 1e-3, "{v}");
     assert!((spin * R / v - 1.0).abs() < 1e-3, "{spin}");
+}
+
+#[test]
+fn sphere_on_an_incline_slides_where_the_ratio_to_the_pressing_force_is_the_coefficient() {
+    // It rolls with 2/7 of the downhill force at the contact, and slides where that exceeds mu (N + fa).
+    let (mu, g) = (0.3, 9.81);
+    let weight = 4.0 / 3.0 * PI * R.powi(3) * paper::DENSITY_KG_PER_M3 * g;
+    let friction = Friction {
+        coefficient: mu,
+        tangential_stiffness_over_k1: 2.0 / 7.0,
+        tangential_damping_over_normal: 1.0,
+    };
+    // fa of a wall contact, 2R K1 alpha, is nothing or half of the weight; cohesion has no part in it.
+    for fa in [1e-3, 0.5] {
+        let material = material(|spec| {
+            spec.k1 = 3.0;
+            spec.adhesion_over_k1_radius = fa * weight / (2.0 * R * spec.k1);
+        });
+        let rolls = |angle: f64| {
+            let region =
+                Region { size_m: [1.0; 3], sides: [Side::Open, Side::Open, Side::LowerWall] };
+            let surroundings = Surroundings {
+                region,
+                gravity_m_per_s2: [g * angle.sin(), 0.0, -g * angle.cos()],
+                drag_viscosity_pa_s: 0.0,
+                friction: Some(friction),
+            };
+            let mut bed =
+                Bed::new(material, surroundings, &start(R, &[[3.0, 3.0, 1.0]])).expect("valid");
+            bed.begin(&Drive::default()).expect("stable");
+            bed.advance((0.01 / bed.step_s()) as u64).expect("runs");
+            let (v, w) = (
+                bed.particles().velocity_m_per_s[0][0],
+                bed.particles().angular_velocity_per_s[0][1],
+            );
+            (v / (g * bed.time_s()), w * R / v)
+        };
+        // Where 2/7 sin = mu (cos + fa/mg), by bisection.
+        let (mut low, mut high): (f64, f64) = (0.0, 1.5);
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if 2.0 / 7.0 * middle.sin() < mu * (middle.cos() + fa) {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        if fa < 0.1 {
+            assert!((low.tan() / (3.5 * mu) - 1.0).abs() < 5e-3, "{low}");
+        }
+        let (gained, turning) = rolls(low - 0.03);
+        assert!((turning - 1.0).abs() < 2e-3, "fa {fa} weights: rolls below, {turning}");
+        assert!((gained / (5.0 / 7.0 * (low - 0.03).sin()) - 1.0).abs() < 0.02, "{gained}");
+        let above = low + 0.1;
+        let (gained, turning) = rolls(above);
+        let slides = above.sin() - mu * (above.cos() + fa);
+        assert!((gained / slides - 1.0).abs() < 0.02, "fa {fa} weights: {gained}, {slides}");
+        assert!(turning < 0.98, "slides above: {turning}");
+    }
 }
 
 #[test]
@@ -208,4 +265,23 @@ fn resting_sphere_presses_the_floor_with_its_weight_through_twice_its_radius() {
     // f_ep = K1 delta with fa = 1e-9 K1 (2R): delta = weight/K1, whatever the effective radius.
     let sunk = R - bed.particles().position_m[0][2];
     assert!((sunk / (weight / 3.0 + 1e-9 * 2.0 * R) - 1.0).abs() < 1e-6, "{sunk}");
+}
+
+#[test]
+fn in_a_stack_of_three_every_contact_carries_the_weight_above_it() {
+    let mut bed =
+        on_floor(None, 9.81, &start(R, &[[3.0, 3.0, 1.0], [3.0, 3.0, 3.0], [3.0, 3.0, 5.0]]));
+    bed.begin(&Drive::default()).expect("stable");
+    bed.advance(60_000).expect("runs");
+    let weight = 4.0 / 3.0 * PI * R.powi(3) * 1000.0 * 9.81;
+    let floor = bed.wall_forces_n()[0][2];
+    assert!((floor / (-3.0 * weight) - 1.0).abs() < 1e-5, "{floor}");
+    // Soft springs K1 in series: each is shortened by its load, and fa, nearly nothing, by 1e-9 R.
+    let mut approach: Vec<f64> = bed.contacts().map(|contact| contact.approach_m).collect();
+    approach.sort_by(f64::total_cmp);
+    for (carried, approach) in [1.0, 2.0].into_iter().zip(&approach) {
+        let expected = carried * weight / 3.0 + 1e-9 * R;
+        assert!((approach / expected - 1.0).abs() < 1e-4, "{carried} weights: {approach}");
+    }
+    assert_eq!(approach.len(), 2);
 }

@@ -97,18 +97,20 @@ impl Wanted<'_> {
     }
 
     fn bed(&self, draw: usize) -> Bed {
+        let (growing, phi) = self.growing(&self.draws[draw]);
+        Bed { draw, growing, phi }
+    }
+
+    /// How the contacts of a draw grow, and its final contact ratio where that was calibrated.
+    pub(super) fn growing(&self, draw: &Draw) -> (Growing, Option<f64>) {
         let table = self.sintering;
         let scene = Sintering { c1: table.c1, tau_s: table.tau_s, delta_c: table.delta_c };
-        let row = self.draws[draw].row;
-        Bed {
-            draw,
-            growing: Growing {
-                kinetics: self.calibrated.pair.kinetics,
-                sintering: self.calibrated.sintering(row, scene),
-                calibrated_radius_m: self.calibrated.pair.powder.radius_m,
-            },
-            phi: self.calibrated.value(ParameterName::Phi, row),
-        }
+        let growing = Growing {
+            kinetics: self.calibrated.pair.kinetics,
+            sintering: self.calibrated.sintering(draw.row, scene),
+            calibrated_radius_m: self.calibrated.pair.powder.radius_m,
+        };
+        (growing, self.calibrated.value(ParameterName::Phi, draw.row))
     }
 
     fn compute(
@@ -274,6 +276,6 @@ fn one(scene: &Scene, settled: &Run, bed: &Bed, send: &Sender<Message>) -> Resul
             break;
         }
     }
-    curve.error_estimate = run.series().quasi_static.error_estimate;
+    curve.close(run.series(), heated_from_s);
     Ok(curve)
 }

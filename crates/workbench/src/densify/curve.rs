@@ -2,10 +2,9 @@
 
 use std::fmt::Write as _;
 
-use dem_core::bed::Sample;
+use dem_core::bed::{Sample, Series};
 use serde::Serialize;
 
-use crate::scene::NECKS_MEET;
 use smc_calib::Weighted;
 
 /// A level whose time is wanted.
@@ -112,21 +111,41 @@ impl Moment {
 /// The bed of one draw.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Curve {
-    /// Its moments, in time. It ends where the bed is full (relative density 1) or the scene ends.
+    /// Its moments, in time. It ends where the bed is full (relative density 1), where its pairs do if the scene says so, or with the scene.
     pub moments: Vec<Moment>,
     /// Sum of the errors of a/R of all quasi-static steps; 0 for dynamic scenes.
     pub error_estimate: f64,
+    /// Where its pairs end.
+    pub pairs_end: Option<PairsEnd>,
+}
+
+/// A bed where its pairs end: the necks meet, or the pores close.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PairsEnd {
+    /// Time since heating began \[s\].
+    pub time_s: f64,
+    /// Relative density.
+    pub relative_density: f64,
+    /// Mean contact ratio.
+    pub mean_contact_ratio: f64,
 }
 
 const COLUMNS: &str = "time_s,relative_density,coordination,mean_contact_ratio,necks_meet,mean_driving,\
                        largest_driving,inertial_number";
+const PAIRS_END: &str = "# pairs_end ";
 const END: &str = "# end";
 
 impl Curve {
     /// As a file. Its first line names what it belongs to, and its last line marks the end.
     pub fn file(&self, belongs_to: &str) -> String {
-        let mut text =
-            format!("# {belongs_to}\n# error_estimate {:e}\n{COLUMNS}\n", self.error_estimate);
+        let mut text = format!("# {belongs_to}\n# error_estimate {:e}\n", self.error_estimate);
+        if let Some(PairsEnd { time_s, relative_density, mean_contact_ratio }) = self.pairs_end {
+            let numbers = [time_s, relative_density, mean_contact_ratio];
+            let [time, density, ratio] = numbers.map(|number| format!("{number:e}"));
+            let _ = writeln!(text, "{PAIRS_END}{time} {density} {ratio}");
+        }
+        text.push_str(COLUMNS);
+        text.push('\n');
         for moment in &self.moments {
             let numbers = moment.numbers().map(|number| format!("{number:e}"));
             let _ = writeln!(text, "{}", numbers.join(","));
@@ -143,13 +162,23 @@ impl Curve {
             return None;
         }
         let error_estimate = lines.next()?.strip_prefix("# error_estimate ")?.parse().ok()?;
-        if lines.next()? != COLUMNS {
+        let mut header = lines.next()?;
+        let mut pairs_end = None;
+        if let Some(numbers) = header.strip_prefix(PAIRS_END) {
+            let numbers: Vec<f64> =
+                numbers.split(' ').map(|cell| cell.parse().ok()).collect::<Option<_>>()?;
+            let [time_s, relative_density, mean_contact_ratio] = numbers.try_into().ok()?;
+            pairs_end = Some(PairsEnd { time_s, relative_density, mean_contact_ratio });
+            header = lines.next()?;
+        }
+        if header != COLUMNS {
             return None;
         }
         let mut moments = Vec::new();
         for line in lines {
             if line == END {
-                return Some(Self { moments, error_estimate }).filter(|c| !c.moments.is_empty());
+                let curve = Self { moments, error_estimate, pairs_end };
+                return Some(curve).filter(|curve| !curve.moments.is_empty());
             }
             let numbers: Vec<f64> =
                 line.split(',').map(|cell| cell.parse().ok()).collect::<Option<_>>()?;
@@ -158,33 +187,44 @@ impl Curve {
         None
     }
 
-    /// The time \[s\] at which a quantity first reaches a level, and the value of another one at that time, both by linear
-    /// interpolation between observations.
-    fn crossing(
-        &self,
-        of: impl Fn(&Moment) -> f64,
-        level: f64,
-        other: impl Fn(&Moment) -> f64,
-    ) -> Option<(f64, f64)> {
-        let after = self.moments.iter().position(|moment| of(moment) >= level)?;
-        let to = &self.moments[after];
-        let Some(from) = after.checked_sub(1).map(|before| &self.moments[before]) else {
-            return Some((to.time_s, other(to)));
-        };
-        let share = (level - of(from)) / (of(to) - of(from));
-        let between = |a: f64, b: f64| a + share * (b - a);
-        Some((between(from.time_s, to.time_s), between(other(from), other(to))))
-    }
-
-    /// Time at which the target is reached \[s\].
+    /// Time at which the target is reached \[s\], by linear interpolation between observations and the end of the pairs.
     pub fn time_to(&self, target: Target) -> Option<f64> {
-        self.crossing(|moment| moment.of_target(target), target.value(), |_| 0.0)
-            .map(|(time, _)| time)
+        let (of, level) = (|moment: &Moment| moment.of_target(target), target.value());
+        let after = self.moments.iter().position(|moment| of(moment) >= level)?;
+        let mut to = (self.moments[after].time_s, of(&self.moments[after]));
+        let Some(from) = after.checked_sub(1).map(|before| &self.moments[before]) else {
+            return Some(to.0);
+        };
+        let mut from = (from.time_s, of(from));
+        if let Some((time_s, at)) = self.pairs_end_at(target)
+            && from.0 < time_s
+            && time_s < to.0
+        {
+            if at >= level {
+                to = (time_s, at);
+            } else {
+                from = (time_s, at);
+            }
+        }
+        Some(from.0 + (level - from.1) / (to.1 - from.1) * (to.0 - from.0))
     }
 
-    /// Time \[s\] at which necks begin to meet on too many particles, and the target's quantity at that time.
-    pub fn model_ends(&self, target: Target) -> Option<(f64, f64)> {
-        self.crossing(|moment| moment.necks_meet, NECKS_MEET, |moment| moment.of_target(target))
+    /// Time \[s\] at which the pairs end, and the target's quantity at that time.
+    pub fn pairs_end_at(&self, target: Target) -> Option<(f64, f64)> {
+        self.pairs_end.map(|end| match target {
+            Target::RelativeDensity(_) => (end.time_s, end.relative_density),
+            Target::ContactRatio(_) => (end.time_s, end.mean_contact_ratio),
+        })
+    }
+
+    /// Takes over where the pairs of a run ended, and its error.
+    pub(super) fn close(&mut self, series: &Series, heated_from_s: f64) {
+        self.error_estimate = series.quasi_static.error_estimate;
+        self.pairs_end = series.hand_over.map(|end| PairsEnd {
+            time_s: end.time_s - heated_from_s,
+            relative_density: end.relative_density,
+            mean_contact_ratio: end.mean_contact_ratio,
+        });
     }
 }
 
@@ -220,7 +260,7 @@ pub struct Point {
     pub relative_density: Option<Band>,
     /// Mean contact ratio; of draws whose bed is full by then, the last one.
     pub mean_contact_ratio: Band,
-    /// Share of the draws for which the model has ended by then.
+    /// Share of the draws whose pairs have ended by then.
     pub outside_model: f64,
 }
 
@@ -235,13 +275,13 @@ impl Point {
 }
 
 /// Bands at the observation times of the scene.
-pub(super) fn bands(curves: &[Curve], target: Target) -> Vec<Point> {
+pub(super) fn bands(curves: &[Curve]) -> Vec<Point> {
     let Some(longest) = curves.iter().max_by_key(|curve| curve.moments.len()) else {
         return Vec::new();
     };
     let ends: Vec<f64> = curves
         .iter()
-        .map(|curve| curve.model_ends(target).map_or(f64::INFINITY, |(time, _)| time))
+        .map(|curve| curve.pairs_end.map_or(f64::INFINITY, |end| end.time_s))
         .collect();
     longest
         .moments
@@ -317,19 +357,29 @@ mod tests {
                 inertial_number: f64::NAN,
             })
             .collect();
-        Curve { moments, error_estimate: 1e-3 }
+        let pairs_end = density.iter().position(|&density| density > 0.85).map(|at| PairsEnd {
+            time_s: at as f64 - 0.25,
+            relative_density: 0.85,
+            mean_contact_ratio: 0.425,
+        });
+        Curve { moments, error_estimate: 1e-3, pairs_end }
     }
 
     #[test]
-    fn times_are_read_off_straight_lines_and_the_model_ends_where_necks_meet() {
+    fn times_are_read_off_straight_lines_that_bend_where_the_pairs_end() {
         let curve = curve(&[0.6, 0.8, 0.9]);
         let halfway = curve.time_to(Target::RelativeDensity(0.7)).expect("reached");
         assert!((halfway - 0.5).abs() < 1e-12, "{halfway}");
         assert_eq!(curve.time_to(Target::RelativeDensity(0.6)), Some(0.0));
         assert_eq!(curve.time_to(Target::ContactRatio(0.45)), Some(2.0));
         assert_eq!(curve.time_to(Target::RelativeDensity(0.95)), None);
-        let (time, density) = curve.model_ends(Target::RelativeDensity(0.9)).expect("it ends");
-        assert!((time - 1.5).abs() < 1e-12 && (density - 0.85).abs() < 1e-12);
+        // From 0.8 at 1 s to 0.85 at 1.75 s, where the pairs end, and to 0.9 at 2 s.
+        let before = curve.time_to(Target::RelativeDensity(0.82)).expect("reached");
+        assert!((before - 1.3).abs() < 1e-12, "{before}");
+        let after = curve.time_to(Target::RelativeDensity(0.86)).expect("reached");
+        assert!((after - 1.8).abs() < 1e-12, "{after}");
+        assert_eq!(curve.pairs_end_at(Target::RelativeDensity(0.9)), Some((1.75, 0.85)));
+        assert_eq!(curve.pairs_end_at(Target::ContactRatio(0.9)), Some((1.75, 0.425)));
     }
 
     #[test]
@@ -347,7 +397,7 @@ mod tests {
     #[test]
     fn a_full_bed_stays_at_density_one_and_draws_outside_the_model_are_counted() {
         let curves = [curve(&[0.6, 0.8, 1.02]), curve(&[0.6, 0.7, 0.8, 0.9])];
-        let points = bands(&curves, Target::RelativeDensity(0.9));
+        let points = bands(&curves);
         assert_eq!(points.len(), 4);
         let last = &points[3];
         let density = last.relative_density.expect("a density");

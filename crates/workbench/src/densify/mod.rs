@@ -4,6 +4,7 @@ mod agreement;
 mod beds;
 mod curve;
 mod draws;
+mod laws;
 mod report;
 mod spread;
 
@@ -27,6 +28,7 @@ use report::FailedDraw;
 
 pub use curve::{Band, Curve, Moment, Point, Target, TimeTo};
 pub use draws::Draw;
+pub use laws::OtherLaw;
 pub use report::{DensifyPlan, Report};
 pub use spread::{Share, Spread};
 
@@ -180,8 +182,8 @@ impl DensifyJob {
         let (computed, failed) = divide(&self.draws, beds);
         let calibrated = &self.calibrated.record.plan.parameters;
         let parameters = calibrated.iter().map(|parameter| parameter.name.clone()).collect();
-        let report =
-            Report::new(self.plan.clone(), parameters, &computed, failed, self.advice.clone());
+        let about = (self.other_laws(&wanted, &computed)?, self.advice.clone());
+        let report = Report::new(self.plan.clone(), parameters, &computed, failed, about);
 
         let staging = self.folder.stage()?;
         let write =
@@ -205,6 +207,26 @@ impl DensifyJob {
             work.finish();
         }
         Ok(DensifyResult { report, seconds, published })
+    }
+}
+
+impl DensifyJob {
+    /// What other laws say of the beds that were computed.
+    fn other_laws(
+        &self,
+        wanted: &Wanted<'_>,
+        computed: &[(Draw, Curve)],
+    ) -> Result<Vec<OtherLaw>, Failure> {
+        let radius_m = self.input.outline.mean_radius_m;
+        let refused = |error| Failure::from(scene_file::refused(&self.input.place, &error));
+        let mut draws = Vec::with_capacity(computed.len());
+        for (draw, curve) in computed {
+            let mut file = self.input.file.clone();
+            let (growing, phi) = wanted.growing(draw);
+            file.material.final_contact_ratio = phi.unwrap_or(file.material.final_contact_ratio);
+            draws.push((file.pair_of_radius(radius_m).map_err(refused)?, growing, curve));
+        }
+        Ok(laws::other_laws(self.plan.target, &draws))
     }
 }
 

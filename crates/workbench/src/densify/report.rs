@@ -9,14 +9,15 @@ use serde_json::Value;
 
 use super::curve::{Curve, Point, Target, TimeTo, bands};
 use super::draws::Draw;
+use super::laws::{self, OtherLaw};
 use super::spread::{Spread, divide};
 use crate::careful::Careful;
 use crate::number::significant;
-use crate::scene::NECKS_MEET;
+use dem_core::bed::NECKS_MEET;
 use figures::DensificationFigure;
 
 /// Version of the layout of `densify.json`.
-const SCHEMA_VERSION: u32 = 1;
+const SCHEMA_VERSION: u32 = 2;
 
 /// Everything that decides the result.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -51,10 +52,10 @@ pub struct DrawRecord {
     pub draw: Draw,
     /// Time at which its bed reaches the target \[s\]; none where it does not.
     pub time_to_target_s: Option<f64>,
-    /// Time at which the model ends \[s\].
-    pub model_ends_s: Option<f64>,
+    /// Time at which its pairs end \[s\].
+    pub pairs_end_s: Option<f64>,
     /// The target's quantity at that time.
-    pub model_ends_at: Option<f64>,
+    pub pairs_end_at: Option<f64>,
     /// The target's quantity at the end of the run.
     pub last: f64,
     /// Sum of the errors of a/R of all quasi-static steps.
@@ -80,13 +81,13 @@ pub struct Reached {
     pub draws: usize,
     /// Draws that do not reach it within the scene's time. They count as later than all others.
     pub never: usize,
-    /// Draws for which the model has ended before they reach it.
+    /// Draws whose pairs have ended before they reach it.
     pub outside_model: usize,
 }
 
-/// Where the model ends.
+/// Where the pairs end.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ModelEnds {
+pub struct PairsEndAt {
     /// Share of the particles on which necks meet at its end.
     pub necks_meet: f64,
     /// Over all draws \[s\].
@@ -108,8 +109,10 @@ pub struct Report {
     pub parameters: Vec<String>,
     /// The time to the target.
     pub target: Reached,
-    /// Where the model ends.
-    pub model_ends: ModelEnds,
+    /// Where the pairs end.
+    pub pairs_end: PairsEndAt,
+    /// What other laws say of the same time; none where the target is no relative density.
+    pub other_laws: Vec<OtherLaw>,
     /// Where the spread of the time comes from; none where too few draws reach the target.
     pub spread: Option<Spread>,
     /// Bands over time.
@@ -129,30 +132,30 @@ impl Report {
         parameters: Vec<String>,
         computed: &[(Draw, Curve)],
         failed: Vec<FailedDraw>,
-        mut advice: Vec<String>,
+        (other_laws, mut advice): (Vec<OtherLaw>, Vec<String>),
     ) -> Self {
         let target = plan.target;
         let draws: Vec<DrawRecord> = computed
             .iter()
             .map(|(draw, curve)| {
-                let ends = curve.model_ends(target);
+                let ends = curve.pairs_end_at(target);
                 DrawRecord {
                     draw: draw.clone(),
                     time_to_target_s: curve.time_to(target),
-                    model_ends_s: ends.map(|(time, _)| time),
-                    model_ends_at: ends.map(|(_, at)| at),
+                    pairs_end_s: ends.map(|(time, _)| time),
+                    pairs_end_at: ends.map(|(_, at)| at),
                     last: curve.moments.last().map_or(f64::NAN, |last| last.of_target(target)),
                     error_estimate: curve.error_estimate,
                 }
             })
             .collect();
         let times: Vec<Option<f64>> = draws.iter().map(|draw| draw.time_to_target_s).collect();
-        let ends: Vec<Option<f64>> = draws.iter().map(|draw| draw.model_ends_s).collect();
+        let ends: Vec<Option<f64>> = draws.iter().map(|draw| draw.pairs_end_s).collect();
         let reached: Vec<&DrawRecord> =
             draws.iter().filter(|draw| draw.time_to_target_s.is_some()).collect();
         let outside = reached
             .iter()
-            .filter(|draw| draw.model_ends_s.is_some_and(|end| Some(end) <= draw.time_to_target_s))
+            .filter(|draw| draw.pairs_end_s.is_some_and(|end| Some(end) <= draw.time_to_target_s))
             .count();
         let columns: Vec<Vec<f64>> = (0..parameters.len())
             .map(|place| reached.iter().map(|draw| draw.draw.parameters[place]).collect())
@@ -163,27 +166,28 @@ impl Report {
             .then(|| divide(&parameters, &columns, &reached_s))
             .flatten();
         let curves: Vec<Curve> = computed.iter().map(|(_, curve)| curve.clone()).collect();
-        let ended: Vec<f64> = draws.iter().filter_map(|draw| draw.model_ends_at).collect();
+        let ended: Vec<f64> = draws.iter().filter_map(|draw| draw.pairs_end_at).collect();
         let record = Reached {
             time_s: TimeTo::of(&times),
             draws: reached.len(),
             never: draws.len() - reached.len(),
             outside_model: outside,
         };
-        let model_ends = ModelEnds {
+        let pairs_end = PairsEndAt {
             necks_meet: NECKS_MEET,
             time_s: TimeTo::of(&ends),
             at: TimeTo::of(&ended.iter().copied().map(Some).collect::<Vec<_>>()).median,
             draws: ended.len(),
         };
-        advice.extend(advice_on(&record, &model_ends, spread.as_ref(), draws.len(), failed.len()));
+        advice.extend(advice_on(&record, &pairs_end, spread.as_ref(), draws.len(), failed.len()));
         Self {
             schema_version: SCHEMA_VERSION,
             parameters,
             target: record,
-            model_ends,
+            pairs_end,
+            other_laws,
             spread,
-            curve: bands(&curves, target),
+            curve: bands(&curves),
             draws,
             failed,
             advice,
@@ -224,7 +228,7 @@ impl Report {
             let _ = write!(text, ",{name} [{unit}]");
         }
         text.push_str(
-            ",time_to_target [s],model_ends [s],model_ends_at [1],last [1],error_estimate [1]\n",
+            ",time_to_target [s],pairs_end [s],pairs_end_at [1],last [1],error_estimate [1]\n",
         );
         let number = |value: Option<f64>| value.map_or_else(String::new, |v| format!("{v:e}"));
         for (place, record) in self.draws.iter().enumerate() {
@@ -236,8 +240,8 @@ impl Report {
                 text,
                 ",{},{},{},{:e},{:e}",
                 number(record.time_to_target_s),
-                number(record.model_ends_s),
-                number(record.model_ends_at),
+                number(record.pairs_end_s),
+                number(record.pairs_end_at),
                 record.last,
                 record.error_estimate
             );
@@ -267,7 +271,7 @@ impl Report {
                 lower: column(&|band| band.eti90[0]),
                 upper: column(&|band| band.eti90[1]),
             },
-            model_ends_at: self.model_ends.at,
+            pairs_end_at: self.pairs_end.at,
             target: target.value(),
             time_to_target_s: time.median,
             interval_s: time.eti90,
@@ -303,15 +307,16 @@ impl Report {
                 self.draws.len()
             ));
         }
-        match self.model_ends.at {
+        match self.pairs_end.at {
             Some(at) => lines.push(format!(
-                "  the model ends at a {} of {}, where necks meet on more than {} % of the particles",
+                "  the pairs end at a {} of {}, where necks meet on more than {} % of the particles or pores close",
                 plan.target.name(),
                 significant(at, 3),
                 100.0 * NECKS_MEET
             )),
             None => lines.push("  necks do not meet within the scene's time".to_owned()),
         }
+        lines.extend(laws::lines(&self.other_laws, target.time_s.median));
         if let Some(spread) = &self.spread {
             lines.push(format!(
                 "  spread of ln(time) {}; of its variance comes from",
@@ -349,7 +354,7 @@ fn interval([lower, upper]: [Option<f64>; 2]) -> String {
 
 fn advice_on(
     target: &Reached,
-    ends: &ModelEnds,
+    ends: &PairsEndAt,
     spread: Option<&Spread>,
     draws: usize,
     failed: usize,

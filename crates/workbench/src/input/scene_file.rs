@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use dem_core::bed::{BedError, Mode, Outline, SceneFile};
+use dem_core::bed::{AdhesionTable, BedError, Mode, Outline, SceneFile, WhenNecksMeet};
 use serde_json::Value;
 
 use crate::error::{Failure, InputError, Mistake, RunError};
@@ -103,6 +103,14 @@ impl SceneInput {
                 significant(1e6 * table.calibrated_radius_m, 4),
                 significant(table.delta_c, 4)
             ));
+            lines.push(format!(
+                "              approach {}; where necks meet: {}",
+                table.approach,
+                match table.when_necks_meet {
+                    WhenNecksMeet::Closure => "open and closed pores",
+                    WhenNecksMeet::Stop => "the end",
+                }
+            ));
         }
         let mut around = Vec::new();
         if let Some(region) = &file.region {
@@ -111,6 +119,15 @@ impl SceneInput {
                 region.sides,
                 if region.free { ", free to shrink" } else { "" }
             ));
+        }
+        match &file.adhesion {
+            Some(AdhesionTable { force_n: Some(force), .. }) => {
+                around.push(format!("adhesion {} N", significant(*force, 3)));
+            }
+            Some(AdhesionTable { bond_number: Some(number), .. }) => {
+                around.push(format!("adhesion of {} weights", significant(*number, 3)));
+            }
+            _ => {}
         }
         if let Some(gravity) = &file.gravity {
             around.push(format!("gravity {:?} m/s2", gravity.acceleration_m_per_s2));

@@ -38,7 +38,7 @@ pub(super) struct Computed {
 }
 
 /// Number of observations of a scene.
-pub(super) fn observations(input: &SceneInput) -> usize {
+fn observations(input: &SceneInput) -> usize {
     input.file.phases.iter().map(|phase| phase.outputs + 1).sum()
 }
 
@@ -87,7 +87,11 @@ pub(super) fn compute(
                     significant(sample.mean_contact_ratio, 3)
                 ));
             }
-            Message::Done(run) => return Ok(Computed { run: *run, first }),
+            Message::Done(run) => {
+                // A run that ends where necks meet makes fewer observations than the scene has.
+                (run.series().samples.len()..total).for_each(|_| watch.advance());
+                return Ok(Computed { run: *run, first });
+            }
             Message::Failed(error) => {
                 let kept = kept.map(|observed| in_words(observed, total));
                 return Err(scene_file::failed(&input.place, &error, kept.as_deref()));

@@ -19,12 +19,10 @@ use crate::output::work_folder::WorkFolder;
 use crate::output::{Published, RunFolder, make_room, pretty};
 use crate::report::draw_all;
 use crate::watch::Watch;
-use compute::{Computed, compute, observations, vtk_name};
+use compute::{Computed, compute, vtk_name};
 use picture::{bed_figure, colour_range, series_figure};
 
-pub use record::{
-    NECKS_MEET, PhaseRecord, SCHEMA_VERSION, ScenePlan, SceneRecord, State, WorkRecord,
-};
+pub use record::{PhaseRecord, SCHEMA_VERSION, ScenePlan, SceneRecord, State, WorkRecord};
 
 /// The record of a scene that ran.
 pub const SCENE_RECORD: &str = "scene.json";
@@ -136,7 +134,7 @@ impl SceneJob {
         for (name, figure) in [("bed-start.png", first), ("bed.png", last)] {
             write(name, &BedFigure { range, ..figure }.png(Width::Column).map_err(drawn)?)?;
         }
-        for number in (0..observations(&self.input)).filter(|_| self.plan.vtk) {
+        for number in (0..run.series().samples.len()).filter(|_| self.plan.vtk) {
             let name = vtk_name(number);
             let frame = work.get(&name).ok_or_else(|| {
                 RunError::new(format_args!("{name} of the unfinished run is gone"))

@@ -3,10 +3,10 @@
 use dem_core::bed::{Bed, Phase, Sample, Series, Side};
 use figures::{BedFigure, SeriesFigure};
 
-use super::record::{heated_from_s, model_ends};
+use super::record::heated_from_s;
 use crate::number::significant;
 
-/// The bed as it is.
+/// The bed as it is: where its pairs ended, from there on.
 pub(super) fn bed_figure(bed: &Bed, name: &str) -> BedFigure {
     let particles = bed.particles();
     let mut figure = BedFigure {
@@ -18,8 +18,7 @@ pub(super) fn bed_figure(bed: &Bed, name: &str) -> BedFigure {
     let mut sums = vec![(0.0, 0.0); particles.len()];
     for contact in bed.contacts() {
         let [i, j] = contact.particles;
-        let length = particles.radius_m[i] + particles.radius_m[j]
-            - contact.overlap * contact.effective_radius_m;
+        let length = particles.radius_m[i] + particles.radius_m[j] - contact.approach_m;
         figure.contacts.push((i, contact.normal.map(|part| -part * length), j));
         for particle in [i, j] {
             sums[particle].0 += contact.contact_ratio();
@@ -67,6 +66,6 @@ pub(super) fn series_figure(name: &str, series: &Series, phases: &[Phase]) -> Se
         contact_ratio_10: column(&|sample| sample.contact_ratio_deciles[0]),
         contact_ratio_90: column(&|sample| sample.contact_ratio_deciles[2]),
         heated_from_s: heated_from_s(series, phases).filter(|&time| time > 0.0),
-        model_ends_s: model_ends(series).map(|sample| sample.time_s),
+        pairs_end_s: series.hand_over.map(|sample| sample.time_s),
     }
 }

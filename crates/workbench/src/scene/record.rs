@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use dem_core::bed::{Mode, Phase, Run, Sample, Series};
+use dem_core::bed::{Law, Mode, NECKS_MEET, Phase, Run, Sample, Series, WhenNecksMeet};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -11,9 +11,7 @@ use crate::input::scene_file::SceneInput;
 use crate::number::significant;
 
 /// Version of the layout of `scene.json`.
-pub const SCHEMA_VERSION: u32 = 1;
-/// Share of the particles on which two necks meet, above which the model, a sum of pairs, is said to have ended.
-pub const NECKS_MEET: f64 = 0.05;
+pub const SCHEMA_VERSION: u32 = 2;
 /// Inertial number below which inertia is not felt.
 const INERTIA_FELT: f64 = 1e-3;
 
@@ -51,6 +49,9 @@ pub struct State {
     pub inertial_number: f64,
     /// Share of the particles on which two necks meet.
     pub necks_meet: f64,
+    /// The law of densification: of the contacts, of open or of closed pores. Under the closed laws all but time and
+    /// density is as it was where the pairs ended.
+    pub law: Law,
 }
 
 impl From<&Sample> for State {
@@ -65,6 +66,7 @@ impl From<&Sample> for State {
             largest_driving: sample.largest_driving,
             inertial_number: sample.inertial_number,
             necks_meet: sample.necks_meet,
+            law: sample.law,
         }
     }
 }
@@ -122,8 +124,8 @@ pub struct SceneRecord {
     pub start: Option<State>,
     /// The bed at the end.
     pub end: Option<State>,
-    /// Where necks begin to meet on more than one particle in twenty: the model ends there.
-    pub model_ends: Option<State>,
+    /// Where the pairs end: necks meet on more than one particle in twenty, or the pores close.
+    pub pairs_end: Option<State>,
     /// Load on a particle at the bottom over its adhesive force.
     pub load_over_adhesion: Option<f64>,
     /// Work of the run.
@@ -165,7 +167,7 @@ impl SceneRecord {
             phases,
             start: series.samples.first().map(State::from),
             end: series.samples.last().map(State::from),
-            model_ends: model_ends(series).map(State::from),
+            pairs_end: series.hand_over.as_ref().map(State::from),
             load_over_adhesion: run.bed().load_over_adhesion(),
             work: WorkRecord {
                 steps: work.steps,
@@ -237,11 +239,6 @@ pub(super) fn heated_from_s(series: &Series, phases: &[Phase]) -> Option<f64> {
     series.phase_start_s.get(first).copied()
 }
 
-/// The first observation at which necks meet on too many particles.
-pub(super) fn model_ends(series: &Series) -> Option<&Sample> {
-    series.samples.iter().find(|sample| sample.necks_meet > NECKS_MEET)
-}
-
 fn advice(input: &SceneInput, series: &Series) -> Vec<String> {
     let mut advice = Vec::new();
     let phases = &input.file.phases;
@@ -251,24 +248,43 @@ fn advice(input: &SceneInput, series: &Series) -> Vec<String> {
         .iter()
         .zip(&series.phase)
         .skip(1)
-        .filter(|(_, phase)| phases[**phase].heated && phases[**phase].mode == Mode::Dynamic)
+        .filter(|(sample, phase)| {
+            let phase = &phases[**phase];
+            phase.heated && phase.mode == Mode::Dynamic && sample.law == Law::Pairs
+        })
         .map(|(sample, _)| sample.inertial_number)
         .fold(0.0, f64::max);
     if inertial > INERTIA_FELT {
         let felt = Careful::InertiaFelt { inertial_number: inertial, limit: INERTIA_FELT };
         advice.push(felt.to_string());
     }
-    if let Some(end) = model_ends(series) {
+    if let Some(end) = &series.hand_over {
         let (time_s, contact_ratio) = (end.time_s, end.mean_contact_ratio);
-        advice.push(Careful::NecksMeet { time_s, contact_ratio, limit: NECKS_MEET }.to_string());
+        let stops = input.file.sintering.as_ref().map(|table| table.when_necks_meet);
+        let closed = series.samples.iter().any(|sample| sample.law != Law::Pairs);
+        let then = match stops {
+            Some(WhenNecksMeet::Stop) => "the run ended there",
+            _ if closed => {
+                "the density goes on by the laws of open and closed pores, and the contacts stay as they were"
+            }
+            _ => "the pairs go on without new contacts, and what follows is a trend",
+        };
+        let then = then.to_owned();
+        let meet = Careful::NecksMeet { time_s, contact_ratio, limit: NECKS_MEET, then };
+        advice.push(meet.to_string());
     }
     advice
 }
 
 fn in_words(state: &State) -> String {
-    let density = state
-        .relative_density
-        .map_or_else(String::new, |density| format!("density {}, ", significant(density, 4)));
+    let density = state.relative_density.map_or_else(String::new, |density| {
+        let by = match state.law {
+            Law::Pairs => "",
+            Law::Cell => " (open pores)",
+            Law::Pores => " (closed pores)",
+        };
+        format!("density {}{by}, ", significant(density, 4))
+    });
     format!(
         "{density}coordination {}, a/R {} ({} .. {})",
         significant(state.coordination, 3),

@@ -120,6 +120,7 @@ impl Bed {
         let law: &LawConstants = &self.law;
         let alpha = law.law.adhesion;
         let (x0, p0) = (memory.overlap.max(0.0), memory.plastic);
+        let end = constants.end_plastic;
         let grows = step.length_s > 0.0 && constants.rate.stretching > 0.0;
         let (mut p1, mut kappa, mut free_growth) = (p0, law.stiffness(p0), 0.0);
         let mut slope = kappa;
@@ -130,10 +131,10 @@ impl Bed {
             for _ in 0..3 {
                 free_growth = step.length_s
                     * bare
-                    * law.law.equilibrium_factor(0.5 * (p0 + p1.clamp(0.0, law.end_plastic)));
+                    * law.law.equilibrium_factor(0.5 * (p0 + p1.clamp(0.0, end)));
                 let s = kappa * free_growth / alpha;
                 p1 = (p0 + s * x1) / (1.0 + s);
-                kappa = law.stiffness(p1.clamp(0.0, law.end_plastic));
+                kappa = law.stiffness(p1.clamp(0.0, end));
                 slope = kappa / (1.0 + s);
             }
             let s = kappa * free_growth / alpha;
@@ -149,8 +150,8 @@ impl Bed {
             let e = s * (x1 - p1) / (1.0 + s);
             let along = (s / (1.0 + s) + e * b) / (1.0 - e * q / kappa);
             slope = (kappa * (1.0 - along) + q * along * (x1 - p1)).max(0.1 * slope);
-            if p1 >= law.end_plastic || p0 >= law.end_plastic {
-                p1 = law.end_plastic;
+            if p1 >= end || p0 >= end {
+                p1 = end;
                 kappa = law.stiffness(p1);
                 slope = kappa;
             }
@@ -162,7 +163,7 @@ impl Bed {
             return Outcome { plastic, force: least, slope: 0.0, free_growth };
         }
         if x1 > 0.0 && force > x1 {
-            let (force, plastic) = law.force(x1, plastic);
+            let (force, plastic) = law.force(x1, plastic, end);
             let slope = if force < x1 { kappa } else { 1.0 };
             return Outcome { plastic, force, slope, free_growth };
         }
@@ -204,7 +205,7 @@ impl Bed {
             let d = self.distance(i, k);
             let length = norm(d);
             let constants = self.contact_constants(step.equal, k);
-            let x1 = (radius + self.particles.radius_m[j] - length) / constants.radius;
+            let x1 = (radius + self.particles.radius_m[j] - length) / constants.unit;
             let outcome = self.outcome(memory, x1, &constants, step);
             let mut slope = outcome.slope;
             if is_first && outcome.free_growth > x1.max(constants.start) {
@@ -216,7 +217,7 @@ impl Bed {
                 normal: scale(d, 1.0 / length),
                 length,
                 stiffness: k1 * slope,
-                pull: k1 * constants.radius * (alpha - outcome.force),
+                pull: k1 * constants.unit * (alpha - outcome.force),
                 drag: if outcome.free_growth > 0.0 {
                     k1 * alpha / outcome.free_growth
                 } else {
@@ -230,7 +231,8 @@ impl Bed {
                 continue;
             }
             let wall = self.walls[self.wall_list.wall[k] as usize];
-            let x1 = (radius - wall.distance(position)) / (2.0 * radius);
+            let unit = self.material.wall_unit(radius);
+            let x1 = (radius - wall.distance(position)) / unit;
             let still = Step { rate: None, ..*step };
             let outcome = self.outcome(memory, x1, step.equal, &still);
             let mut normal = ZERO;
@@ -241,7 +243,7 @@ impl Bed {
                 normal,
                 length: 0.0,
                 stiffness: k1 * outcome.slope,
-                pull: k1 * 2.0 * radius * (alpha - outcome.force),
+                pull: k1 * unit * (alpha - outcome.force),
                 drag: 0.0,
             });
         }
@@ -321,7 +323,7 @@ impl Bed {
         let settings = step.settings;
         let n = self.particles.len();
         let mean_radius = self.mean_radius();
-        let adhesion = self.law.law.adhesion * self.material.k1_n_per_m() * mean_radius;
+        let adhesion = self.material.adhesion_n(mean_radius);
         let mut strain = strained;
         let mut bonds = self.bonds(step, true);
         let hold = hold(&bonds);

@@ -48,7 +48,8 @@ const NEW_OVERLAP: f64 = 50.0;
 const FIRST: f64 = 0.1;
 
 impl Bed {
-    /// Advances to a time through states of force balance; at the present time it only balances the bed.
+    /// Advances to a time through states of force balance; at the present time it only balances the bed. It ends before that
+    /// time where the settings say so.
     ///
     /// Velocities are zero afterwards. Contacts keep their state, so that modes may alternate.
     ///
@@ -61,16 +62,12 @@ impl Bed {
         settings: &QuasiStaticSettings,
         report: &mut QuasiStaticReport,
     ) -> Result<(), BedError> {
-        within("tolerance", settings.tolerance, 1e-9, 0.1, "use 1e-9 to 0.1")?;
-        within("balance", settings.balance, 1e-9, 0.1, "use 1e-9 to 0.1 of fa")?;
-        if settings.free_box && self.around.region.sides != [Side::Periodic; 3] {
-            let remedy = "a box that shrinks freely is periodic on all sides";
-            return Err(field("box.free", "true", remedy));
-        }
+        self.check_quasi_static(settings)?;
         self.particles.velocity_m_per_s.fill(ZERO);
         self.particles.half_velocity.fill(ZERO);
         self.fastest = 0.0;
         let rate = self.rate();
+        let ends = settings.ends_where_necks_meet && rate.is_some();
         let equal = self.equal_constants()?;
         let still = Step { length_s: 0.0, rate, settings, equal: &equal };
         if report.balanced_at_s != Some(self.time_s) {
@@ -96,7 +93,9 @@ impl Bed {
             let step = Step { length_s: this_s, ..still };
             let taken = self.quasi_static_step(&step, strain_rate, report);
             let (error, mean_error, strain) = match taken {
-                Ok(Taken::Whole { error, mean_error, strain }) if error <= settings.tolerance => {
+                Ok(Taken::Whole { error, mean_error, strain })
+                    if error <= settings.tolerance && !(ends && self.is_overfull()) =>
+                {
                     (error, mean_error, strain)
                 }
                 Err(error) if this_s < 1e-12 * until_s => return Err(error),
@@ -123,6 +122,9 @@ impl Bed {
             let growth = (0.5 * settings.tolerance / error.max(1e-300)).sqrt().clamp(0.5, 2.0);
             step_s = if this_s < step_s { step_s.max(this_s * growth) } else { this_s * growth };
             strain_rate = strain / this_s;
+            if ends && self.pairs_have_ended() {
+                break;
+            }
             balanced.clone_from(self);
         }
         report.balanced_at_s = Some(self.time_s);
@@ -131,6 +133,16 @@ impl Bed {
         // The next phase starts its clock here.
         self.phase_start_s = self.time_s;
         self.phase_steps = 0;
+        Ok(())
+    }
+
+    fn check_quasi_static(&self, settings: &QuasiStaticSettings) -> Result<(), BedError> {
+        within("tolerance", settings.tolerance, 1e-9, 0.1, "use 1e-9 to 0.1")?;
+        within("balance", settings.balance, 1e-9, 0.1, "use 1e-9 to 0.1 of fa")?;
+        if settings.free_box && self.around.region.sides != [Side::Periodic; 3] {
+            let remedy = "a box that shrinks freely is periodic on all sides";
+            return Err(field("box.free", "true", remedy));
+        }
         Ok(())
     }
 
@@ -228,19 +240,23 @@ impl Bed {
         for i in 0..self.particles.len() {
             let radius_i = self.particles.radius_m[i];
             for k in self.list.row(i) {
+                if self.closed && !self.pairs.memory[k].is_contact() {
+                    continue;
+                }
                 let j = index_of(self.list.other[k]);
                 let radius_j = self.particles.radius_m[j];
-                let effective = 2.0 * radius_i * radius_j / (radius_i + radius_j);
+                let unit = self.material.overlap_unit(radius_i, radius_j);
                 let d = self.distance(i, k);
                 let then = scale(sub(d, sub(moved[i], moved[j])), 1.0 / (1.0 + strain));
-                let overlap = |d: Vec3| (radius_i + radius_j - norm(d)) / effective;
+                let overlap = |d: Vec3| (radius_i + radius_j - norm(d)) / unit;
                 meet(&self.pairs.memory[k], overlap(then), overlap(d));
             }
             for k in self.wall_list.row(i) {
                 let wall = &self.walls[self.wall_list.wall[k] as usize];
                 let distance = wall.distance(self.particles.position_m[i]);
                 let then = distance - wall.inward * moved[i][wall.axis];
-                let overlap = |distance: f64| (radius_i - distance) / (2.0 * radius_i);
+                let unit = self.material.wall_unit(radius_i);
+                let overlap = |distance: f64| (radius_i - distance) / unit;
                 meet(&self.wall_list.memory[k], overlap(then), overlap(distance));
             }
         }
@@ -262,6 +278,7 @@ impl Bed {
 
     /// Moves the contacts to the end of the step, at the present positions.
     fn take(&mut self, step: &Step<'_>, may_close: bool) -> Changes {
+        let may_meet = may_close && !self.closed;
         let alpha = self.law.law.adhesion;
         let mut changes = Changes::default();
         let (mut error, mut mean, mut count) = (0.0, 0.0, 0u32);
@@ -272,13 +289,13 @@ impl Bed {
                 let reach = radius + self.particles.radius_m[j];
                 let length = norm(self.distance(i, k));
                 let memory = self.pairs.memory[k];
-                if length > reach || !(may_close || memory.is_contact()) {
+                if length > reach || !(may_meet || memory.is_contact()) {
                     changes.changed += u64::from(memory.is_contact());
                     self.pairs.memory[k] = Memory::APART;
                     continue;
                 }
                 let constants = self.contact_constants(step.equal, k);
-                let x1 = (reach - length) / constants.radius;
+                let x1 = (reach - length) / constants.unit;
                 let (plastic, drift);
                 if memory.is_contact() {
                     let outcome = self.outcome(&memory, x1, &constants, step);
@@ -303,13 +320,13 @@ impl Bed {
                         0.0
                     };
                 }
-                let (force, plastic) = self.law.force(x1, plastic);
+                let (force, plastic) = self.law.force(x1, plastic, constants.end_plastic);
                 self.pairs.memory[k] = Memory { overlap: x1, drift, plastic, pull: alpha - force };
                 self.pairs.plastic_before[k] = plastic;
             }
             for k in self.wall_list.row(i) {
                 let wall = self.walls[self.wall_list.wall[k] as usize];
-                let overlap = (radius - wall.distance(position)) / (2.0 * radius);
+                let overlap = (radius - wall.distance(position)) / self.material.wall_unit(radius);
                 let memory = &mut self.wall_list.memory[k];
                 let was = memory.is_contact();
                 if overlap < 0.0 || !(may_close || was) {
@@ -318,7 +335,7 @@ impl Bed {
                 } else {
                     changes.changed += u64::from(!was);
                     let before = if was { memory.plastic } else { 0.0 };
-                    let (force, plastic) = self.law.force(overlap, before);
+                    let (force, plastic) = self.law.force(overlap, before, self.law.end_plastic);
                     *memory = Memory { overlap, drift: 0.0, plastic, pull: alpha - force };
                 }
             }

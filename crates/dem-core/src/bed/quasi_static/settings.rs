@@ -9,13 +9,21 @@ pub struct QuasiStaticSettings {
     pub balance: f64,
     /// Whether a box that is periodic on all sides shrinks so that it carries no pressure.
     pub free_box: bool,
+    /// Whether to end, before the time that was asked for, where the necks of the particles meet or their pores close.
+    pub ends_where_necks_meet: bool,
     /// Largest number of steps.
     pub max_work: u64,
 }
 
 impl Default for QuasiStaticSettings {
     fn default() -> Self {
-        Self { tolerance: 1e-4, balance: 1e-4, free_box: false, max_work: 100_000 }
+        Self {
+            tolerance: 1e-4,
+            balance: 1e-4,
+            free_box: false,
+            ends_where_necks_meet: false,
+            max_work: 100_000,
+        }
     }
 }
 
