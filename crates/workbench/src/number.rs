@@ -29,8 +29,9 @@ pub fn significant(value: f64, digits: usize) -> String {
 /// not `1000` and `1000`.
 pub fn digits_of([lower, upper]: [f64; 2]) -> usize {
     let largest = lower.abs().max(upper.abs());
-    let apart = (largest.log10().floor() - (upper - lower).abs().log10().floor()) as i64 + 1;
-    apart.clamp(3, 12) as usize
+    // An infinite or undefined difference is clamped, or counts as 0.
+    let apart = largest.log10().floor() - (upper - lower).abs().log10().floor() + 1.0;
+    (apart as i64).clamp(3, 12) as usize
 }
 
 /// A number with as many decimals as show the first two digits of its standard error (`86.3368` with an error of
