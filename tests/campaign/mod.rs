@@ -1,6 +1,7 @@
 //! `calibrate --plan`, `--resume`, `status`, `export`: calibration of commands, and what survives interruptions.
 
 mod interruptions;
+mod outages;
 mod runs;
 mod slurm;
 

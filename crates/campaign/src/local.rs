@@ -12,6 +12,9 @@ use crate::mailbox::Mailbox;
 use crate::outcome::FailureKind;
 use crate::task::Task;
 
+/// Number of runs that may be lost too often before no further one is made.
+const LOST_MOST: usize = 12;
+
 /// Runs tasks as local processes.
 ///
 /// Before the first run in a directory that was opened again, it ends the processes that a killed
@@ -26,6 +29,8 @@ enum News {
     Started(u64),
     Retried(u64, FailureKind),
     Ended(usize, Ran),
+    /// Lost too often.
+    GivenUp(u64, String, String),
     Gone(ExecutorError),
 }
 
@@ -104,6 +109,9 @@ fn work(
         match runner.run(task, halt, lost) {
             Ok(ran) => tell(News::Ended(place, ran)),
             Err(ExecutorError::Interrupted { .. }) => return,
+            Err(ExecutorError::Lost { cause, detail, .. }) => {
+                tell(News::GivenUp(task.number, cause, detail));
+            }
             Err(error) => return tell(News::Gone(error)),
         }
     }
@@ -124,6 +132,7 @@ fn store_all(
         halt.cancel();
         failure.get_or_insert(error);
     };
+    let (mut lost, mut first_lost) = (Vec::new(), None);
     let mut mailbox = Mailbox::new(campaign);
     let safe = |ended: Vec<(usize, Ran)>, watch: &mut dyn FnMut(Event)| {
         for (place, ran) in ended {
@@ -142,6 +151,13 @@ fn store_all(
                 News::Ended(place, ran) => {
                     ended.push((tasks[place].number, ran.outcome.clone(), (place, ran)));
                 }
+                News::GivenUp(number, cause, detail) => {
+                    lost.push(number);
+                    first_lost.get_or_insert((cause, detail));
+                    if lost.len() >= LOST_MOST {
+                        halt.cancel();
+                    }
+                }
                 News::Gone(error) => fail(error),
             }
         }
@@ -150,10 +166,17 @@ fn store_all(
             Ok(ended) => safe(ended, watch),
             Err(error) => fail(error.into()),
         }
+        if let Some(outage) = campaign.outage() {
+            fail(outage);
+        }
     }
     match mailbox.flush() {
         Ok(ended) => safe(ended, watch),
         Err(error) => fail(error.into()),
+    }
+    if let Some((cause, detail)) = first_lost {
+        lost.sort_unstable();
+        fail(ExecutorError::Lost { numbers: lost, cause, detail });
     }
     failure.map_or(Ok(()), Err)
 }

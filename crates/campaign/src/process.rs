@@ -25,9 +25,14 @@ pub(crate) enum Ended {
     Stopped,
 }
 
-/// Starts `command` in a process group of its own and waits for it. Whatever is left of the group
-/// afterwards is killed.
-pub(crate) fn run(command: &mut Command, limit: Duration, stop: &Stop) -> io::Result<Ended> {
+/// Starts `command` in a process group of its own and waits for it; `glance` is called every [`GLANCE`] meanwhile. Whatever
+/// is left of the group afterwards is killed.
+pub(crate) fn run(
+    command: &mut Command,
+    limit: Duration,
+    stop: &Stop,
+    glance: &mut dyn FnMut(),
+) -> io::Result<Ended> {
     #[cfg(unix)]
     {
         use std::os::unix::process::CommandExt as _;
@@ -35,7 +40,7 @@ pub(crate) fn run(command: &mut Command, limit: Duration, stop: &Stop) -> io::Re
     }
     let started = Instant::now();
     let mut child = command.spawn()?;
-    watch_over(&mut child, started, limit, stop).inspect_err(|_| {
+    watch_over(&mut child, started, limit, stop, glance).inspect_err(|_| {
         // It cannot be waited for, so it must not go on either.
         signal(&mut child, Strength::Kill);
     })
@@ -46,6 +51,7 @@ fn watch_over(
     started: Instant,
     limit: Duration,
     stop: &Stop,
+    glance: &mut dyn FnMut(),
 ) -> io::Result<Ended> {
     let waiter = Waiter::new(child);
     loop {
@@ -61,6 +67,7 @@ fn watch_over(
         } else if started.elapsed() >= limit {
             Ended::TimedOut
         } else {
+            glance();
             continue;
         };
         end(child, &waiter)?;
@@ -227,6 +234,10 @@ fn has_ended(child: &mut Child) -> io::Result<bool> {
 #[cfg(all(test, unix))]
 mod tests {
     use super::*;
+
+    fn run(command: &mut Command, limit: Duration, stop: &Stop) -> io::Result<Ended> {
+        super::run(command, limit, stop, &mut || ())
+    }
 
     fn shell(script: &str) -> Command {
         let mut command = Command::new("sh");

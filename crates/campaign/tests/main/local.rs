@@ -5,10 +5,12 @@ use std::time::{Duration, Instant};
 
 use campaign::{
     Campaign, Event, Executor, ExecutorError, FailureKind, Format, Interpolation, Keep, Local,
-    Outcome, OutputSpec, ResultSpec, Stop,
+    LostRuns, Outcome, OutputSpec, ResultSpec, Stop,
 };
 
-use crate::sandbox::{Sandbox, bits, create, is_gone, rows, run, shell, spec, task, tasks, values};
+use crate::sandbox::{
+    Sandbox, bits, create, fails, is_gone, rows, run, shell, spec, task, tasks, values,
+};
 
 const ECHO: &str = "printf 'x\\n%s\\n' \"$1\" > out.csv";
 
@@ -139,11 +141,18 @@ fn a_lost_run_is_tried_again_up_to_the_limit() {
         let log = sandbox.file("log");
         let mut command = shell(&format!("echo x >> {}; {script}", log.display()));
         command.call.retries = 1;
-        let campaign = create(&sandbox.dir(), &spec(command));
+        let mut spec = spec(command);
+        let mut campaign = create(&sandbox.dir(), &spec);
+        let error = fails(&campaign, &[task(1)]);
+        let right = matches!(&error, ExecutorError::Lost { numbers, .. } if numbers == &[1]);
+        assert!(right && error.to_string().contains("run 1 was lost"), "{error}");
+        assert_eq!((sandbox.lines("log").len(), campaign.outcome(1)), (2, None));
+        // Where parameters decide on it, as by memory, it may count as failed.
+        spec.commands[0].call.lost = LostRuns::Fail;
+        campaign.set_limits(&spec).unwrap();
         run(&campaign, &[task(1)]);
         let (kind, _, attempts) = failure(&campaign, 1);
         assert_eq!((kind, attempts), (FailureKind::Lost { signal: Some(signal) }, 2));
-        assert_eq!(sandbox.lines("log").len(), 2);
     }
 }
 

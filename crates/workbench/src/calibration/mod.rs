@@ -9,6 +9,7 @@ mod run;
 mod sampling;
 mod second_look;
 mod sensitivity;
+mod stopped;
 mod store;
 
 pub use run::{Finished, RunOptions, Timings, resume, run};

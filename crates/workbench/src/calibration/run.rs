@@ -16,7 +16,7 @@ use smc_calib::Posterior;
 
 use super::sampling::{Calibration, Stages, failure, sample};
 use super::store::{self, Stored, refused};
-use super::{other_kinetics, record, sensitivity};
+use super::{other_kinetics, record, sensitivity, stopped};
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::output::{Published, RunFolder, Staging, make_room, pool, pretty};
 use crate::plan::{ExecutorPlan, Plan, Planned};
@@ -34,6 +34,8 @@ pub struct RunOptions {
     pub threads: Option<usize>,
     /// The program and arguments that make given runs of a campaign, for jobs on a cluster: `calibrate run-task`.
     pub worker: Vec<String>,
+    /// On resuming: makes runs once more that failed by a cause whose words contain this text; empty for all failed runs.
+    pub retry_failed: Option<String>,
     /// Whether to leave out what other kinetics are worth.
     pub without_other_kinetics: bool,
 }
@@ -161,6 +163,16 @@ pub fn resume(
     if given.is_none() {
         about_the_plan_file(&stored, watch);
     }
+    if campaign.is_copy() {
+        watch.note(&format!(
+            "{}: a copy of another run; from now on it is a run of its own, and what runs for the other is left alone",
+            dir.display()
+        ));
+    }
+    if let Some(cause) = &options.retry_failed {
+        let again = stopped::retry_failed(dir, &campaign, cause)?;
+        watch.note(&format!("{again} failed runs are made once more"));
+    }
     let (began, version) = (&stored.plan.version, env!("CARGO_PKG_VERSION"));
     if began != version {
         watch.warn(&format!(
@@ -179,9 +191,9 @@ fn about_the_plan_file(stored: &Stored, watch: &dyn Watch) {
         watch.note(&format!(
             "{file} has changed since the run began; it goes on with the plan it began with"
         ));
-    } else if now.executor != stored.executor {
+    } else if now.executor != stored.executor || store::limits_differ(&stored.plan, &now.plan) {
         watch.note(&format!(
-            "[executor] of {file} has changed; to use it: calibrate --resume DIR --plan {file}"
+            "[executor] or the limits on runs in {file} have changed; to use them: calibrate --resume DIR --plan {file}"
         ));
     }
 }
@@ -210,6 +222,13 @@ impl Driver<'_> {
         let mut stages = Stages::new(self.watch, Some(self.campaign));
         let sampled = pool.install(|| sample(plan, groups, &experiments, &mut stages));
         self.watch.end();
+        let again = self.campaign.placed_again();
+        if again > 0 {
+            self.watch.note(&format!(
+                "{again} runs are placed again: the proposals that had placed them had counted failures that were given up. \
+                 What they gave stays in campaign/, unused"
+            ));
+        }
         let Stages { failed, seconds: stage_seconds, .. } = stages;
         if let Some(error) = failed {
             return Err(refused(self.dir, error));
@@ -245,6 +264,7 @@ impl Driver<'_> {
         mut timings: Timings,
         begun: Instant,
     ) -> Result<Finished, Failure> {
+        self.campaign.check_lock().map_err(|error| refused(self.dir, error))?;
         let staging = Staging::beside_runs(self.dir, FILE_NAME)?;
         let write = |name: &str, bytes: &[u8]| {
             staging.write(self.dir, name, bytes).map_err(|error| {
@@ -285,18 +305,12 @@ impl Driver<'_> {
 
     /// Why the runs stopped, as the user meets it.
     fn stopped(&self, error: ExecutorError) -> Failure {
-        let resume = format!("then: calibrate --resume {}", self.dir.display());
         match error {
             ExecutorError::Interrupted { detached } => {
                 let (ended, total) = (self.ended(), self.total());
                 self.paused(&format!("{ended} of {total} runs have ended and are stored"), detached)
             }
-            ExecutorError::CannotStart { .. } => RunError::new(&error)
-                .help("install the program, or correct argv in the plan and begin another run")
-                .help(resume)
-                .into(),
-            ExecutorError::Campaign(error) => refused(self.dir, error),
-            other => RunError::new(other).help(resume).into(),
+            other => stopped::failure(self.dir, other),
         }
     }
 
@@ -310,12 +324,18 @@ impl Driver<'_> {
             text: String::new(),
         };
         match failure(&planned, error) {
-            Failure::Run(error) => error
-                .help(format_args!(
-                    "causes and runs as tables: calibrate export {}",
-                    self.dir.display()
-                ))
-                .into(),
+            Failure::Run(error) => {
+                let dir = self.dir.display();
+                let said = stopped::last_words(self.campaign);
+                let cause = said
+                    .map_or_else(|| error.cause.clone(), |said| format!("{}\n{said}", error.cause));
+                RunError { cause, ..error }
+                    .help(format_args!(
+                        "if what failed is mended: calibrate --resume {dir} --retry-failed"
+                    ))
+                    .help(format_args!("causes and runs as tables: calibrate export {dir}"))
+                    .into()
+            }
             other => other,
         }
     }

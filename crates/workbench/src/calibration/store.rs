@@ -151,7 +151,7 @@ pub(super) fn open(
 ) -> Result<(Campaign, Stored, Vec<Damage>), Failure> {
     refuse_older_layout(dir)?;
     let runs = dir.join(CAMPAIGN);
-    let (campaign, damage) = match given {
+    let (mut campaign, damage) = match given {
         None => Campaign::open(&runs),
         Some(planned) => {
             let stored = Stored::of(planned)?;
@@ -179,6 +179,10 @@ pub(super) fn open(
                 runs.join("plan.toml").display()
             ))
     })?;
+    // The limits of the last resume that gave some.
+    for (call, command) in stored.plan.calls_mut().zip(&campaign.spec().commands) {
+        call.set_limits(&command.call);
+    }
     if let Some(planned) = given {
         if let Some((field, was, is)) = difference(&stored.plan, &planned.plan) {
             let file = planned.path.as_deref().unwrap_or(Path::new("plan"));
@@ -187,9 +191,12 @@ pub(super) fn open(
                 .found(is)
                 .expected(format_args!("{was}, as in the run in {}", dir.display()))
                 .help("a run goes on with the plan it began with; begin another with --plan and --out")
-                .help("only [executor] may be another")
+                .help("only [executor], timeout_s, retries, try_later, lost and keep may be others")
                 .into());
         }
+        stored.plan = with_limits(&stored.plan, &planned.plan);
+        let spec = stored.spec()?;
+        campaign.set_limits(&spec).map_err(|error| refused(dir, error))?;
         stored.executor.clone_from(&planned.executor);
     }
     Ok((campaign, stored, damage))
@@ -209,14 +216,29 @@ pub(crate) fn read_stored(dir: &Path) -> Result<Stored, Failure> {
     })
 }
 
-/// Whether two plans give the same result; the version of the program is no part of this.
-pub(super) fn same(was: &Plan, is: &Plan) -> bool {
-    Plan { version: was.version.clone(), ..is.clone() } == *was
+/// A plan with the limits on its runs of another one: what decides on whether they get made.
+fn with_limits(plan: &Plan, limits: &Plan) -> Plan {
+    let mut plan = plan.clone();
+    for (call, (.., of)) in plan.calls_mut().zip(limits.commands()) {
+        call.set_limits(of);
+    }
+    plan
 }
 
-/// Where two plans differ first: the field, and both values. The version of the program is no part of this.
+/// Whether the limits on runs of two plans that are the same otherwise differ.
+pub(super) fn limits_differ(was: &Plan, is: &Plan) -> bool {
+    with_limits(was, is) != *was
+}
+
+/// Whether two plans give the same result; the version of the program and limits on runs are no part of this.
+pub(super) fn same(was: &Plan, is: &Plan) -> bool {
+    Plan { version: was.version.clone(), ..with_limits(is, was) } == *was
+}
+
+/// Where two plans differ first: the field, and both values. The version of the program and limits on runs are no part of
+/// this.
 fn difference(was: &Plan, is: &Plan) -> Option<(String, String, String)> {
-    let was = Plan { version: is.version.clone(), ..was.clone() };
+    let was = Plan { version: is.version.clone(), ..with_limits(was, is) };
     let (before, now) = (was.sampler.samples, is.sampler.samples);
     if before != now {
         // Other settings of the sampler follow from it.
@@ -284,6 +306,9 @@ pub(crate) fn refused(dir: &Path, error: CampaignError) -> Failure {
                 "go on with the version of calibrate, and the kind of machine, that began the run",
             )
             .help(format_args!("what finished can be had as tables: calibrate export {name}"))
+            .into(),
+        CampaignError::LockLost { .. } => RunError::new(&error)
+            .help(format_args!("once no other process has it: calibrate --resume {name}"))
             .into(),
         CampaignError::DiskFull { .. } => {
             RunError::new(&error).help(format_args!("then: calibrate --resume {name}")).into()
