@@ -147,3 +147,46 @@ fn a_copy_of_a_folder_is_said_to_be_one_and_gives_the_same() {
     assert_eq!(sandbox.posterior_bytes("results/copy"), sandbox.posterior_bytes("results/line"));
     assert_eq!(runs(&sandbox), 24);
 }
+
+#[test]
+fn a_program_that_is_replaced_is_noticed_and_refused_or_accepted() {
+    // Replaced while the run goes on, by itself after its tenth run.
+    let sandbox = line(24, "0");
+    let replaces = LINE_SH.replacen(
+        "sleep",
+        "if [ $(wc -l < \"$RUNS\") = 10 ]; then echo '# another' >> \"$0\"; fi\nsleep",
+        1,
+    );
+    sandbox.write("line.sh", &replaces);
+    let ran = sandbox.run("--plan line.toml");
+    assert_eq!(ran.code, 1, "{ran:#?}");
+    for words in ["line.sh has changed since the run began", "--accept-changes"] {
+        assert!(ran.stderr.contains(words), "{words} is not in\n{}", ran.stderr);
+    }
+    assert!(runs(&sandbox) < 24, "{}", runs(&sandbox));
+    sandbox.run("--resume results/line").refused(&["line.sh has changed", "--accept-changes"]);
+    let accepted = sandbox.run("--resume results/line --accept-changes");
+    assert!(accepted.succeeded().stderr.contains("line.sh has changed"), "{accepted:?}");
+    assert_eq!(runs(&sandbox), 24);
+    sandbox.run("--resume results/line --quiet").succeeded();
+    // Put back, it is another one again.
+    sandbox.write("line.sh", &replaces);
+    sandbox.run("--resume results/line").refused(&["line.sh has changed"]);
+}
+
+#[test]
+fn failures_inside_the_posterior_are_said_and_the_result_is_not_converged() {
+    let sandbox = line(128, "0");
+    // The slope is about 2.02; no run below it comes to an end.
+    let fails =
+        "if awk -v a=\"$1\" 'BEGIN { exit !(a < 2.0) }'; then echo diverged >&2; exit 3; fi\nsleep";
+    sandbox.write("line.sh", LINE_SH.replacen("sleep", fails, 1));
+    let ran = sandbox.run("--plan line.toml");
+    ran.succeeded();
+    for words in ["NOT TO BE TRUSTED", "it depends on the parameters", "a = ", "likelihood zero"] {
+        assert!(ran.stdout.contains(words), "{words} is not in\n{}", ran.stdout);
+    }
+    let failing = &sandbox.posterior("results/line")["failing"];
+    assert!(failing["mass"].as_f64().is_some_and(|mass| mass > 0.1), "{failing:#?}");
+    assert_eq!(failing["place"]["parameter"], "a");
+}

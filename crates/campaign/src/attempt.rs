@@ -18,7 +18,7 @@ use crate::process::{self, Ended};
 use crate::spec::{CampaignSpec, CommandSpec, Keep, LostRuns};
 use crate::streams::{STDERR, STDOUT};
 use crate::task::Task;
-use crate::{machine, streams, template};
+use crate::{machine, strays, streams, template};
 
 pub(crate) const PARAMETERS: &str = "parameters.json";
 pub(crate) const PROCESS: &str = "process.json";
@@ -291,7 +291,8 @@ impl Runner<'_> {
             .envs(spec.call.environment.iter().map(|(name, value)| (name, fill(value))))
             .stdin(Stdio::null())
             .stdout(stream(STDOUT)?)
-            .stderr(stream(STDERR)?);
+            .stderr(stream(STDERR)?)
+            .env(strays::ATTEMPT, folder);
         if let Some(mark) = self.mark {
             command.env(MARK, mark);
             if let Some(driver) = machine::process_name(std::process::id()) {

@@ -18,7 +18,7 @@ use crate::record::{Record, ResultRecord};
 use crate::spec::CampaignSpec;
 use crate::state::State;
 use crate::task::Task;
-use crate::{durable, files};
+use crate::{durable, files, seal};
 
 /// The outcomes that [`Campaign::collect`] took over.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -214,6 +214,22 @@ impl Campaign {
             record.write(&self.dir)?;
             self.record = record;
         }
+        Ok(())
+    }
+
+    /// Replaces one of the caller's files that were there at its creation.
+    ///
+    /// # Errors
+    ///
+    /// A failed write: the file is then the old one, or counts as damaged.
+    pub fn replace_extra(&mut self, name: &str, contents: &[u8]) -> Result<(), CampaignError> {
+        create::check_names(&BTreeMap::from([(name.to_owned(), Vec::new())]))?;
+        self.check_lock()?;
+        files::write(&self.dir.join(name), contents)?;
+        let sum = seal::hex(seal::checksum(contents));
+        self.record.files.insert(name.to_owned(), sum);
+        self.record.write(&self.dir)?;
+        self.extra.insert(name.to_owned(), contents.to_vec());
         Ok(())
     }
 

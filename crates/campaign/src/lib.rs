@@ -60,6 +60,7 @@ pub mod slurm;
 mod spec;
 mod state;
 mod status;
+mod strays;
 mod streams;
 pub mod table;
 mod task;

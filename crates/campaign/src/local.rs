@@ -10,6 +10,7 @@ use crate::executor::{Event, Executor, Stop};
 use crate::leftover;
 use crate::mailbox::Mailbox;
 use crate::outcome::FailureKind;
+use crate::strays::{self, Watchdog};
 use crate::task::Task;
 
 /// Number of runs that may be lost too often before no further one is made.
@@ -70,11 +71,29 @@ impl Executor for Local {
         let (sender, receiver) = mpsc::channel();
         // Asked for by the caller, or by a failure after which no further run makes sense.
         let halt = stop.child();
-        std::thread::scope(|scope| {
-            for _ in 0..self.parallel.clamp(1, missing.len()) {
+        let longest = campaign.spec().commands.iter().map(|command| command.call.timeout_s);
+        let watchdog = Watchdog::start(longest.fold(0.0, f64::max));
+        let made = std::thread::scope(|scope| {
+            for slot in 0..self.parallel.clamp(1, missing.len()) {
                 let sender = sender.clone();
                 let (runner, missing, next, halt) = (&runner, &missing, &next, &halt);
-                scope.spawn(move || work(runner, missing, next, halt, &sender));
+                let work = move || work(runner, missing, next, halt, &sender);
+                let started = std::thread::Builder::new().spawn_scoped(scope, work);
+                match started {
+                    Ok(_) => {}
+                    Err(error) if slot == 0 => {
+                        return Err(ExecutorError::CannotStart {
+                            program: "a thread of this program".into(),
+                            reason: error.to_string(),
+                        });
+                    }
+                    Err(error) => {
+                        watch(Event::Note(format!(
+                            "only {slot} runs at a time: the system gives no further thread ({error})"
+                        )));
+                        break;
+                    }
+                }
             }
             drop(sender);
             let stored = store_all(campaign, &runner, &missing, &receiver, watch, &halt);
@@ -82,7 +101,10 @@ impl Executor for Local {
                 halt.cancel();
             }
             stored
-        })?;
+        });
+        drop(watchdog);
+        strays::end_all();
+        made?;
         if campaign.missing(tasks).is_empty() {
             Ok(())
         } else {

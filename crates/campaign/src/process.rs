@@ -5,6 +5,8 @@ use std::process::{Child, Command, ExitStatus};
 use std::time::{Duration, Instant};
 
 use crate::executor::Stop;
+#[cfg(target_os = "linux")]
+use crate::strays;
 
 /// Time after which processes that were asked to end are killed.
 const GRACE: Duration = Duration::from_secs(2);
@@ -26,7 +28,8 @@ pub(crate) enum Ended {
 }
 
 /// Starts `command` in a process group of its own and waits for it; `glance` is called every [`GLANCE`] meanwhile. Whatever
-/// is left of the group afterwards is killed.
+/// is left of the group afterwards is killed; so is, on Linux, what has left the group and carries the command's working
+/// directory as [its attempt](crate::strays::ATTEMPT).
 pub(crate) fn run(
     command: &mut Command,
     limit: Duration,
@@ -38,12 +41,19 @@ pub(crate) fn run(
         use std::os::unix::process::CommandExt as _;
         command.process_group(0);
     }
+    #[cfg(target_os = "linux")]
+    strays::adopt();
     let started = Instant::now();
     let mut child = command.spawn()?;
-    watch_over(&mut child, started, limit, stop, glance).inspect_err(|_| {
+    let ended = watch_over(&mut child, started, limit, stop, glance).inspect_err(|_| {
         // It cannot be waited for, so it must not go on either.
         signal(&mut child, Strength::Kill);
-    })
+    });
+    #[cfg(target_os = "linux")]
+    if let Some(attempt) = command.get_current_dir() {
+        strays::end_of_attempt(rustix::process::Pid::from_child(&child), attempt);
+    }
+    ended
 }
 
 fn watch_over(

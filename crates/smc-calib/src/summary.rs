@@ -2,6 +2,7 @@
 
 use crate::control::estimate;
 use crate::estimate::Estimator;
+use crate::failing::failing;
 use crate::joint::JointProblem;
 use crate::map_search::find_map;
 use crate::marginal::{Marginal, in_si, mean_and_sd};
@@ -88,6 +89,9 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
     let path =
         if tuned { Vec::new() } else { path(target, &sampler.pool, kept, &coordinate, &estimator) };
     let pool = &sampler.pool;
+    let failing = (!tuned)
+        .then(|| failing(pool, &problem.parameters, (&raw, ln_scale), &log_evidence, settings.seed))
+        .flatten();
     let mut posterior = Posterior {
         is_posterior: !tuned,
         noise: problem.groups[0].noise.clone(),
@@ -107,6 +111,7 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
         parameters,
         stages,
         failures: pool.failures(),
+        failing,
         stop,
         counters: sampler.counters,
         map,

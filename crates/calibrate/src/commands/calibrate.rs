@@ -45,6 +45,11 @@ pub(crate) struct CalibrateArgs {
     #[arg(long, value_name = "CAUSE", requires = "resume", num_args = 0..=1, require_equals = true, default_missing_value = "", help_heading = "What to calibrate")]
     retry_failed: Option<String>,
 
+    /// With --resume: go on although a program, or a file beside the plan that its command names, has changed since the
+    /// run began
+    #[arg(long, requires = "resume", help_heading = "What to calibrate")]
+    accept_changes: bool,
+
     /// Fit only the observations from T0 to T1, in seconds; either may be left out, as in 0.5:
     /// [default: all]
     #[arg(long, value_name = "T0:T1", value_parser = arguments::window, allow_hyphen_values = true, help_heading = "What to calibrate")]
@@ -182,6 +187,7 @@ pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
         out: args.out.clone(),
         threads: args.threads,
         worker: vec![program()?, "run-task".to_owned()],
+        accept_changes: args.accept_changes,
         retry_failed: args.retry_failed.clone(),
         without_other_kinetics: args.no_other_kinetics,
     };

@@ -1,6 +1,7 @@
 //! From a plan to a posterior and everything that is recorded of it.
 
 mod curves;
+mod fingerprints;
 mod neck_growth;
 mod of_pair;
 mod other_kinetics;

@@ -14,6 +14,7 @@ use campaign::{Campaign, Event, Executor, ExecutorError, Local};
 use serde::Serialize;
 use smc_calib::Posterior;
 
+use super::fingerprints::Guard;
 use super::sampling::{Calibration, Stages, failure, sample};
 use super::store::{self, Stored, refused};
 use super::{other_kinetics, record, sensitivity, stopped};
@@ -36,6 +37,8 @@ pub struct RunOptions {
     pub worker: Vec<String>,
     /// On resuming: makes runs once more that failed by a cause whose words contain this text; empty for all failed runs.
     pub retry_failed: Option<String>,
+    /// On resuming: goes on although a program, or a file that its command names, is not the one that the run began with.
+    pub accept_changes: bool,
     /// Whether to leave out what other kinetics are worth.
     pub without_other_kinetics: bool,
 }
@@ -155,7 +158,7 @@ pub fn resume(
     options: &RunOptions,
     watch: &dyn Watch,
 ) -> Result<Finished, Failure> {
-    let (campaign, stored, damage) = store::open(dir, given)?;
+    let (mut campaign, stored, damage) = store::open(dir, given)?;
     // A line that was being written when the driver was killed is no damage.
     for damage in damage.iter().filter(|damage| !damage.torn) {
         watch.warn(&format!("{damage}; what it held is made again, the rest is used"));
@@ -168,6 +171,10 @@ pub fn resume(
             "{}: a copy of another run; from now on it is a run of its own, and what runs for the other is left alone",
             dir.display()
         ));
+    }
+    let changed = store::check_programs(dir, &mut campaign, &stored, options.accept_changes)?;
+    if let Some(change) = changed {
+        watch.note(&format!("{change}; the run goes on with it"));
     }
     if let Some(cause) = &options.retry_failed {
         let again = stopped::retry_failed(dir, &campaign, cause)?;
@@ -211,10 +218,13 @@ impl Driver<'_> {
         let plan = &self.stored.plan;
         let begun = Instant::now();
         self.watch.begin(self.total() as u64, self.ended() as u64, "runs");
+        let before = store::began_with(self.campaign);
+        let mut guard = Guard::new(self.campaign.spec(), self.stored.folder(), before);
         let runner = Runner {
             campaign: self.campaign,
             executor: executor(&self.stored.executor, options)?,
             on_event: Box::new(on_event(plan, self.watch)),
+            changed: Box::new(move || guard.change()),
         };
         let experiments = Experiments::new(plan, Some(runner), self.watch)?;
         let groups = plan.groups()?;

@@ -53,7 +53,7 @@ pub(super) fn last_words(campaign: &Campaign) -> Option<String> {
     })
 }
 
-/// Why an executor stopped; `None` for an interruption.
+/// Why an executor stopped other than by an interruption.
 pub(super) fn failure(dir: &Path, error: ExecutorError) -> Failure {
     let name = dir.display();
     let resume = format!("then: calibrate --resume {name}");
@@ -71,6 +71,12 @@ pub(super) fn failure(dir: &Path, error: ExecutorError) -> Failure {
                 "if it is the parameters that fail, count them as failed and go on: calibrate --resume {name}"
             ))
             .help(format_args!("causes and runs as tables: calibrate export {name}"))
+            .into(),
+        ExecutorError::Simulator(_) => of
+            .help(format_args!("put the former one back, {resume}"))
+            .help(format_args!(
+                "if it gives the same results: calibrate --resume {name} --accept-changes"
+            ))
             .into(),
         ExecutorError::NotNow { .. } => {
             of.help("once the program can be called").help(resume).into()

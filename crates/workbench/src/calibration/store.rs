@@ -7,6 +7,7 @@ use campaign::{Call, Campaign, CampaignError, CampaignSpec, CommandSpec, Damage,
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::fingerprints::{self, Fingerprints};
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::output::{CAMPAIGN, pretty};
 use crate::plan::{ExecutorPlan, ExperimentPlan, Plan, Planned, with_folder};
@@ -48,15 +49,22 @@ impl Stored {
         let json = self.file.extension().is_some_and(|end| end.eq_ignore_ascii_case("json"));
         let name = if json { "plan.json" } else { "plan.toml" };
         let resolved = pretty(self)?;
+        let prints = Fingerprints::of(&self.spec()?, self.folder());
         Ok(BTreeMap::from([
             (name.to_owned(), planned.text.clone().into_bytes()),
             (RESOLVED.to_owned(), resolved.into_bytes()),
+            (fingerprints::FILE.to_owned(), pretty(&prints)?.into_bytes()),
         ]))
+    }
+
+    /// Folder of the plan.
+    pub(super) fn folder(&self) -> &Path {
+        self.file.parent().unwrap_or(Path::new("/"))
     }
 
     /// Specification of the campaign.
     fn spec(&self) -> Result<CampaignSpec, InputError> {
-        let folder = self.file.parent().unwrap_or(Path::new("/"));
+        let folder = self.folder();
         let Some(folder_text) = folder.to_str() else {
             return Err(InputError::new(folder.display().to_string(), Mistake::NotUtf8)
                 .found("the folder of the plan, whose name is not UTF-8")
@@ -200,6 +208,38 @@ pub(super) fn open(
         stored.executor.clone_from(&planned.executor);
     }
     Ok((campaign, stored, damage))
+}
+
+/// The programs that the runs in a folder were begun with; none where that is not known.
+pub(super) fn began_with(campaign: &Campaign) -> Fingerprints {
+    let stored = campaign.extra(fingerprints::FILE);
+    stored.and_then(|text| serde_json::from_slice(text).ok()).unwrap_or_default()
+}
+
+/// Refuses to go on with other programs than those that a run began with, or takes them for its own.
+pub(super) fn check_programs(
+    dir: &Path,
+    campaign: &mut Campaign,
+    stored: &Stored,
+    accept: bool,
+) -> Result<Option<String>, Failure> {
+    let now = Fingerprints::of(campaign.spec(), stored.folder());
+    let Some(change) = now.change(&began_with(campaign)) else { return Ok(None) };
+    let finished = campaign.tasks().iter().any(|task| campaign.outcome(task.number).is_some());
+    if finished && !accept {
+        return Err(InputError::new(dir.display().to_string(), Mistake::Conflict)
+            .found(&change)
+            .expected("the programs and files that its finished runs were made with")
+            .help("put the former one back, or begin another run with --plan and --out")
+            .help(format_args!(
+                "if it gives the same results: calibrate --resume {} --accept-changes",
+                dir.display()
+            ))
+            .into());
+    }
+    let bytes = pretty(&now)?.into_bytes();
+    campaign.replace_extra(fingerprints::FILE, &bytes).map_err(|error| refused(dir, error))?;
+    Ok(Some(change))
 }
 
 /// Reads the plan of a run without its lock, while it may be running.
