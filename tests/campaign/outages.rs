@@ -190,3 +190,63 @@ fn failures_inside_the_posterior_are_said_and_the_result_is_not_converged() {
     assert!(failing["mass"].as_f64().is_some_and(|mass| mass > 0.1), "{failing:#?}");
     assert_eq!(failing["place"]["parameter"], "a");
 }
+
+#[test]
+fn a_disk_that_is_full_before_the_run_begins_is_said_and_the_same_command_begins_it() {
+    let sandbox = line(24, "0");
+    let output = std::process::Command::new("sh")
+        .current_dir(sandbox.path())
+        .args(["-c", "trap '' XFSZ; ulimit -f 1; exec \"$0\" --plan line.toml"])
+        .arg(env!("CARGO_BIN_EXE_calibrate"))
+        .output()
+        .expect("sh");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert!(stderr.contains("the run has not begun") && !stderr.contains("--resume"), "{stderr}");
+    sandbox.run("--plan line.toml --quiet").succeeded();
+    assert_eq!(status(&sandbox, "results/line")["finished"], 24);
+}
+
+#[test]
+fn received_plans_and_folders_cannot_write_to_a_terminal_or_run_unasked() {
+    let sandbox = line(24, "0");
+    let titled = format!("title = \"a\\u001b]0;owned\\u0007b\"\n{}", line_plan(24, "0"));
+    sandbox.write("line.toml", titled);
+    let dry = sandbox.run("--plan line.toml --dry-run");
+    assert!(!dry.succeeded().stdout.contains('\u{1b}'), "{:?}", dry.stdout);
+    let ran = sandbox.run("--plan line.toml");
+    assert!(!ran.succeeded().stdout.contains(['\u{1b}', '\u{7}']), "{:?}", ran.stdout);
+    let record = sandbox.path().join("results/line/campaign/campaign.json");
+    if std::os::unix::fs::chown(&record, Some(54321), None).is_ok() {
+        let refused = ["another user (number 54321)", "runs its commands as you", "--accept-owner"];
+        sandbox.run("--resume results/line").refused(&refused);
+        sandbox.run("--resume results/line --accept-owner --quiet").succeeded();
+    } else {
+        eprintln!("skipped: files cannot be given to another user here");
+    }
+}
+
+#[test]
+fn parameters_without_a_use_are_refused_and_a_design_may_lie_on_its_bounds() {
+    let sandbox = line(24, "0");
+    let unused = line_plan(24, "0").replace(
+        "[experiments.pull.simulator]",
+        "[parameters.b]\ndistribution = \"uniform\"\nlower = 0\nupper = 1\n[experiments.pull.simulator]",
+    );
+    sandbox.write("unused.toml", &unused);
+    sandbox.run("check unused.toml").refused(&["parameters.b", "no command uses", "{b}"]);
+    sandbox.write("unused.toml", unused.replace("\"{a}\",", "\"{a}\", \"{parameters}\","));
+    sandbox.run("check unused.toml").succeeded();
+
+    // 0 and 5 are the bounds; a table may miss them by a rounding.
+    sandbox.write("sets.txt", "description a\nx -5e-17\ny 2.05\nz 5.000000000000001\n");
+    let design = line_plan(24, "0").replace("samples = 24", "samples = 3\ndesign = \"sets.txt\"");
+    sandbox.write("line.toml", &design);
+    let ran = sandbox.run("--plan line.toml");
+    assert!(!ran.succeeded().stdout.contains("place the last samples"), "{}", ran.stdout);
+    sandbox.write("line.toml", design.replace("samples = 3", "samples = 4"));
+    sandbox.run("check line.toml").refused(&["4 samples beside a design of 3"]);
+    sandbox.write("sets.txt", "description a\nx -1e-6\ny 2.05\nz 5\n");
+    sandbox.write("line.toml", &design);
+    sandbox.run("check line.toml").refused(&["sets.txt", "0 to 5"]);
+}

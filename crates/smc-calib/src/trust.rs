@@ -274,7 +274,8 @@ impl Posterior {
             if !self.log_evidence.agree {
                 signs.push("the evidence of the last samples is not that of all");
             }
-            if flattened {
+            // Given sets are all there at once: nothing is placed.
+            if flattened && self.stages.len() > 1 {
                 signs
                     .push("the likelihood was not yet known well enough to place the last samples");
             }

@@ -50,6 +50,10 @@ pub(crate) struct CalibrateArgs {
     #[arg(long, requires = "resume", help_heading = "What to calibrate")]
     accept_changes: bool,
 
+    /// With --resume: go on with a run of another user, whose commands are then run as you
+    #[arg(long, requires = "resume", help_heading = "What to calibrate")]
+    accept_owner: bool,
+
     /// Fit only the observations from T0 to T1, in seconds; either may be left out, as in 0.5:
     /// [default: all]
     #[arg(long, value_name = "T0:T1", value_parser = arguments::window, allow_hyphen_values = true, help_heading = "What to calibrate")]
@@ -187,6 +191,7 @@ pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
         out: args.out.clone(),
         threads: args.threads,
         worker: vec![program()?, "run-task".to_owned()],
+        accept_owner: args.accept_owner,
         accept_changes: args.accept_changes,
         retry_failed: args.retry_failed.clone(),
         without_other_kinetics: args.no_other_kinetics,

@@ -37,6 +37,8 @@ pub struct RunOptions {
     pub worker: Vec<String>,
     /// On resuming: makes runs once more that failed by a cause whose words contain this text; empty for all failed runs.
     pub retry_failed: Option<String>,
+    /// On resuming: goes on although the runs belong to another user, whose commands are run.
+    pub accept_owner: bool,
     /// On resuming: goes on although a program, or a file that its command names, is not the one that the run began with.
     pub accept_changes: bool,
     /// Whether to leave out what other kinetics are worth.
@@ -158,6 +160,7 @@ pub fn resume(
     options: &RunOptions,
     watch: &dyn Watch,
 ) -> Result<Finished, Failure> {
+    store::check_owner(dir, options.accept_owner)?;
     let (mut campaign, stored, damage) = store::open(dir, given)?;
     // A line that was being written when the driver was killed is no damage.
     for damage in damage.iter().filter(|damage| !damage.torn) {

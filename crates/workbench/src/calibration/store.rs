@@ -114,13 +114,50 @@ pub(super) fn create(dir: &Path, planned: &Planned) -> Result<(Campaign, Stored)
     let stored = Stored::of(planned)?;
     let (spec, extra) = (stored.spec()?, stored.extra(planned)?);
     refuse_older_layout(dir)?;
-    let occupied = std::fs::read_dir(dir).is_ok_and(|mut entries| entries.next().is_some());
+    // What a full disk left of a run that had not begun is used again.
+    let runs = dir.join(CAMPAIGN);
+    let begun = runs.join("campaign.json").exists();
+    let is_ours = |entry: std::io::Result<std::fs::DirEntry>| {
+        entry.is_ok_and(|entry| entry.file_name() == CAMPAIGN && !begun)
+    };
+    let occupied = std::fs::read_dir(dir).is_ok_and(|mut entries| !entries.all(is_ours));
     if occupied {
         return Err(exists(dir).into());
     }
-    let campaign = Campaign::create(&dir.join(CAMPAIGN), &spec, &extra)
-        .map_err(|error| refused(dir, error))?;
+    let campaign = Campaign::create(&runs, &spec, &extra).map_err(|error| match error {
+        CampaignError::DiskFull { .. } if !runs.join("campaign.json").exists() => {
+            let name = dir.display();
+            RunError::new(format_args!("{name}: the disk is full, and the run has not begun"))
+                .help("make room, then begin it again with the same command")
+                .into()
+        }
+        error => refused(dir, error),
+    })?;
     Ok((campaign, stored))
+}
+
+/// Refuses the runs of another user, whose commands would be run, unless that was asked for.
+pub(super) fn check_owner(dir: &Path, accept: bool) -> Result<(), InputError> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt as _;
+        let own = rustix::process::geteuid().as_raw();
+        let owner = dir.join(CAMPAIGN).join("campaign.json").symlink_metadata().map(|it| it.uid());
+        if let (Ok(owner), false) = (owner, accept)
+            && owner != own
+        {
+            let name = dir.display();
+            return Err(InputError::new(name.to_string(), Mistake::NotOurs)
+                .found(format_args!("a run of another user (number {owner})"))
+                .help(format_args!(
+                    "to resume it runs its commands as you: look at {name}/{CAMPAIGN}/campaign.json, then: calibrate \
+                     --resume {name} --accept-owner"
+                )));
+        }
+    }
+    #[cfg(not(unix))]
+    let _ = (dir, accept);
+    Ok(())
 }
 
 /// A folder that a new run cannot have.
