@@ -4,6 +4,7 @@ mod interruptions;
 mod outages;
 mod runs;
 mod slurm;
+mod storm;
 
 use std::fs;
 use std::io::Read as _;

@@ -15,20 +15,13 @@ use crate::folder::{last_attempt, task_folder};
 use crate::judge::{self, Verdict};
 use crate::outcome::{FailureKind, Outcome};
 use crate::process::{self, Ended};
-use crate::spec::{CampaignSpec, CommandSpec, Keep, LostRuns};
+use crate::spec::{Call, CampaignSpec, CommandSpec, Keep, LostRuns};
 use crate::streams::{STDERR, STDOUT};
 use crate::task::Task;
 use crate::{machine, strays, streams, template};
 
 pub(crate) const PARAMETERS: &str = "parameters.json";
 pub(crate) const PROCESS: &str = "process.json";
-
-/// Environment variable of every process that a driver starts on its own machine, by which they are found after a crash of
-/// the driver.
-pub(crate) const MARK: &str = "CAMPAIGN_RUNS";
-
-/// Environment variable with the driver itself: nothing is ended whose driver lives.
-pub(crate) const DRIVER: &str = "CAMPAIGN_DRIVER";
 
 /// Pause before a run counts as lost or failed: what killed it may be about to stop this program too.
 const PAUSE: Duration = Duration::from_millis(100);
@@ -64,7 +57,7 @@ pub(crate) struct Runner<'a> {
     /// Directory of the campaign, absolute.
     pub(crate) dir: &'a Path,
     pub(crate) spec: &'a CampaignSpec,
-    /// Value of [`MARK`] in the processes.
+    /// Value of [`MARK`](strays::MARK) in the processes.
     pub(crate) mark: Option<&'a str>,
     /// Whether no other process can be making attempts, so that those that are there were abandoned.
     pub(crate) alone: bool,
@@ -76,6 +69,48 @@ struct Tries {
     lost: u32,
     later: u32,
     cut: bool,
+}
+
+/// What follows from an attempt.
+enum Next {
+    Values(Vec<f64>),
+    Failed(FailureKind, String),
+    /// Another one, after a pause.
+    Again(FailureKind, Duration),
+    /// Called too often: the last answer in words, and its particulars.
+    NotNow(String, String),
+    /// Lost too often, in words, and particulars.
+    Lost(String, String),
+}
+
+impl Tries {
+    fn next(&mut self, call: &Call, verdict: Verdict) -> Next {
+        let limits = &call.try_later;
+        match verdict {
+            Verdict::Values(values) => Next::Values(values),
+            Verdict::Later(kind, detail) if self.later == limits.retries => {
+                Next::NotNow(kind.to_string(), detail)
+            }
+            Verdict::Later(kind, _) => {
+                self.later += 1;
+                Next::Again(kind, limits.pause(self.later - 1))
+            }
+            Verdict::Lost(kind, _) if self.lost < call.retries => {
+                self.lost += 1;
+                Next::Again(kind, Duration::ZERO)
+            }
+            Verdict::Lost(kind, detail) if call.lost == LostRuns::Stop => {
+                Next::Lost(kind.to_string(), detail)
+            }
+            Verdict::Cut(kind, _) if !self.cut && call.retries > 0 => {
+                self.cut = true;
+                Next::Again(kind, Duration::ZERO)
+            }
+            Verdict::Lost(kind, detail)
+            | Verdict::Cut(kind, detail)
+            | Verdict::Failed(kind, detail) => Next::Failed(kind, detail),
+        }
+    }
 }
 
 /// A run that ended, and the directories of its attempts.
@@ -134,42 +169,22 @@ impl Runner<'_> {
                     return Err(ExecutorError::Interrupted { detached: false });
                 }
             }
-            let (kind, detail) = match verdict {
-                Verdict::Values(values) => {
-                    let outcome = Outcome::Finished { values, attempts, seconds };
-                    return Ok(Ran { outcome, folders });
-                }
-                Verdict::Later(kind, detail) => {
-                    let limits = &command.call.try_later;
-                    if tries.later == limits.retries {
-                        let (number, cause) = (task.number, kind.to_string());
-                        return Err(ExecutorError::NotNow { number, attempts, cause, detail });
-                    }
+            let number = task.number;
+            let outcome = match tries.next(&command.call, verdict) {
+                Next::Again(kind, pause) => {
                     lost(&kind);
-                    wait(limits.pause(tries.later), stop);
-                    tries.later += 1;
+                    wait(pause, stop);
                     continue;
                 }
-                Verdict::Lost(kind, detail) => {
-                    if tries.lost < command.call.retries {
-                        tries.lost += 1;
-                        lost(&kind);
-                        continue;
-                    }
-                    if command.call.lost == LostRuns::Stop {
-                        let (number, cause) = (task.number, kind.to_string());
-                        return Err(ExecutorError::Lost { numbers: vec![number], cause, detail });
-                    }
-                    (kind, detail)
+                Next::NotNow(cause, detail) => {
+                    return Err(ExecutorError::NotNow { number, attempts, cause, detail });
                 }
-                Verdict::Cut(kind, _) if !tries.cut && command.call.retries > 0 => {
-                    tries.cut = true;
-                    lost(&kind);
-                    continue;
+                Next::Lost(cause, detail) => {
+                    return Err(ExecutorError::Lost { numbers: vec![number], cause, detail });
                 }
-                Verdict::Cut(kind, detail) | Verdict::Failed(kind, detail) => (kind, detail),
+                Next::Values(values) => Outcome::Finished { values, attempts, seconds },
+                Next::Failed(kind, detail) => Outcome::Failed { kind, detail, attempts, seconds },
             };
-            let outcome = Outcome::Failed { kind, detail, attempts, seconds };
             return Ok(Ran { outcome, folders });
         }
         Err(ExecutorError::Interrupted { detached: false })
@@ -294,9 +309,9 @@ impl Runner<'_> {
             .stderr(stream(STDERR)?)
             .env(strays::ATTEMPT, folder);
         if let Some(mark) = self.mark {
-            command.env(MARK, mark);
+            command.env(strays::MARK, mark);
             if let Some(driver) = machine::process_name(std::process::id()) {
-                command.env(DRIVER, driver);
+                command.env(strays::DRIVER, driver);
             }
         }
         let limit = Duration::try_from_secs_f64(spec.call.timeout_s).unwrap_or(Duration::MAX);

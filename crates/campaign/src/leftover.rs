@@ -29,7 +29,7 @@ pub(crate) fn end(mark: &str) -> usize {
 
 #[cfg(target_os = "linux")]
 fn carriers(mark: &str) -> Vec<rustix::process::Pid> {
-    use crate::attempt::{DRIVER, MARK};
+    use crate::strays::{DRIVER, MARK};
 
     let entry = format!("{MARK}={mark}");
     let Ok(processes) = std::fs::read_dir("/proc") else { return Vec::new() };

@@ -3,6 +3,13 @@
 //! On Linux this process adopts what its runs leave (it is a child subreaper), so that such processes are found among its
 //! own children, by the attempt that they carry in their environment. Elsewhere only the process group of a run is ended.
 
+/// Environment variable of every process that a driver starts on its own machine, by which they are found after a crash of
+/// the driver.
+pub(crate) const MARK: &str = "CAMPAIGN_RUNS";
+
+/// Environment variable with the driver itself: nothing is ended whose driver lives.
+pub(crate) const DRIVER: &str = "CAMPAIGN_DRIVER";
+
 /// Environment variable with the folder of the attempt that a process belongs to.
 pub(crate) const ATTEMPT: &str = "CAMPAIGN_ATTEMPT";
 
@@ -132,7 +139,7 @@ impl Watchdog {
             let child = crate::machine::process_name(std::process::id()).and_then(|driver| {
                 Command::new("sh")
                     .args(["-c", SCRIPT, "watchdog"])
-                    .args([&longest_s.ceil().to_string(), crate::attempt::DRIVER, &driver])
+                    .args([&longest_s.ceil().to_string(), DRIVER, &driver])
                     .stdin(Stdio::piped())
                     .stdout(Stdio::null())
                     .stderr(Stdio::null())

@@ -1,9 +1,11 @@
 //! Failed simulations: whether failing depends on the parameters, where, and what that means for the posterior.
 
 use crate::gaussian_process::{Data, GaussianProcess};
+use crate::joint::JointProblem;
 use crate::pool::Pool;
 use crate::posterior::{Evidence, Failing, FailingPlace};
 use crate::problem::Parameter;
+use crate::sampler::Sampler;
 use crate::stream::{Purpose, stream};
 use rand::RngExt;
 use rayon::prelude::*;
@@ -17,7 +19,7 @@ const MOST_KNOWN: usize = 150;
 /// How far below the highest log likelihood one is as good as none.
 const DEPTH: f64 = 40.0;
 
-/// Examines the failures of a run; none where nothing failed. `raw` are the importance weights, 0 where a simulation
+/// Examines the failures of a run; none where nothing failed, or there is no evidence. `raw` are the importance weights, 0 where a simulation
 /// failed, over `exp(ln_scale)`.
 ///
 /// # Formula
@@ -29,26 +31,26 @@ const DEPTH: f64 = 40.0;
 /// Mass: a Gaussian process through the log likelihoods of the finished samples predicts those of the failed ones; these
 /// get the importance weight that they would have, and the mass is their share of all weights.
 pub(crate) fn failing(
-    pool: &Pool,
-    parameters: &[Parameter],
+    sampler: &Sampler<'_>,
+    problem: &JointProblem<'_>,
     (raw, ln_scale): (&[f64], f64),
-    evidence: &Evidence,
-    seed: u64,
+    evidence: Option<&Evidence>,
 ) -> Option<Failing> {
+    let (pool, evidence) = (&sampler.pool, evidence?);
     let failed: Vec<bool> = pool.ln_l.iter().map(|l| !l.is_finite()).collect();
     let (count, n) = (pool.failed, pool.len());
     if count == 0 || count == n {
         return None;
     }
     let share = count as f64 / n as f64;
-    let p_value = p_value(pool, &failed, seed);
+    let p_value = p_value(pool, &failed, sampler.settings.seed);
     let share_se = (share / ((1.0 - share) * n as f64)).sqrt();
     Some(Failing {
         failed: count,
         simulations: n,
         p_value,
         mass: mass(pool, &failed, raw, ln_scale),
-        place: place(pool, &failed, parameters),
+        place: place(pool, &failed, &problem.parameters),
         log_evidence_if_random: evidence.value - (-share).ln_1p(),
         log_evidence_if_random_se: evidence.se.hypot(share_se),
     })

@@ -25,7 +25,9 @@ pub(super) fn sampler(
     let Some(fields) = fields else {
         return Ok((Settings::for_budget(default_samples), None));
     };
-    let samples = fields.whole("samples", *SAMPLES.start() as u64, *SAMPLES.end() as u64)?;
+    let design_field = fields.text("design")?;
+    let least = design_field.as_ref().map_or(*SAMPLES.start() as u64, |_| 1);
+    let samples = fields.whole("samples", least, *SAMPLES.end() as u64)?;
     let mut settings =
         Settings::for_budget(samples.as_ref().map_or(default_samples, |at| at.value as usize));
     let counts: [(_, &mut usize, _, _); 7] = [
@@ -77,7 +79,6 @@ pub(super) fn sampler(
     if let Some(at) = fields.choice("surrogate", &[("on", true), ("off", false)])? {
         settings.surrogate = at.value;
     }
-    let design_field = fields.text("design")?;
     fields.finish()?;
     let Some(design_field) = design_field else { return Ok((settings, None)) };
     let table = SampleTable::read(&folder.join(design_field.value))
