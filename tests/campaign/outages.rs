@@ -189,6 +189,7 @@ fn failures_inside_the_posterior_are_said_and_the_result_is_not_converged() {
     let failing = &sandbox.posterior("results/line")["failing"];
     assert!(failing["mass"].as_f64().is_some_and(|mass| mass > 0.1), "{failing:#?}");
     assert_eq!(failing["place"]["parameter"], "a");
+    assert!(sandbox.path().join("results/line/failures.png").is_file());
 }
 
 #[test]

@@ -140,7 +140,8 @@ impl Journal {
         self.flush().inspect_err(|_| self.cut(before))
     }
 
-    /// Replaces all records at once. Where that fails, the file is as it was.
+    /// Replaces all records at once: on the disk they are all there or the former ones. After a failure nothing more is to be
+    /// written by this journal.
     pub(crate) fn replace<T: Serialize>(&mut self, records: &[T]) -> Result<(), CampaignError> {
         let text = self.lines(records)?;
         files::write(&self.path, &text)?;
@@ -152,10 +153,10 @@ impl Journal {
         Ok(())
     }
 
-    /// A second name for the file as it is: the first of `NAME.END-1`, `NAME.END-2`, ... that is free.
+    /// Copies the file as it is to the first of `NAME.END-1`, `NAME.END-2`, ... that is free: what is appended from now on
+    /// does not appear there.
     pub(crate) fn keep_as(&self, end: &str) -> Result<PathBuf, CampaignError> {
         let kept = files::free_name(&self.path, end);
-        // What is appended from now on must not appear in it.
         fs::copy(&self.path, &kept).map_err(|error| CampaignError::io("kept", &kept, error))?;
         Ok(kept)
     }

@@ -1,7 +1,7 @@
 //! Processes that a killed driver has left on this machine.
 
-/// Ends every process that carries `mark` and whose driver is gone, and returns their number. Works only where the system shows the environment of
-/// processes (Linux); elsewhere they end by themselves, and their results are not read.
+/// Ends every process that carries `mark` and whose driver is gone, and returns their number. Works only where the system
+/// shows the environment of processes (Linux); elsewhere they end by themselves, and their results are not read.
 #[cfg(target_os = "linux")]
 pub(crate) fn end(mark: &str) -> usize {
     use rustix::process::{Signal, kill_process};

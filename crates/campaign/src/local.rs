@@ -18,6 +18,8 @@ const LOST_MOST: usize = 12;
 
 /// Runs tasks as local processes.
 ///
+/// On Linux this process adopts what its runs leave behind (it becomes a child subreaper), to end it after them.
+///
 /// Before the first run in a directory that was opened again, it ends the processes that a killed
 /// driver of this directory has left on this machine.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -12,6 +12,10 @@ use rayon::prelude::*;
 
 /// Neighbours of a sample that are looked at.
 const NEIGHBOURS: usize = 5;
+/// Most samples that the test looks at, evenly among all.
+const MOST_TESTED: usize = 8192;
+/// Bins along the parameter that tells failed samples from finished ones.
+const BINS: usize = 20;
 /// Random orders of the failures that the observed one is compared with.
 const ORDERS: usize = 999;
 /// Most samples that the likelihood of the failed ones is predicted from: those of the highest.
@@ -50,7 +54,7 @@ pub(crate) fn failing(
         simulations: n,
         p_value,
         mass: mass(pool, &failed, raw, ln_scale),
-        place: place(pool, &failed, &problem.parameters),
+        place: place(pool, &failed, &problem.parameters, raw),
         log_evidence_if_random: evidence.value - (-share).ln_1p(),
         log_evidence_if_random_se: evidence.se.hypot(share_se),
     })
@@ -58,12 +62,15 @@ pub(crate) fn failing(
 
 /// Chance that failures as much together as these come about where failing does not depend on the parameters.
 fn p_value(pool: &Pool, failed: &[bool], seed: u64) -> f64 {
-    let n = pool.len();
+    let tested: Vec<usize> =
+        (0..pool.len()).step_by(pool.len().div_ceil(MOST_TESTED).max(1)).collect();
+    let failed: Vec<bool> = tested.iter().map(|&i| failed[i]).collect();
+    let n = tested.len();
     let neighbours: Vec<Vec<usize>> = (0..n)
         .into_par_iter()
         .map(|i| {
             let distance = |j: usize| -> f64 {
-                let pairs = pool.point(i).iter().zip(pool.point(j));
+                let pairs = pool.point(tested[i]).iter().zip(pool.point(tested[j]));
                 pairs.map(|(a, b)| (a - b) * (a - b)).sum()
             };
             let mut others: Vec<(f64, usize)> =
@@ -80,12 +87,12 @@ fn p_value(pool: &Pool, failed: &[bool], seed: u64) -> f64 {
         let of_failed = neighbours.iter().zip(failed).filter(|(_, failed)| **failed);
         of_failed.map(|(near, _)| near.iter().filter(|&&j| failed[j]).count()).sum()
     };
-    let observed = together(failed);
+    let observed = together(&failed);
     let mut rng = stream(seed, Purpose::Failures, 0, 0);
-    let mut order = failed.to_vec();
+    let mut order = failed.clone();
     let mut stages: Vec<Vec<usize>> = Vec::new();
-    for (i, &stage) in pool.stage.iter().enumerate() {
-        let stage = stage as usize;
+    for (i, &sample) in tested.iter().enumerate() {
+        let stage = pool.stage[sample] as usize;
         if stages.len() <= stage {
             stages.resize(stage + 1, Vec::new());
         }
@@ -139,7 +146,12 @@ fn mass(pool: &Pool, failed: &[bool], raw: &[f64], ln_scale: f64) -> f64 {
 }
 
 /// The parameter that tells failed samples from finished ones best, and where it has failed ones.
-fn place(pool: &Pool, failed: &[bool], parameters: &[Parameter]) -> Option<FailingPlace> {
+fn place(
+    pool: &Pool,
+    failed: &[bool],
+    parameters: &[Parameter],
+    raw: &[f64],
+) -> Option<FailingPlace> {
     let d = pool.d;
     let of = |j: usize| {
         let mut values: Vec<(f64, bool)> =
@@ -165,7 +177,44 @@ fn place(pool: &Pool, failed: &[bool], parameters: &[Parameter]) -> Option<Faili
         let place = (share * (own.len() - 1) as f64).round() as usize;
         parameters[j].prior.from_z(own[place])
     };
-    Some(FailingPlace { parameter: parameters[j].name.clone(), lower: at(0.05), upper: at(0.95) })
+    let Bins { edges, finished, failed, posterior } = bins(pool, failed, (j, &parameters[j]), raw);
+    let (parameter, lower, upper) = (parameters[j].name.clone(), at(0.05), at(0.95));
+    Some(FailingPlace { parameter, lower, upper, edges, finished, failed, posterior })
+}
+
+/// Bins over the simulations along one parameter.
+struct Bins {
+    edges: Vec<f64>,
+    finished: Vec<usize>,
+    failed: Vec<usize>,
+    posterior: Vec<f64>,
+}
+
+fn bins(pool: &Pool, failed: &[bool], (j, parameter): (usize, &Parameter), raw: &[f64]) -> Bins {
+    let prior = &parameter.prior;
+    let column = pool.z.iter().skip(j).step_by(pool.d);
+    let places: Vec<f64> = column.map(|z| prior.to_coordinate(prior.from_z(*z))).collect();
+    let low = places.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = places.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let width = (high - low) / BINS as f64;
+    let edge = |k: usize| prior.coordinate().theta(low + width * k as f64);
+    let mut bins = Bins {
+        edges: (0..=BINS).map(edge).collect(),
+        finished: vec![0; BINS],
+        failed: vec![0; BINS],
+        posterior: vec![0.0; BINS],
+    };
+    let total: f64 = raw.iter().sum();
+    for ((place, failed), weight) in places.iter().zip(failed).zip(raw) {
+        let k = (((place - low) / width) as usize).min(BINS - 1);
+        if *failed {
+            bins.failed[k] += 1;
+        } else {
+            bins.finished[k] += 1;
+        }
+        bins.posterior[k] += weight / total;
+    }
+    bins
 }
 
 #[cfg(test)]
@@ -213,6 +262,14 @@ mod tests {
             assert!(failing.depends() && failing.matters(), "{failing:?}");
             assert!((failing.mass - 0.3085).abs() < 0.06, "{failing:?}");
             let place = failing.place.as_ref().expect("a place");
+            let counts = |of: &[usize]| of.iter().sum::<usize>();
+            assert_eq!(counts(&place.failed), failing.failed);
+            assert_eq!(counts(&place.finished), samples - failing.failed);
+            assert!((place.posterior.iter().sum::<f64>() - 1.0).abs() < 1e-9, "{place:?}");
+            // No posterior is left where all fail.
+            let dead = place.edges[1..].iter().filter(|edge| **edge < 1.9).count();
+            assert!(dead > 3 && place.finished[..dead].iter().all(|n| *n == 0), "{place:?}");
+            assert!(place.posterior[..dead].iter().all(|share| *share == 0.0), "{place:?}");
             assert!(place.parameter == "b" && place.lower >= 0.0 && place.upper < 1.9, "{place:?}");
             let trust = posterior.trust();
             assert_eq!(trust.verdict, Verdict::Untrusted);

@@ -292,6 +292,14 @@ pub struct FailingPlace {
     pub lower: f64,
     /// 5 % of the failed simulations lie above (SI).
     pub upper: f64,
+    /// Ends of twenty bins over all simulations, equally wide in the prior's coordinate (SI).
+    pub edges: Vec<f64>,
+    /// Finished simulations in each bin.
+    pub finished: Vec<usize>,
+    /// Failed simulations in each bin.
+    pub failed: Vec<usize>,
+    /// Share of the posterior in each bin.
+    pub posterior: Vec<f64>,
 }
 
 /// Effective sample size.

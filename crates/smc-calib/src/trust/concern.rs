@@ -218,7 +218,7 @@ impl Concern {
             }
             Self::FailuresInPosterior { failed, simulations, mass, p_value, place } => {
                 let at = place.as_ref().map_or_else(String::new, |place| {
-                    let FailingPlace { parameter, lower, upper } = place;
+                    let FailingPlace { parameter, lower, upper, .. } = place;
                     format!(", 90 % of them at {parameter} = {lower:.3e} .. {upper:.3e}")
                 });
                 format!(

@@ -113,7 +113,7 @@ fn design(table: &SampleTable, parameters: &[Parameter]) -> Result<Vec<Vec<f64>>
                 return Err(InputError::new(&table.name, Mistake::OutOfRange)
                     .at_line(table.line_of(row))
                     .in_column(&parameter.name)
-                    .found(&*value)
+                    .found(*value)
                     .expected(format_args!("a value the prior allows, {lower} to {upper}"))
                     .help("widen the prior, or leave the row out"));
             }
