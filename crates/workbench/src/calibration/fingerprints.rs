@@ -38,19 +38,16 @@ impl Fingerprints {
         Self(prints.collect())
     }
 
-    /// The first file that is another one than in `before`, in words.
+    /// The first file that is another one than in `before`, in words. A file that was not there before is what the runs
+    /// write.
     pub(super) fn change(&self, before: &Self) -> Option<String> {
-        let changed = before.0.iter().find(|(file, print)| self.0.get(*file) != Some(*print));
-        if let Some((file, _)) = changed {
-            let now = if self.0.contains_key(file) {
-                "has changed"
-            } else {
-                "is not there, or not used,"
-            };
-            return Some(format!("{file} {now} since the run began"));
-        }
-        let new = self.0.keys().find(|file| !before.0.contains_key(*file))?;
-        Some(format!("{new} was not there when the run began"))
+        let (file, _) = before.0.iter().find(|(file, print)| self.0.get(*file) != Some(*print))?;
+        let now = if self.0.contains_key(file) {
+            "has changed"
+        } else {
+            "is not there, or another is used,"
+        };
+        Some(format!("{file} {now} since the run began"))
     }
 }
 
@@ -95,7 +92,8 @@ fn on_path(program: &str) -> Option<PathBuf> {
     std::env::split_paths(&folders).map(|folder| folder.join(program)).find(|path| path.is_file())
 }
 
-/// Files in `folder` that a text names by their whole path, also within a script or behind `--option=`.
+/// Files in `folder` that a text names by their whole path, also within a script or behind `--option=`, but not those that
+/// a script writes to (`> FILE`).
 fn named(text: &str, folder: &Path) -> Vec<PathBuf> {
     let Some(beginning) =
         folder.to_str().map(|folder| format!("{}/", folder.trim_end_matches('/')))
@@ -103,7 +101,12 @@ fn named(text: &str, folder: &Path) -> Vec<PathBuf> {
         return Vec::new();
     };
     let ends = |c: char| c.is_whitespace() || "\"'`;|&()<>,:{}".contains(c);
-    let paths = text.match_indices(&beginning).map(|(at, _)| {
+    let read = |at: &usize| {
+        !text[..*at]
+            .trim_end_matches(|c: char| c.is_whitespace() || "\"'".contains(c))
+            .ends_with('>')
+    };
+    let paths = text.match_indices(&beginning).map(|(at, _)| at).filter(read).map(|at| {
         let behind = &text[at + beginning.len()..];
         let length = behind.find(ends).unwrap_or(behind.len());
         PathBuf::from(&text[at..at + beginning.len() + length])
@@ -144,7 +147,8 @@ mod tests {
         std::fs::write(folder.join("run.sh"), "one").expect("written");
         std::fs::write(folder.join("in.txt"), "two").expect("written");
         let script =
-            format!("exec '{}' --input={} > {}", path("run.sh"), path("in.txt"), path("out"));
+            format!("exec '{}' --input={} >> \"{}\"", path("run.sh"), path("in.txt"), path("log"));
+        std::fs::write(folder.join("log"), "a log").expect("written");
         let found = named(&script, folder);
         assert_eq!(found, [folder.join("run.sh"), folder.join("in.txt")]);
         let mut command = campaign::CommandSpec::in_process("x");
@@ -152,6 +156,9 @@ mod tests {
         let spec = CampaignSpec { parameter_names: Vec::new(), commands: vec![command], seed: 1 };
         let before = Fingerprints::of(&spec, folder);
         assert_eq!(before.0.len(), 3, "with the shell: {before:?}");
+        assert_eq!(Fingerprints::of(&spec, folder).change(&before), None);
+        // What runs write is no change of the program.
+        std::fs::write(folder.join("log"), "a longer log").expect("written");
         assert_eq!(Fingerprints::of(&spec, folder).change(&before), None);
         // As long as before, and not the same.
         std::fs::write(folder.join("in.txt"), "TWO").expect("written");

@@ -261,11 +261,15 @@ pub(super) fn check_programs(
     accept: bool,
 ) -> Result<Option<String>, Failure> {
     let now = Fingerprints::of(campaign.spec(), stored.folder());
-    let Some(change) = now.change(&began_with(campaign)) else { return Ok(None) };
+    let known = campaign.extra(fingerprints::FILE).is_some();
+    let change = now.change(&began_with(campaign));
+    if known && change.is_none() {
+        return Ok(None);
+    }
     let finished = campaign.tasks().iter().any(|task| campaign.outcome(task.number).is_some());
-    if finished && !accept {
+    if let (Some(change), true, false) = (&change, finished, accept) {
         return Err(InputError::new(dir.display().to_string(), Mistake::Conflict)
-            .found(&change)
+            .found(change)
             .expected("the programs and files that its finished runs were made with")
             .help("put the former one back, or begin another run with --plan and --out")
             .help(format_args!(
@@ -276,7 +280,7 @@ pub(super) fn check_programs(
     }
     let bytes = pretty(&now)?.into_bytes();
     campaign.replace_extra(fingerprints::FILE, &bytes).map_err(|error| refused(dir, error))?;
-    Ok(Some(change))
+    Ok(change)
 }
 
 /// Reads the plan of a run without its lock, while it may be running.
