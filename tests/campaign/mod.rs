@@ -1,8 +1,10 @@
 //! `calibrate --plan`, `--resume`, `status`, `export`: calibration of commands, and what survives interruptions.
 
 mod interruptions;
+mod outages;
 mod runs;
 mod slurm;
+mod storm;
 
 use std::fs;
 use std::io::Read as _;

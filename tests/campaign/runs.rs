@@ -212,7 +212,7 @@ esac
     assert!(said, "stderr of failed runs is kept");
 }
 
-fn walk(folder: &Path) -> Vec<PathBuf> {
+pub(super) fn walk(folder: &Path) -> Vec<PathBuf> {
     let Ok(entries) = fs::read_dir(folder) else { return Vec::new() };
     entries
         .map(|entry| entry.expect("an entry").path())

@@ -24,8 +24,8 @@ fn main() -> ExitCode {
         Err(failure) => {
             match &failure {
                 Failure::OutputClosed | Failure::InputReported => {}
-                Failure::Paused(how) => eprintln!("{how}"),
-                _ => eprintln!("error: {failure}"),
+                Failure::Paused(how) => eprintln!("{}", terminal::plain(how)),
+                _ => eprintln!("error: {}", terminal::plain(&failure.to_string())),
             }
             ExitCode::from(failure.code())
         }

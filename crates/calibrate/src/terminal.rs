@@ -1,5 +1,6 @@
 //! The terminal: progress bars, notes and warnings on standard error, results on standard output, Ctrl-C.
 
+use std::borrow::Cow;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
@@ -100,7 +101,15 @@ impl Terminal {
 
 /// Writes on standard output.
 pub(crate) fn write(bytes: &[u8]) -> Result<(), Failure> {
-    Ok(std::io::stdout().lock().write_all(bytes)?)
+    let text = String::from_utf8_lossy(bytes);
+    Ok(std::io::stdout().lock().write_all(plain(&text).as_bytes())?)
+}
+
+/// A text without control characters, which could change a terminal: names, titles and messages may come from files of
+/// others. Line ends and tabs stay.
+pub(crate) fn plain(text: &str) -> Cow<'_, str> {
+    let harmful = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
+    if text.contains(harmful) { text.replace(harmful, "\u{fffd}").into() } else { text.into() }
 }
 
 impl Watch for Terminal {
@@ -145,11 +154,11 @@ impl Watch for Terminal {
 
     fn note(&self, message: &str) {
         if !self.quiet {
-            self.bar().suspend(|| eprintln!("note: {message}"));
+            self.bar().suspend(|| eprintln!("note: {}", plain(message)));
         }
     }
 
     fn warn(&self, message: &str) {
-        self.bar().suspend(|| eprintln!("warning: {message}"));
+        self.bar().suspend(|| eprintln!("warning: {}", plain(message)));
     }
 }

@@ -19,7 +19,7 @@ use std::process::ExitCode;
 use campaign::slurm::{Slurm, SlurmSettings};
 use campaign::{
     Call, Campaign, CampaignSpec, CommandSpec, Executor, ExecutorError, Format, Interpolation,
-    Keep, Local, Outcome, OutputSpec, ResultSpec, Stop, Task, Worker, numbers,
+    Local, Outcome, OutputSpec, ResultSpec, Stop, Task, Worker, numbers,
 };
 
 fn main() -> ExitCode {
@@ -74,13 +74,7 @@ fn drive(
     };
     let output = OutputSpec { result, at: vec![0.0, 0.25, 1.0] };
     let timeout_s = std::env::var("RUN_TIMEOUT_S").map_or(Ok(60.0), |text| text.parse())?;
-    let call = Call {
-        argv: vec![program.into(), "{x}".into(), "{run}".into()],
-        environment: BTreeMap::new(),
-        timeout_s,
-        retries: 2,
-        keep: Keep::Failed,
-    };
+    let call = Call { timeout_s, ..Call::new(vec![program.into(), "{x}".into(), "{run}".into()]) };
     let spec = CampaignSpec {
         parameter_names: vec!["x".into()],
         commands: vec![CommandSpec { name: "example".into(), call, outputs: vec![output] }],

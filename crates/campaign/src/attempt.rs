@@ -1,7 +1,7 @@
 //! The attempts at one run: their directories, the call of the command, and what came out.
 
-use std::fs::{self, File};
-use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
+use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -12,29 +12,16 @@ use serde_json::{Map, Value, json};
 use crate::error::{CampaignError, ExecutorError};
 use crate::executor::Stop;
 use crate::folder::{last_attempt, task_folder};
-use crate::machine;
+use crate::judge::{self, Verdict};
 use crate::outcome::{FailureKind, Outcome};
 use crate::process::{self, Ended};
-use crate::results;
-use crate::spec::{CampaignSpec, CommandSpec, Keep};
+use crate::spec::{Call, CampaignSpec, CommandSpec, Keep, LostRuns};
+use crate::streams::{STDERR, STDOUT};
 use crate::task::Task;
-use crate::template;
+use crate::{machine, strays, streams, template};
 
 pub(crate) const PARAMETERS: &str = "parameters.json";
 pub(crate) const PROCESS: &str = "process.json";
-const STDOUT: &str = "stdout";
-const STDERR: &str = "stderr";
-
-/// Environment variable of every process that a driver starts on its own machine, by which they are found after a crash of
-/// the driver.
-pub(crate) const MARK: &str = "CAMPAIGN_RUNS";
-
-/// Length of the start and the end of a captured stream that are kept of a failed run \[bytes\].
-const KEPT_START: u64 = 64 << 10;
-const KEPT_END: u64 = 256 << 10;
-
-/// Length of the end of stderr that goes into the outcome \[bytes\].
-const DETAIL_BYTES: u64 = 1000;
 
 /// Pause before a run counts as lost or failed: what killed it may be about to stop this program too.
 const PAUSE: Duration = Duration::from_millis(100);
@@ -70,10 +57,60 @@ pub(crate) struct Runner<'a> {
     /// Directory of the campaign, absolute.
     pub(crate) dir: &'a Path,
     pub(crate) spec: &'a CampaignSpec,
-    /// Value of [`MARK`] in the processes.
+    /// Value of [`MARK`](strays::MARK) in the processes.
     pub(crate) mark: Option<&'a str>,
     /// Whether no other process can be making attempts, so that those that are there were abandoned.
     pub(crate) alone: bool,
+}
+
+/// Attempts at a run that are made again, by reason.
+#[derive(Default)]
+struct Tries {
+    lost: u32,
+    later: u32,
+    cut: bool,
+}
+
+/// What follows from an attempt.
+enum Next {
+    Values(Vec<f64>),
+    Failed(FailureKind, String),
+    /// Another one, after a pause.
+    Again(FailureKind, Duration),
+    /// Called too often: the last answer in words, and its particulars.
+    NotNow(String, String),
+    /// Lost too often, in words, and particulars.
+    Lost(String, String),
+}
+
+impl Tries {
+    fn next(&mut self, call: &Call, verdict: Verdict) -> Next {
+        let limits = &call.try_later;
+        match verdict {
+            Verdict::Values(values) => Next::Values(values),
+            Verdict::Later(kind, detail) if self.later == limits.retries => {
+                Next::NotNow(kind.to_string(), detail)
+            }
+            Verdict::Later(kind, _) => {
+                self.later += 1;
+                Next::Again(kind, limits.pause(self.later - 1))
+            }
+            Verdict::Lost(kind, _) if self.lost < call.retries => {
+                self.lost += 1;
+                Next::Again(kind, Duration::ZERO)
+            }
+            Verdict::Lost(kind, detail) if call.lost == LostRuns::Stop => {
+                Next::Lost(kind.to_string(), detail)
+            }
+            Verdict::Cut(kind, _) if !self.cut && call.retries > 0 => {
+                self.cut = true;
+                Next::Again(kind, Duration::ZERO)
+            }
+            Verdict::Lost(kind, detail)
+            | Verdict::Cut(kind, detail)
+            | Verdict::Failed(kind, detail) => Next::Failed(kind, detail),
+        }
+    }
 }
 
 /// A run that ended, and the directories of its attempts.
@@ -84,7 +121,8 @@ pub(crate) struct Ran {
 }
 
 impl Runner<'_> {
-    /// Makes the run; `lost` is called for every attempt that is made again.
+    /// Makes the run; `lost` is called for every attempt that is made again. A run that is lost too often has no outcome
+    /// ([`ExecutorError::Lost`]), unless the command says that it failed.
     pub(crate) fn run(
         &self,
         task: &Task,
@@ -100,6 +138,7 @@ impl Runner<'_> {
         if self.alone && command.call.keep != Keep::All {
             self.remove(task, &abandoned(&task_folder(self.dir, task.number)));
         }
+        let mut tries = Tries::default();
         for attempts in 1.. {
             if stop.asked() {
                 self.discard(command, task, &folders);
@@ -108,55 +147,79 @@ impl Runner<'_> {
             let folder = self.begin(task)?;
             folders.push(folder.clone());
             let start = Instant::now();
-            let ended = self.call(command, task, &folder, stop);
-            let seconds = start.elapsed().as_secs_f64();
-            let _ = fs::remove_file(folder.join(PROCESS));
-            let result = match ended {
-                Ok(Some(Ended::Stopped)) => {
-                    self.discard(command, task, &folders);
-                    return Err(ExecutorError::Interrupted { detached: false });
-                }
-                Ok(ended) => judge(command, &folder, ended),
+            let verdict = match self.attempt(command, task, &folder, stop) {
+                Ok(verdict) => verdict,
                 Err(error) => {
                     self.discard(command, task, &folders);
                     return Err(error);
                 }
             };
-            let outcome = match result {
-                Ok(values) => Outcome::Finished { values, attempts, seconds },
-                Err((kind, detail)) => {
-                    if disk_is_full(&folder) {
-                        return Err(CampaignError::DiskFull { path: folder }.into());
-                    }
-                    // A scheduler ends the command and this program at the same moment: the command
-                    // then did not fail, however it ended.
-                    if kind.is_lost() || !self.alone {
-                        pause(stop);
-                        if stop.asked() {
-                            self.discard(command, task, &folders);
-                            return Err(ExecutorError::Interrupted { detached: false });
-                        }
-                    }
-                    if kind.is_lost() && attempts <= command.call.retries {
-                        lost(&kind);
-                        continue;
-                    }
-                    Outcome::Failed { kind, detail, attempts, seconds }
+            let seconds = start.elapsed().as_secs_f64();
+            if !matches!(verdict, Verdict::Values(_)) {
+                if judge::disk_is_full(&folder) {
+                    return Err(CampaignError::DiskFull { path: folder }.into());
                 }
+                // A scheduler ends the command and this program at the same moment: the command
+                // then did not fail, however it ended.
+                if !(self.alone && matches!(verdict, Verdict::Failed(..) | Verdict::Cut(..))) {
+                    wait(PAUSE, stop);
+                }
+                if stop.asked() {
+                    self.discard(command, task, &folders);
+                    return Err(ExecutorError::Interrupted { detached: false });
+                }
+            }
+            let number = task.number;
+            let outcome = match tries.next(&command.call, verdict) {
+                Next::Again(kind, pause) => {
+                    lost(&kind);
+                    wait(pause, stop);
+                    continue;
+                }
+                Next::NotNow(cause, detail) => {
+                    return Err(ExecutorError::NotNow { number, attempts, cause, detail });
+                }
+                Next::Lost(cause, detail) => {
+                    return Err(ExecutorError::Lost { numbers: vec![number], cause, detail });
+                }
+                Next::Values(values) => Outcome::Finished { values, attempts, seconds },
+                Next::Failed(kind, detail) => Outcome::Failed { kind, detail, attempts, seconds },
             };
             return Ok(Ran { outcome, folders });
         }
         Err(ExecutorError::Interrupted { detached: false })
     }
 
+    /// Calls the command once, and says what came of it.
+    fn attempt(
+        &self,
+        command: &CommandSpec,
+        task: &Task,
+        folder: &Path,
+        stop: &Stop,
+    ) -> Result<Verdict, ExecutorError> {
+        let mut disk_was_full = false;
+        let ended = self.call(command, task, folder, stop, &mut || {
+            disk_was_full |= judge::disk_is_full(folder);
+            for stream in [STDOUT, STDERR] {
+                streams::bound(&folder.join(stream));
+            }
+        });
+        let _ = fs::remove_file(folder.join(PROCESS));
+        match ended? {
+            Some(Ended::Stopped) => Err(ExecutorError::Interrupted { detached: false }),
+            ended => Ok(judge::judge(command, folder, ended, disk_was_full)),
+        }
+    }
+
     /// Removes the working directories that do not stay, once the outcome is stored. Best effort.
     pub(crate) fn tidy(&self, task: &Task, ran: &Ran) {
         if !self.stays(task, &ran.outcome) {
             self.remove(task, &ran.folders);
-        } else if ran.outcome.failure().is_some() {
+        } else {
             for folder in &ran.folders {
                 for stream in [STDOUT, STDERR] {
-                    let _ = shorten(&folder.join(stream));
+                    let _ = streams::shorten(&folder.join(stream));
                 }
             }
         }
@@ -223,19 +286,18 @@ impl Runner<'_> {
         Ok(folder)
     }
 
-    /// Calls the command; none where the system had no room for another process.
+    /// Calls the command, and `glance` every moment while it runs; none where the system had no room for another process,
+    /// or the working folder has vanished.
     fn call(
         &self,
         spec: &CommandSpec,
         task: &Task,
         folder: &Path,
         stop: &Stop,
+        glance: &mut dyn FnMut(),
     ) -> Result<Option<Ended>, ExecutorError> {
         let fill = |text: &String| template::fill(text, |name| self.value(task, folder, name));
-        let stream = |name: &str| {
-            let path = folder.join(name);
-            File::create_new(&path).map_err(|error| CampaignError::io("written", &path, error))
-        };
+        let stream = |name: &str| streams::create(&folder.join(name));
         let program = fill(&spec.call.argv[0]);
         let mut command = Command::new(&program);
         command
@@ -244,14 +306,18 @@ impl Runner<'_> {
             .envs(spec.call.environment.iter().map(|(name, value)| (name, fill(value))))
             .stdin(Stdio::null())
             .stdout(stream(STDOUT)?)
-            .stderr(stream(STDERR)?);
+            .stderr(stream(STDERR)?)
+            .env(strays::ATTEMPT, folder);
         if let Some(mark) = self.mark {
-            command.env(MARK, mark);
+            command.env(strays::MARK, mark);
+            if let Some(driver) = machine::process_name(std::process::id()) {
+                command.env(strays::DRIVER, driver);
+            }
         }
         let limit = Duration::try_from_secs_f64(spec.call.timeout_s).unwrap_or(Duration::MAX);
-        match process::run(&mut command, limit, stop) {
+        match process::run(&mut command, limit, stop, glance) {
             Ok(ended) => Ok(Some(ended)),
-            Err(error) if is_shortage(&error) => Ok(None),
+            Err(error) if judge::is_shortage(&error) || !folder.is_dir() => Ok(None),
             Err(error) => {
                 let reason = match error.kind() {
                     io::ErrorKind::NotFound => {
@@ -290,21 +356,9 @@ fn abandoned(folder: &Path) -> Vec<PathBuf> {
     left.collect()
 }
 
-/// Whether a process could not be made for want of resources, which may pass.
-fn is_shortage(error: &io::Error) -> bool {
-    use io::ErrorKind::{OutOfMemory, WouldBlock};
-    #[cfg(unix)]
-    let files = [rustix::io::Errno::MFILE, rustix::io::Errno::NFILE]
-        .iter()
-        .any(|errno| error.raw_os_error() == Some(errno.raw_os_error()));
-    #[cfg(not(unix))]
-    let files = false;
-    files || matches!(error.kind(), OutOfMemory | WouldBlock)
-}
-
-fn pause(stop: &Stop) {
+fn wait(pause: Duration, stop: &Stop) {
     let start = Instant::now();
-    while start.elapsed() < PAUSE && !stop.asked() {
+    while start.elapsed() < pause && !stop.asked() {
         std::thread::sleep(Duration::from_millis(10));
     }
 }
@@ -312,142 +366,4 @@ fn pause(stop: &Stop) {
 fn write(path: &Path, contents: &[u8]) -> Result<(), CampaignError> {
     // Not flushed: after a crash of the machine the attempt is made again.
     fs::write(path, contents).map_err(|error| CampaignError::io("written", path, error))
-}
-
-/// The values of a run, or the cause of its failure.
-fn judge(
-    command: &CommandSpec,
-    folder: &Path,
-    ended: Option<Ended>,
-) -> Result<Vec<f64>, (FailureKind, String)> {
-    let kind = match ended {
-        Some(Ended::Exit(0)) => {
-            let read = results::read(folder, &command.outputs);
-            return read.map_err(|refusal| (refusal.kind, refusal.detail));
-        }
-        // A shell says so of a child that was killed.
-        Some(Ended::Exit(code)) if lost_signal(code - 128) => {
-            FailureKind::Lost { signal: Some(code - 128) }
-        }
-        Some(Ended::Exit(code)) => FailureKind::ExitCode { code },
-        Some(Ended::Signal(signal)) if own_fault(signal) => FailureKind::Crashed { signal },
-        Some(Ended::Signal(signal)) => FailureKind::Lost { signal: Some(signal) },
-        Some(Ended::TimedOut) => FailureKind::Timeout { limit_s: command.call.timeout_s },
-        Some(Ended::Stopped) | None => FailureKind::Lost { signal: None },
-    };
-    let detail = match ended {
-        None => "the system had no room for another process".to_owned(),
-        Some(_) => end_of(&folder.join(STDERR)),
-    };
-    Err((kind, detail))
-}
-
-/// Signals that come from outside: hang-up, interrupt, kill, termination.
-fn lost_signal(signal: i32) -> bool {
-    matches!(signal, 1 | 2 | 9 | 15)
-}
-
-/// Signals that a program brings upon itself: illegal instruction, trap, abort, bus error, arithmetic,
-/// segment, broken pipe, bad system call.
-fn own_fault(signal: i32) -> bool {
-    #[cfg(unix)]
-    {
-        use rustix::process::Signal;
-        let own = [
-            Signal::ILL,
-            Signal::TRAP,
-            Signal::ABORT,
-            Signal::BUS,
-            Signal::FPE,
-            Signal::SEGV,
-            Signal::PIPE,
-            Signal::SYS,
-            Signal::XFSZ,
-        ];
-        own.iter().any(|own| own.as_raw() == signal)
-    }
-    #[cfg(not(unix))]
-    {
-        let _ = signal;
-        false
-    }
-}
-
-/// The last lines of a captured stream, without control characters.
-fn end_of(path: &Path) -> String {
-    let read = || -> io::Result<Vec<u8>> {
-        let mut file = File::open(path)?;
-        let length = file.metadata()?.len();
-        file.seek(SeekFrom::Start(length.saturating_sub(DETAIL_BYTES)))?;
-        let mut bytes = Vec::new();
-        file.take(DETAIL_BYTES).read_to_end(&mut bytes)?;
-        Ok(bytes)
-    };
-    let bytes = read().unwrap_or_default();
-    let text = String::from_utf8_lossy(&bytes);
-    let text = text.trim_matches(|c: char| c.is_whitespace() || c == char::REPLACEMENT_CHARACTER);
-    text.chars().map(|c| if c.is_control() && c != '\n' { ' ' } else { c }).collect()
-}
-
-/// Cuts the middle out of a long captured stream.
-fn shorten(path: &Path) -> io::Result<()> {
-    let mut file = File::open(path)?;
-    let length = file.metadata()?.len();
-    if length <= KEPT_START + KEPT_END {
-        return Ok(());
-    }
-    let mut text = Vec::new();
-    (&mut file).take(KEPT_START).read_to_end(&mut text)?;
-    let left_out = length - KEPT_START - KEPT_END;
-    writeln!(text, "\n[... {left_out} bytes left out ...]")?;
-    file.seek(SeekFrom::Start(length - KEPT_END))?;
-    file.take(KEPT_END).read_to_end(&mut text)?;
-    let aside = path.with_extension("short");
-    fs::write(&aside, text)?;
-    fs::rename(aside, path)
-}
-
-/// Whether the disk is full, which makes programs fail in many ways.
-fn disk_is_full(folder: &Path) -> bool {
-    #[cfg(unix)]
-    {
-        let Ok(disk) = rustix::fs::statvfs(folder) else { return false };
-        let unit = disk.f_frsize.max(1);
-        let enough = (disk.f_blocks * unit / 100).min(1 << 20);
-        disk.f_bavail * unit < enough || (disk.f_files > 0 && disk.f_favail == 0)
-    }
-    #[cfg(not(unix))]
-    {
-        let _ = folder;
-        false
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_long_stream_keeps_its_start_and_its_end() {
-        let folder = tempfile::tempdir().expect("a directory");
-        let path = folder.path().join("stdout");
-        let middle = vec![b'.'; 3 << 20];
-        let text = [b"first\n", &middle[..], b"\nlast\n"].concat();
-        fs::write(&path, &text).expect("written");
-        shorten(&path).expect("shortened");
-        let short = fs::read(&path).expect("there");
-        assert!(short.starts_with(b"first\n.") && short.ends_with(b".\nlast\n"));
-        let left_out = text.len() as u64 - KEPT_START - KEPT_END;
-        let note = format!("\n[... {left_out} bytes left out ...]\n");
-        assert_eq!(short.len() as u64, KEPT_START + KEPT_END + note.len() as u64);
-        assert!(String::from_utf8(short).expect("text").contains(&note));
-    }
-
-    #[test]
-    fn signals_from_outside_and_a_programs_own_are_told_apart() {
-        for signal in 1..32 {
-            assert!(!(lost_signal(signal) && own_fault(signal)), "{signal}");
-        }
-        assert!(own_fault(11) && own_fault(6) && lost_signal(9) && lost_signal(15));
-    }
 }

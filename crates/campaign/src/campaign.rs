@@ -9,16 +9,16 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use serde_json::Value;
 
 use crate::create;
-use crate::error::{CampaignError, Damage};
+use crate::error::{CampaignError, Damage, ExecutorError};
 use crate::folder::{self, ITERATIONS, OUTCOMES, RECORD, RESULTS, TASKS, WORK};
 use crate::lock::Lock;
 use crate::mend::{Given, Mended, mend};
-use crate::outcome::Outcome;
+use crate::outcome::{FailureKind, Outcome};
 use crate::record::{Record, ResultRecord};
 use crate::spec::CampaignSpec;
 use crate::state::State;
 use crate::task::Task;
-use crate::{durable, files};
+use crate::{durable, files, seal};
 
 /// The outcomes that [`Campaign::collect`] took over.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -51,7 +51,8 @@ pub struct Campaign {
     created: bool,
     looked: AtomicBool,
     state: Mutex<State>,
-    _lock: Lock,
+    copied: bool,
+    lock: Lock,
 }
 
 impl Campaign {
@@ -92,7 +93,7 @@ impl Campaign {
         if let Some(parent) = dir.parent() {
             durable::flush_folder(parent).map_err(failed)?;
         }
-        let mended = Mended { record, extra: extra.clone(), damage: Vec::new() };
+        let mended = Mended { record, extra: extra.clone(), damage: Vec::new(), copied: false };
         Ok(Self::with(dir, lock, mended, true)?.0)
     }
 
@@ -143,10 +144,10 @@ impl Campaign {
         mended: Mended,
         created: bool,
     ) -> Result<(Self, Vec<Damage>), CampaignError> {
-        let Mended { record, extra, mut damage } = mended;
+        let Mended { record, extra, mut damage, copied } = mended;
         let state = Mutex::new(State::open(&dir, &record.spec, &mut damage)?);
         let looked = AtomicBool::new(false);
-        Ok((Self { dir, record, extra, created, looked, state, _lock: lock }, damage))
+        Ok((Self { dir, record, extra, created, looked, state, copied, lock }, damage))
     }
 
     /// The directory, absolute.
@@ -179,6 +180,86 @@ impl Campaign {
         self.created
     }
 
+    /// Whether it was found to be a copy of another directory, when it was opened. From then on it is a campaign of its
+    /// own: processes and jobs of the other are not touched.
+    #[must_use]
+    pub fn is_copy(&self) -> bool {
+        self.copied
+    }
+
+    /// Checks that the lock is still this driver's: its file may have been removed, and another driver let in. Everything
+    /// that writes checks it first.
+    ///
+    /// # Errors
+    ///
+    /// [`CampaignError::LockLost`].
+    pub fn check_lock(&self) -> Result<(), CampaignError> {
+        self.lock.check()
+    }
+
+    /// Takes the limits of calls over from `spec`: what decides on whether runs get made, and not on their values
+    /// ([`Call::set_limits`](crate::Call::set_limits)). They hold from the next run on.
+    ///
+    /// # Errors
+    ///
+    /// A limit that cannot be; a failed write.
+    pub fn set_limits(&mut self, spec: &CampaignSpec) -> Result<(), CampaignError> {
+        let mut record = self.record.clone();
+        for (own, given) in record.spec.commands.iter_mut().zip(&spec.commands) {
+            own.call.set_limits(&given.call);
+        }
+        if record.spec != self.record.spec {
+            record.spec.check()?;
+            self.check_lock()?;
+            record.write(&self.dir)?;
+            self.record = record;
+        }
+        Ok(())
+    }
+
+    /// Replaces one of the caller's files that were there at its creation.
+    ///
+    /// # Errors
+    ///
+    /// A failed write: the file is then the old one, or counts as damaged.
+    pub fn replace_extra(&mut self, name: &str, contents: &[u8]) -> Result<(), CampaignError> {
+        create::check_names(&BTreeMap::from([(name.to_owned(), Vec::new())]))?;
+        self.check_lock()?;
+        files::write(&self.dir.join(name), contents)?;
+        let sum = seal::hex(seal::checksum(contents));
+        self.record.files.insert(name.to_owned(), sum);
+        self.record.write(&self.dir)?;
+        self.extra.insert(name.to_owned(), contents.to_vec());
+        Ok(())
+    }
+
+    /// Gives up the outcomes of the failed runs that `given_up` chooses by their cause, and returns their numbers. The
+    /// tasks must then be submitted anew, from the first: they may be placed otherwise where later ones depended on those
+    /// outcomes. What finished is used as far as its parameters are asked for again. The journals as they were stay as
+    /// `tasks.jsonl.retried-1`, `results.jsonl.retried-1`.
+    ///
+    /// # Errors
+    ///
+    /// A failed write. Nothing is lost then.
+    pub fn forget_failed(
+        &self,
+        given_up: &dyn Fn(&FailureKind) -> bool,
+    ) -> Result<Vec<u64>, CampaignError> {
+        self.check_lock()?;
+        self.state().forget_failed(&self.dir, given_up)
+    }
+
+    /// Number of tasks that were submitted with other parameters than before [`forget_failed`](Self::forget_failed).
+    #[must_use]
+    pub fn placed_again(&self) -> u64 {
+        self.state().placed_again()
+    }
+
+    /// Whether the last runs that ended look like an outage.
+    pub(crate) fn outage(&self) -> Option<ExecutorError> {
+        self.state().outage()
+    }
+
     /// Whether this is the first call.
     pub(crate) fn first_look(&self) -> bool {
         !self.looked.swap(true, Ordering::Relaxed)
@@ -191,6 +272,7 @@ impl Campaign {
     /// [`CampaignError::TaskDiffers`] where a number is known with other parameters;
     /// [`CampaignError::InvalidTask`]; a failed write. Nothing is stored then.
     pub fn record_submitted(&self, tasks: &[Task]) -> Result<(), CampaignError> {
+        self.check_lock()?;
         self.state().add_tasks(&self.record.spec, tasks)
     }
 
@@ -235,6 +317,7 @@ impl Campaign {
         &self,
         outcomes: Vec<(u64, Outcome)>,
     ) -> Result<(), CampaignError> {
+        self.check_lock()?;
         self.state().add_outcomes(&self.record.spec, outcomes)
     }
 
@@ -248,6 +331,7 @@ impl Campaign {
     ///
     /// [`CampaignError`] for a directory that cannot be read or written; nothing is lost then.
     pub fn collect(&self) -> Result<Collected, CampaignError> {
+        self.check_lock()?;
         let folder = self.dir.join(OUTCOMES);
         let number = |result: &ResultRecord| result.number;
         let mut damage = Vec::new();
@@ -269,6 +353,7 @@ impl Campaign {
     ///
     /// A failed write; what was there before stays.
     pub fn record_iteration(&self, k: u32, record: &Value) -> Result<(), CampaignError> {
+        self.check_lock()?;
         self.state().add_iteration(&self.dir, k, record)
     }
 

@@ -8,6 +8,7 @@ use thiserror::Error;
 
 use crate::folder::RECORD;
 use crate::holder::Holder;
+use crate::numbers;
 use crate::spec::SpecError;
 
 /// Why a campaign cannot be made, opened or written to.
@@ -37,6 +38,14 @@ pub enum CampaignError {
         dir: PathBuf,
         /// The process that has it, where that can be read.
         holder: Option<Holder>,
+    },
+    /// The file that this driver has locked is not in the directory any more: somebody removed it, and another driver may
+    /// have the directory.
+    #[error("{}: the lock of this run was removed while it ran, and another process may have the folder: nothing more is \
+        written; what was stored before is safe", dir.display())]
+    LockLost {
+        /// The directory.
+        dir: PathBuf,
     },
     /// The record of what is run is damaged. [`Campaign::restore`](crate::Campaign::restore) mends it with a
     /// specification.
@@ -152,6 +161,48 @@ pub enum ExecutorError {
         /// The problem.
         reason: String,
     },
+    /// The last runs failed in the same way, one after the other, and earlier ones did not: most likely something that they
+    /// all need is out of order. Their outcomes are stored, and can be given up ([`Campaign::forget_failed`]).
+    ///
+    /// [`Campaign::forget_failed`]: crate::Campaign::forget_failed
+    #[error("looks like an outage, {count} of the last {count}: {cause}{}", quoted(detail))]
+    Outage {
+        /// Number of runs in a row.
+        count: u64,
+        /// Their common cause.
+        cause: String,
+        /// The end of what the last of them wrote to stderr.
+        detail: String,
+    },
+    /// A program asked again and again to be called later. No outcome is stored for the run.
+    #[error(
+        "run {number}: the program asked {attempts} times to be called later: {cause}{}",
+        quoted(detail)
+    )]
+    NotNow {
+        /// Number of the run.
+        number: u64,
+        /// Attempts that were made.
+        attempts: u32,
+        /// The last of them: "exit code 75".
+        cause: String,
+        /// The end of its stderr.
+        detail: String,
+    },
+    /// Runs were lost more often than they may be tried again. No outcome is stored for them.
+    #[error(
+        "{} lost more often than it may be tried again: {cause}{}",
+        lost_runs(numbers),
+        quoted(detail)
+    )]
+    Lost {
+        /// Numbers of the runs.
+        numbers: Vec<u64>,
+        /// How the first of them was lost.
+        cause: String,
+        /// Particulars of it.
+        detail: String,
+    },
     /// A simulator in this process reports that no run can succeed.
     #[error("{0}")]
     Simulator(String),
@@ -161,6 +212,18 @@ pub enum ExecutorError {
     /// The directory cannot be written to.
     #[error(transparent)]
     Campaign(#[from] CampaignError),
+}
+
+/// The end of a stderr behind a message.
+fn quoted(detail: &str) -> String {
+    if detail.is_empty() { String::new() } else { format!("; it said:\n{detail}") }
+}
+
+fn lost_runs(lost: &[u64]) -> String {
+    match lost {
+        [one] => format!("run {one} was"),
+        several => format!("runs {} were", numbers::format(several)),
+    }
 }
 
 /// A damaged file or line, and what became of it.

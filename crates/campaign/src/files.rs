@@ -80,10 +80,15 @@ pub(crate) fn read_numbered<T: DeserializeOwned>(
 
 /// The first of `NAME.damaged-1`, `NAME.damaged-2`, ... that is free.
 pub(crate) fn damaged_name(path: &Path) -> PathBuf {
+    free_name(path, "damaged")
+}
+
+/// The first of `NAME.END-1`, `NAME.END-2`, ... that is free.
+pub(crate) fn free_name(path: &Path, end: &str) -> PathBuf {
     let mut number = 1u64;
     loop {
         let mut name = path.as_os_str().to_owned();
-        name.push(format!(".damaged-{number}"));
+        name.push(format!(".{end}-{number}"));
         let name = PathBuf::from(name);
         if name.symlink_metadata().is_err() {
             return name;

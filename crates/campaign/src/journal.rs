@@ -140,6 +140,27 @@ impl Journal {
         self.flush().inspect_err(|_| self.cut(before))
     }
 
+    /// Replaces all records at once: on the disk they are all there or the former ones. After a failure nothing more is to be
+    /// written by this journal.
+    pub(crate) fn replace<T: Serialize>(&mut self, records: &[T]) -> Result<(), CampaignError> {
+        let text = self.lines(records)?;
+        files::write(&self.path, &text)?;
+        let failed = |error| CampaignError::io("opened", &self.path, error);
+        self.file = OpenOptions::new().write(true).open(&self.path).map_err(failed)?;
+        self.length = text.len() as u64;
+        self.reserved = 0;
+        self.make_room();
+        Ok(())
+    }
+
+    /// Copies the file as it is to the first of `NAME.END-1`, `NAME.END-2`, ... that is free: what is appended from now on
+    /// does not appear there.
+    pub(crate) fn keep_as(&self, end: &str) -> Result<PathBuf, CampaignError> {
+        let kept = files::free_name(&self.path, end);
+        fs::copy(&self.path, &kept).map_err(|error| CampaignError::io("kept", &kept, error))?;
+        Ok(kept)
+    }
+
     /// Flushes what was written.
     pub(crate) fn flush(&self) -> Result<(), CampaignError> {
         self.file.sync_data().map_err(|error| CampaignError::io("written", &self.path, error))
@@ -153,8 +174,7 @@ impl Journal {
         self.make_room();
     }
 
-    /// Appends records without flushing them. Where that fails, the file is as it was.
-    pub(crate) fn write<T: Serialize>(&mut self, records: &[T]) -> Result<(), CampaignError> {
+    fn lines<T: Serialize>(&self, records: &[T]) -> Result<Vec<u8>, CampaignError> {
         let mut text = Vec::new();
         for record in records {
             let line = seal::seal(record)
@@ -162,6 +182,12 @@ impl Journal {
             text.extend_from_slice(&line);
             text.push(b'\n');
         }
+        Ok(text)
+    }
+
+    /// Appends records without flushing them. Where that fails, the file is as it was.
+    pub(crate) fn write<T: Serialize>(&mut self, records: &[T]) -> Result<(), CampaignError> {
+        let text = self.lines(records)?;
         let place = self.file.seek(SeekFrom::Start(self.length));
         match place.and_then(|_| self.file.write_all(&text)) {
             Ok(()) => {

@@ -42,6 +42,7 @@ mod folder;
 mod holder;
 mod in_process;
 mod journal;
+mod judge;
 mod leftover;
 mod local;
 mod lock;
@@ -49,6 +50,7 @@ mod machine;
 mod mailbox;
 mod mend;
 pub mod numbers;
+mod outage;
 mod outcome;
 mod process;
 mod record;
@@ -58,6 +60,8 @@ pub mod slurm;
 mod spec;
 mod state;
 mod status;
+mod strays;
+mod streams;
 pub mod table;
 mod task;
 pub mod template;
@@ -72,7 +76,8 @@ pub use in_process::{Fault, InProcess};
 pub use local::Local;
 pub use outcome::{FailureKind, Outcome};
 pub use spec::{
-    Call, CampaignSpec, CommandSpec, Interpolation, Keep, OutputSpec, ResultSpec, SpecError,
+    Call, CampaignSpec, CommandSpec, Interpolation, Keep, LostRuns, OutputSpec, ResultSpec,
+    SpecError, TryLater,
 };
 pub use status::{Status, status};
 pub use table::Format;

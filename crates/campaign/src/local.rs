@@ -10,9 +10,15 @@ use crate::executor::{Event, Executor, Stop};
 use crate::leftover;
 use crate::mailbox::Mailbox;
 use crate::outcome::FailureKind;
+use crate::strays::{self, Watchdog};
 use crate::task::Task;
 
+/// Number of runs that may be lost too often before no further one is made.
+const LOST_MOST: usize = 12;
+
 /// Runs tasks as local processes.
+///
+/// On Linux this process adopts what its runs leave behind (it becomes a child subreaper), to end it after them.
 ///
 /// Before the first run in a directory that was opened again, it ends the processes that a killed
 /// driver of this directory has left on this machine.
@@ -26,6 +32,8 @@ enum News {
     Started(u64),
     Retried(u64, FailureKind),
     Ended(usize, Ran),
+    /// Lost too often.
+    GivenUp(u64, String, String),
     Gone(ExecutorError),
 }
 
@@ -65,11 +73,29 @@ impl Executor for Local {
         let (sender, receiver) = mpsc::channel();
         // Asked for by the caller, or by a failure after which no further run makes sense.
         let halt = stop.child();
-        std::thread::scope(|scope| {
-            for _ in 0..self.parallel.clamp(1, missing.len()) {
+        let longest = campaign.spec().commands.iter().map(|command| command.call.timeout_s);
+        let watchdog = Watchdog::start(longest.fold(0.0, f64::max));
+        let made = std::thread::scope(|scope| {
+            for slot in 0..self.parallel.clamp(1, missing.len()) {
                 let sender = sender.clone();
                 let (runner, missing, next, halt) = (&runner, &missing, &next, &halt);
-                scope.spawn(move || work(runner, missing, next, halt, &sender));
+                let work = move || work(runner, missing, next, halt, &sender);
+                let started = std::thread::Builder::new().spawn_scoped(scope, work);
+                match started {
+                    Ok(_) => {}
+                    Err(error) if slot == 0 => {
+                        return Err(ExecutorError::CannotStart {
+                            program: "a thread of this program".into(),
+                            reason: error.to_string(),
+                        });
+                    }
+                    Err(error) => {
+                        watch(Event::Note(format!(
+                            "only {slot} runs at a time: the system gives no further thread ({error})"
+                        )));
+                        break;
+                    }
+                }
             }
             drop(sender);
             let stored = store_all(campaign, &runner, &missing, &receiver, watch, &halt);
@@ -77,7 +103,10 @@ impl Executor for Local {
                 halt.cancel();
             }
             stored
-        })?;
+        });
+        drop(watchdog);
+        strays::end_all();
+        made?;
         if campaign.missing(tasks).is_empty() {
             Ok(())
         } else {
@@ -104,6 +133,9 @@ fn work(
         match runner.run(task, halt, lost) {
             Ok(ran) => tell(News::Ended(place, ran)),
             Err(ExecutorError::Interrupted { .. }) => return,
+            Err(ExecutorError::Lost { cause, detail, .. }) => {
+                tell(News::GivenUp(task.number, cause, detail));
+            }
             Err(error) => return tell(News::Gone(error)),
         }
     }
@@ -124,6 +156,7 @@ fn store_all(
         halt.cancel();
         failure.get_or_insert(error);
     };
+    let (mut lost, mut first_lost) = (Vec::new(), None);
     let mut mailbox = Mailbox::new(campaign);
     let safe = |ended: Vec<(usize, Ran)>, watch: &mut dyn FnMut(Event)| {
         for (place, ran) in ended {
@@ -142,6 +175,13 @@ fn store_all(
                 News::Ended(place, ran) => {
                     ended.push((tasks[place].number, ran.outcome.clone(), (place, ran)));
                 }
+                News::GivenUp(number, cause, detail) => {
+                    lost.push(number);
+                    first_lost.get_or_insert((cause, detail));
+                    if lost.len() >= LOST_MOST {
+                        halt.cancel();
+                    }
+                }
                 News::Gone(error) => fail(error),
             }
         }
@@ -150,10 +190,17 @@ fn store_all(
             Ok(ended) => safe(ended, watch),
             Err(error) => fail(error.into()),
         }
+        if let Some(outage) = campaign.outage() {
+            fail(outage);
+        }
     }
     match mailbox.flush() {
         Ok(ended) => safe(ended, watch),
         Err(error) => fail(error.into()),
+    }
+    if let Some((cause, detail)) = first_lost {
+        lost.sort_unstable();
+        fail(ExecutorError::Lost { numbers: lost, cause, detail });
     }
     failure.map_or(Ok(()), Err)
 }

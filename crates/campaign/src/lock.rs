@@ -2,7 +2,7 @@
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read as _, Seek as _, Write as _};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use crate::error::CampaignError;
@@ -20,6 +20,7 @@ const PATIENCE_WITH_THE_DEAD: Duration = Duration::from_secs(10);
 #[derive(Debug)]
 pub(crate) struct Lock {
     file: File,
+    path: PathBuf,
 }
 
 impl Lock {
@@ -27,13 +28,15 @@ impl Lock {
     pub(crate) fn take(dir: &Path) -> Result<Self, CampaignError> {
         let path = dir.join(LOCK);
         let failed = |error| CampaignError::io("locked", &path, error);
-        let mut file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .open(&path)
-            .map_err(failed)?;
+        let mut options = OpenOptions::new();
+        options.read(true).write(true).create(true).truncate(false);
+        #[cfg(unix)]
+        {
+            // A received folder may hold a link in its place, to a file that is not to be written to.
+            use std::os::unix::fs::OpenOptionsExt as _;
+            options.custom_flags(rustix::fs::OFlags::NOFOLLOW.bits() as i32);
+        }
+        let mut file = options.open(&path).map_err(failed)?;
         let start = Instant::now();
         loop {
             match file.try_lock() {
@@ -52,7 +55,27 @@ impl Lock {
         }
         // The holder's name is for messages: on a full disk the lock holds without it.
         let _ = write_holder(&mut file, &Holder::this());
-        Ok(Self { file })
+        Ok(Self { file, path })
+    }
+
+    /// Checks that the locked file is the one in the directory.
+    pub(crate) fn check(&self) -> Result<(), CampaignError> {
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::MetadataExt as _;
+            let failed = |error| CampaignError::io("read", &self.path, error);
+            let held = self.file.metadata().map_err(failed)?;
+            let same = match self.path.symlink_metadata() {
+                Ok(there) => (there.dev(), there.ino()) == (held.dev(), held.ino()),
+                Err(error) if error.kind() == io::ErrorKind::NotFound => false,
+                Err(error) => return Err(failed(error)),
+            };
+            if !same {
+                let dir = self.path.parent().unwrap_or(&self.path).to_path_buf();
+                return Err(CampaignError::LockLost { dir });
+            }
+        }
+        Ok(())
     }
 
     /// The process that has `dir`: none where it is free, `Some(None)` where its name cannot be read. Takes the lock for a

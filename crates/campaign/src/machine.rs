@@ -25,6 +25,17 @@ pub(crate) fn boot() -> String {
     id.trim().to_owned()
 }
 
+/// A process as its number and the time of its start, so that a later one of the same number is told from it: `812:90311`.
+/// None where there is no such process, or the system does not say.
+pub(crate) fn process_name(pid: u32) -> Option<String> {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
+    // "PID (NAME) STATE ...", where the name may hold anything; the start is field 22.
+    let mut fields = stat.rsplit(')').next()?.split_whitespace();
+    let state = fields.next()?;
+    let started = fields.nth(18)?;
+    (state != "Z").then(|| format!("{pid}:{started}"))
+}
+
 /// Whether there is a process of this number on this machine.
 #[cfg(unix)]
 pub(crate) fn process_exists(pid: u32) -> bool {

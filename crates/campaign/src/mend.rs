@@ -20,6 +20,8 @@ pub(crate) struct Mended {
     pub(crate) extra: BTreeMap<String, Vec<u8>>,
     /// Damage that was found and mended.
     pub(crate) damage: Vec<Damage>,
+    /// Whether the directory is a copy of another one.
+    pub(crate) copied: bool,
 }
 
 /// Sets aside what is damaged, replaces it by what is given, and makes folders that are not there.
@@ -51,10 +53,11 @@ pub(crate) fn mend(dir: &Path, given: Given<'_>) -> Result<Mended, CampaignError
             extra.insert(name.clone(), contents.clone());
         }
     }
-    if rewrite {
+    let copied = record.is_of_another(dir);
+    if record.settle(dir) || rewrite {
         record.write(dir)?;
     }
-    Ok(Mended { record, extra, damage })
+    Ok(Mended { record, extra, damage, copied })
 }
 
 fn mend_folders(dir: &Path, damage: &mut Vec<Damage>) -> Result<(), CampaignError> {

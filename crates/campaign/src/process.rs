@@ -5,6 +5,8 @@ use std::process::{Child, Command, ExitStatus};
 use std::time::{Duration, Instant};
 
 use crate::executor::Stop;
+#[cfg(target_os = "linux")]
+use crate::strays;
 
 /// Time after which processes that were asked to end are killed.
 const GRACE: Duration = Duration::from_secs(2);
@@ -25,20 +27,33 @@ pub(crate) enum Ended {
     Stopped,
 }
 
-/// Starts `command` in a process group of its own and waits for it. Whatever is left of the group
-/// afterwards is killed.
-pub(crate) fn run(command: &mut Command, limit: Duration, stop: &Stop) -> io::Result<Ended> {
+/// Starts `command` in a process group of its own and waits for it; `glance` is called every [`GLANCE`] meanwhile. Whatever
+/// is left of the group afterwards is killed; so is, on Linux, what has left the group and carries the command's working
+/// directory as [its attempt](crate::strays::ATTEMPT).
+pub(crate) fn run(
+    command: &mut Command,
+    limit: Duration,
+    stop: &Stop,
+    glance: &mut dyn FnMut(),
+) -> io::Result<Ended> {
     #[cfg(unix)]
     {
         use std::os::unix::process::CommandExt as _;
         command.process_group(0);
     }
+    #[cfg(target_os = "linux")]
+    strays::adopt();
     let started = Instant::now();
     let mut child = command.spawn()?;
-    watch_over(&mut child, started, limit, stop).inspect_err(|_| {
+    let ended = watch_over(&mut child, started, limit, stop, glance).inspect_err(|_| {
         // It cannot be waited for, so it must not go on either.
         signal(&mut child, Strength::Kill);
-    })
+    });
+    #[cfg(target_os = "linux")]
+    if let Some(attempt) = command.get_current_dir() {
+        strays::end_of_attempt(rustix::process::Pid::from_child(&child), attempt);
+    }
+    ended
 }
 
 fn watch_over(
@@ -46,6 +61,7 @@ fn watch_over(
     started: Instant,
     limit: Duration,
     stop: &Stop,
+    glance: &mut dyn FnMut(),
 ) -> io::Result<Ended> {
     let waiter = Waiter::new(child);
     loop {
@@ -61,6 +77,7 @@ fn watch_over(
         } else if started.elapsed() >= limit {
             Ended::TimedOut
         } else {
+            glance();
             continue;
         };
         end(child, &waiter)?;
@@ -227,6 +244,10 @@ fn has_ended(child: &mut Child) -> io::Result<bool> {
 #[cfg(all(test, unix))]
 mod tests {
     use super::*;
+
+    fn run(command: &mut Command, limit: Duration, stop: &Stop) -> io::Result<Ended> {
+        super::run(command, limit, stop, &mut || ())
+    }
 
     fn shell(script: &str) -> Command {
         let mut command = Command::new("sh");

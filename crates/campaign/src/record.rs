@@ -24,6 +24,42 @@ pub(crate) struct Record {
     pub(crate) spec: CampaignSpec,
     /// Checksums of the caller's files, by name.
     pub(crate) files: BTreeMap<String, String>,
+    /// The directory that it was written in, by which a copy is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    place: Option<Place>,
+}
+
+/// A directory as the file system knows it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Place {
+    path: String,
+    device: u64,
+    inode: u64,
+}
+
+impl Place {
+    /// None where the system has no such numbers.
+    fn of(dir: &Path) -> Option<Self> {
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::MetadataExt as _;
+            let there = dir.metadata().ok()?;
+            let path = dir.to_string_lossy().into_owned();
+            Some(Self { path, device: there.dev(), inode: there.ino() })
+        }
+        #[cfg(not(unix))]
+        {
+            let _ = dir;
+            None
+        }
+    }
+
+    /// Whether both are the same directory. It may have been renamed; and another machine may see the same file system
+    /// under another device number.
+    fn is_same(&self, other: &Self) -> bool {
+        self.inode == other.inode && (self.device == other.device || self.path == other.path)
+    }
 }
 
 /// A line of `results.jsonl` and a file in `outcomes`.
@@ -47,16 +83,37 @@ impl ResultRecord {
 
 impl Record {
     pub(crate) fn new(dir: &Path, spec: &CampaignSpec, extra: &BTreeMap<String, Vec<u8>>) -> Self {
+        let files =
+            extra.iter().map(|(name, text)| (name.clone(), seal::hex(seal::checksum(text))));
+        let (id, place) = (Self::new_id(dir), Place::of(dir));
+        Self { format: FORMAT, id, spec: spec.clone(), files: files.collect(), place }
+    }
+
+    fn new_id(dir: &Path) -> String {
         let mut digest = seal::Digest::new();
         digest.add(dir.as_os_str().as_encoded_bytes());
         digest.add(machine::host().as_bytes());
         digest.add(&std::process::id().to_le_bytes());
         let time = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
         digest.add(&time.map_or(0, |time| time.as_nanos()).to_le_bytes());
-        let files =
-            extra.iter().map(|(name, text)| (name.clone(), seal::hex(seal::checksum(text))));
-        let id = seal::hex(digest.finish());
-        Self { format: FORMAT, id, spec: spec.clone(), files: files.collect() }
+        seal::hex(digest.finish())
+    }
+
+    /// Whether it was written in another directory than `dir`, which then is a copy.
+    pub(crate) fn is_of_another(&self, dir: &Path) -> bool {
+        let (written, here) = (self.place.as_ref(), Place::of(dir));
+        written.zip(here.as_ref()).is_some_and(|(written, here)| !written.is_same(here))
+    }
+
+    /// Makes it the record of `dir`, with a name of its own where that is a copy; whether anything changed.
+    pub(crate) fn settle(&mut self, dir: &Path) -> bool {
+        if self.is_of_another(dir) {
+            self.id = Self::new_id(dir);
+        }
+        let here = Place::of(dir);
+        let changed = self.place != here;
+        self.place = here;
+        changed
     }
 
     pub(crate) fn write(&self, dir: &Path) -> Result<(), CampaignError> {

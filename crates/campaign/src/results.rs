@@ -5,17 +5,35 @@ use std::io::{self, Read as _};
 use std::path::Path;
 
 use crate::outcome::FailureKind;
-use crate::spec::{Interpolation, OutputSpec};
-use crate::table::{Table, TableError};
+use crate::spec::{Interpolation, OutputSpec, ResultSpec};
+use crate::table::{Format, Table, TableError};
 
 /// Largest table that is read \[bytes\].
 const LARGEST_BYTES: u64 = 512 << 20;
+
+/// What a run without values is to be put down to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Blame {
+    /// The run.
+    Run,
+    /// The run, or a disk that was full for a while: the file ends in the middle.
+    Cut,
+    /// The disk or the system, which could not give the file.
+    Environment,
+}
 
 /// Why a run gives no values: the cause, and what was seen.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Refusal {
     pub(crate) kind: FailureKind,
     pub(crate) detail: String,
+    pub(crate) blame: Blame,
+}
+
+impl Refusal {
+    fn of_run(kind: FailureKind, detail: String) -> Self {
+        Self { kind, detail, blame: Blame::Run }
+    }
 }
 
 /// The values of all observables of a run, one observable after the other; all finite.
@@ -31,13 +49,14 @@ fn read_one(folder: &Path, output: &OutputSpec) -> Result<Vec<f64>, Refusal> {
     let result = &output.result;
     let refused = |error| refusal(&result.file, error);
     let text = read_text(folder, &result.file)?;
+    check_end(&text, result)?;
     let table = Table::parse(&text, result.format).map_err(refused)?;
     let values = table.column(&result.value).map_err(refused)?;
     let Some(control_name) = &result.control else {
         if values.len() != output.at.len() {
             let detail = format!("{} rows, {} observation points", values.len(), output.at.len());
             let (file, column) = (result.file.clone(), result.value.clone());
-            return Err(Refusal { kind: FailureKind::NoMatch { file, column }, detail });
+            return Err(Refusal::of_run(FailureKind::NoMatch { file, column }, detail));
         }
         check_finite(output, &values)?;
         return Ok(values);
@@ -51,7 +70,7 @@ fn read_one(folder: &Path, output: &OutputSpec) -> Result<Vec<f64>, Refusal> {
     if let Some(row) = control.iter().position(|at| !at.is_finite()) {
         let (file, column) = (Some(result.file.clone()), control_name.clone());
         let detail = format!("data row {}: {}", row + 1, control[row]);
-        return Err(Refusal { kind: FailureKind::NotANumber { file, column }, detail });
+        return Err(Refusal::of_run(FailureKind::NotANumber { file, column }, detail));
     }
     let found = match result.interpolate {
         Interpolation::Linear => interpolate(output, control_name, &control, &values),
@@ -66,7 +85,8 @@ fn read_text(folder: &Path, file: &str) -> Result<String, Refusal> {
     let mut bytes = Vec::new();
     // A pipe or a device would never end.
     let plain = path.metadata().and_then(|metadata| {
-        if metadata.is_file() { Ok(()) } else { Err(io::Error::other("it is not a plain file")) }
+        let not_plain = || io::Error::new(io::ErrorKind::IsADirectory, "it is not a plain file");
+        if metadata.is_file() { Ok(()) } else { Err(not_plain()) }
     });
     let read = plain
         .and_then(|()| File::open(&path))
@@ -80,11 +100,15 @@ fn read_text(folder: &Path, file: &str) -> Result<String, Refusal> {
             Ok(text) => text,
             Err(error) => String::from_utf8_lossy(error.as_bytes()).into_owned(),
         }),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => {
+        Err(error) if error.kind() == io::ErrorKind::NotFound && folder.is_dir() => {
             let kind = FailureKind::MissingOutput { file: file.to_owned() };
-            Err(Refusal { kind, detail: String::new() })
+            Err(Refusal::of_run(kind, String::new()))
         }
-        Err(error) => Err(malformed(file, error.to_string())),
+        Err(error) if is_of_the_run(&error) => Err(malformed(file, error.to_string())),
+        Err(error) => {
+            let refusal = malformed(file, format!("{file} cannot be read: {error}"));
+            Err(Refusal { blame: Blame::Environment, ..refusal })
+        }
     }
 }
 
@@ -92,7 +116,7 @@ fn refusal(file: &str, error: TableError) -> Refusal {
     match error {
         TableError::MissingColumn { column, names, .. } => {
             let kind = FailureKind::MissingColumn { file: file.to_owned(), column };
-            Refusal { kind, detail: format!("it has {}", names.join(", ")) }
+            Refusal::of_run(kind, format!("it has {}", names.join(", ")))
         }
         other => malformed(file, other.to_string()),
     }
@@ -100,7 +124,36 @@ fn refusal(file: &str, error: TableError) -> Refusal {
 
 fn malformed(file: &str, detail: impl Into<String>) -> Refusal {
     let kind = FailureKind::MalformedOutput { file: file.to_owned() };
-    Refusal { kind, detail: detail.into() }
+    Refusal::of_run(kind, detail.into())
+}
+
+/// Whether an error on reading a file comes from what the run left there; any other is one of the disk or the system.
+fn is_of_the_run(error: &io::Error) -> bool {
+    use io::ErrorKind::{InvalidFilename, IsADirectory, NotADirectory, PermissionDenied};
+    // A chain of links without end has no kind of its own yet.
+    #[cfg(unix)]
+    let loops = error.raw_os_error() == Some(rustix::io::Errno::LOOP.raw_os_error());
+    #[cfg(not(unix))]
+    let loops = false;
+    let kinds = [InvalidFilename, IsADirectory, NotADirectory, PermissionDenied];
+    loops || kinds.contains(&error.kind())
+}
+
+/// Refuses a file that ends in the middle of a line, or of a JSON value: its last number may be cut off.
+fn check_end(text: &str, result: &ResultSpec) -> Result<(), Refusal> {
+    let (whole, wanted) = match result.format {
+        Format::Json => (text.trim_end().ends_with(['}', ']']), "a closing bracket"),
+        Format::Csv | Format::Whitespace => (text.ends_with(['\n', '\r']), "a line end"),
+    };
+    if whole {
+        return Ok(());
+    }
+    let what = if text.is_empty() {
+        "it is empty".to_owned()
+    } else {
+        format!("it does not end with {wanted}: its last number may be cut off")
+    };
+    Err(Refusal { blame: Blame::Cut, ..malformed(&result.file, what) })
 }
 
 /// Distance from an observation point within which a row counts as being at it: the rounding of a printed number.
@@ -153,7 +206,7 @@ fn interpolate(
             let (file, column) = (output.result.file.clone(), control_name.to_owned());
             let detail =
                 format!("{control_name} = {at} is needed, the table has {first} to {last}");
-            return Err(Refusal { kind: FailureKind::Extrapolation { file, column }, detail });
+            return Err(Refusal::of_run(FailureKind::Extrapolation { file, column }, detail));
         }
         let at = at.clamp(first, last);
         // The first row at or after the point; there is one.
@@ -189,7 +242,7 @@ fn pick(
                 rows - next,
                 next + 1
             );
-            return Err(Refusal { kind: FailureKind::NoMatch { file, column }, detail });
+            return Err(Refusal::of_run(FailureKind::NoMatch { file, column }, detail));
         };
         found.push(values[next + row]);
         next += row + 1;
@@ -203,7 +256,7 @@ fn check_finite(output: &OutputSpec, values: &[f64]) -> Result<(), Refusal> {
         Some(place) => {
             let (file, column) = (Some(output.result.file.clone()), output.result.value.clone());
             let detail = format!("{} at observation point {}", values[place], output.at[place]);
-            Err(Refusal { kind: FailureKind::NotANumber { file, column }, detail })
+            Err(Refusal::of_run(FailureKind::NotANumber { file, column }, detail))
         }
     }
 }
@@ -211,8 +264,6 @@ fn check_finite(output: &OutputSpec, values: &[f64]) -> Result<(), Refusal> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spec::ResultSpec;
-    use crate::table::Format;
 
     fn output(at: &[f64], interpolate: Interpolation) -> OutputSpec {
         let result = ResultSpec {

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Component, Path};
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -49,10 +50,79 @@ pub struct Call {
     pub environment: BTreeMap<String, String>,
     /// Time limit of one attempt \[s\], after which its whole process group is ended.
     pub timeout_s: f64,
-    /// Number of times that a lost run (killed from outside) is tried again. A failed run is not.
+    /// Number of times that a lost run (killed from outside, or by an error of the disk) is tried again. A failed run is
+    /// not.
     pub retries: u32,
+    /// Exit codes by which the program asks to be called again later.
+    #[serde(default)]
+    pub try_later: TryLater,
+    /// What follows where a run is lost more often than it is tried again.
+    #[serde(default)]
+    pub lost: LostRuns,
     /// Working directories that stay after their runs.
     pub keep: Keep,
+}
+
+/// Exit codes that say "not now": no licence, no server. They say nothing about the parameters.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TryLater {
+    /// The codes, 1 to 255.
+    pub exit_codes: Vec<i32>,
+    /// Pause before the first further attempt \[s\]; each pause is twice the one before, up to a minute.
+    pub pause_s: f64,
+    /// Number of further attempts at a run, after which the driver stops, to be resumed.
+    pub retries: u32,
+}
+
+impl Default for TryLater {
+    /// EX_TEMPFAIL of sysexits.h, for seven minutes.
+    fn default() -> Self {
+        Self { exit_codes: vec![75], pause_s: 1.0, retries: 12 }
+    }
+}
+
+impl TryLater {
+    /// Pause before the further attempt `k`, from 0.
+    ///
+    /// # Formula
+    ///
+    /// min(`pause_s` 2^k, max(60 s, `pause_s`))
+    pub(crate) fn pause(&self, k: u32) -> Duration {
+        let longest = self.pause_s.max(60.0);
+        Duration::try_from_secs_f64((self.pause_s * 2.0_f64.powi(k.min(64) as i32)).min(longest))
+            .unwrap_or(Duration::from_secs(60))
+    }
+
+    /// Checks the numbers; the field of an error is `exit_codes` or `pause_s`.
+    ///
+    /// # Errors
+    ///
+    /// [`SpecError`] with the first mistake.
+    pub fn check(&self) -> Result<(), SpecError> {
+        if let Some(code) = self.exit_codes.iter().find(|code| !(1..=255).contains(*code)) {
+            let problem = format!("{code} is not an exit code of a failure; give 1 to 255");
+            return wrong("exit_codes".into(), problem);
+        }
+        if !(0.0..=86_400.0).contains(&self.pause_s) {
+            let problem = format!("{} is not a pause; give seconds, 0 to 86400", self.pause_s);
+            return wrong("pause_s".into(), problem);
+        }
+        Ok(())
+    }
+}
+
+/// What follows where a run is lost more often than it is tried again.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LostRuns {
+    /// The run has no outcome: the driver makes the others and stops, to be resumed.
+    #[default]
+    Stop,
+    /// It counts as failed: right where parameters decide on it, as by the memory that they need.
+    Fail,
 }
 
 /// Place of one observable after a run, and the points at which it is compared.
@@ -118,17 +188,36 @@ pub struct SpecError {
     pub problem: String,
 }
 
+impl Call {
+    /// A call of a program with the limits that hold where none are given: an hour, two further attempts at a lost run,
+    /// folders of failed runs stay.
+    #[must_use]
+    pub fn new(argv: Vec<String>) -> Self {
+        Self {
+            argv,
+            environment: BTreeMap::new(),
+            timeout_s: 3600.0,
+            retries: 2,
+            try_later: TryLater::default(),
+            lost: LostRuns::default(),
+            keep: Keep::default(),
+        }
+    }
+
+    /// Takes everything over that decides only on whether a run gets made, and not on its values: limits, retries,
+    /// folders that stay.
+    pub fn set_limits(&mut self, of: &Self) {
+        let Self { argv: _, environment: _, timeout_s, retries, try_later, lost, keep } = of;
+        (self.timeout_s, self.retries, self.lost, self.keep) = (*timeout_s, *retries, *lost, *keep);
+        self.try_later.clone_from(try_later);
+    }
+}
+
 impl CommandSpec {
     /// A simulator in this process ([`InProcess`](crate::InProcess)) that gives any number of values.
     #[must_use]
     pub fn in_process(name: &str) -> Self {
-        let call = Call {
-            argv: Vec::new(),
-            environment: BTreeMap::new(),
-            timeout_s: 1.0,
-            retries: 0,
-            keep: Keep::None,
-        };
+        let call = Call { timeout_s: 1.0, retries: 0, keep: Keep::None, ..Call::new(Vec::new()) };
         Self { name: name.to_owned(), call, outputs: Vec::new() }
     }
 
@@ -178,6 +267,10 @@ impl CampaignSpec {
             let problem = format!("{} is not a time; give seconds above 0", call.timeout_s);
             return wrong(format!("{place}.call.timeout_s"), problem);
         }
+        call.try_later.check().map_err(|error| SpecError {
+            field: format!("{place}.call.try_later.{}", error.field),
+            ..error
+        })?;
         for (i, argument) in call.argv.iter().enumerate() {
             self.check_template(format!("{place}.call.argv[{i}]"), argument)?;
         }

@@ -1,15 +1,16 @@
 //! Everything that a campaign has stored, in memory and in its journals.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::error::{CampaignError, Damage};
+use crate::error::{CampaignError, Damage, ExecutorError};
 use crate::folder::{ITERATIONS, RESULTS, TASKS};
 use crate::journal::{self, Journal};
-use crate::outcome::Outcome;
+use crate::outage::Streak;
+use crate::outcome::{FailureKind, Outcome};
 use crate::record::ResultRecord;
 use crate::spec::{CampaignSpec, CommandSpec};
 use crate::task::Task;
@@ -17,6 +18,9 @@ use crate::{files, seal};
 
 /// Room that is kept on the disk for outcomes \[bytes\]: of a hundred runs with dozens of values each.
 const RESERVE_BYTES: u64 = 64 << 10;
+
+/// End of the names of journals as they were before failures were given up: `results.jsonl.retried-1`.
+const GIVEN_UP: &str = "retried";
 
 /// The tasks by number, each with its fingerprint.
 type Tasks = BTreeMap<u64, (Task, String)>;
@@ -38,6 +42,12 @@ pub(crate) struct State {
     pub(crate) iterations: BTreeMap<u32, Value>,
     tasks_journal: Journal,
     results_journal: Journal,
+    /// How the last runs ended.
+    streak: Streak,
+    /// Tasks as they were placed before failures were given up.
+    earlier: Tasks,
+    /// Number of tasks that were placed otherwise than before.
+    placed_again: u64,
 }
 
 impl State {
@@ -62,7 +72,22 @@ impl State {
             results.entry((result.number, result.task)).or_insert(result.outcome);
         }
         let tasks = index(spec, tasks);
-        Ok(Self { tasks, results, iterations, tasks_journal, results_journal })
+        let mut streak = Streak::default();
+        for (number, (_, fingerprint)) in &tasks {
+            results.get(&(*number, fingerprint.clone())).iter().for_each(|found| streak.add(found));
+        }
+        streak.end();
+        let (earlier, placed_again) = (Tasks::new(), 0);
+        Ok(Self {
+            tasks,
+            results,
+            iterations,
+            tasks_journal,
+            results_journal,
+            streak,
+            earlier,
+            placed_again,
+        })
     }
 
     /// Stores the `tasks` that are new and flushes them to disk; if one is refused, none is stored.
@@ -94,6 +119,9 @@ impl State {
         self.tasks_journal.append(&new)?;
         for task in new {
             let fingerprint = seal::hex(spec.fingerprint(task));
+            let before = self.earlier.remove(&task.number);
+            self.placed_again +=
+                u64::from(before.is_some_and(|(before, _)| !same_bits(&before, task)));
             self.tasks.insert(task.number, (task.clone(), fingerprint));
         }
         Ok(())
@@ -131,6 +159,11 @@ impl State {
             new
         });
         self.results_journal.write(&results)?;
+        for result in &results {
+            if self.tasks.get(&result.number).is_some_and(|(_, task)| *task == result.task) {
+                self.streak.add(&result.outcome);
+            }
+        }
         let numbers = results.iter().map(|result| result.number).collect();
         self.results.extend(keys.into_iter().zip(results.into_iter().map(|r| r.outcome)));
         Ok(numbers)
@@ -138,6 +171,53 @@ impl State {
 
     pub(crate) fn flush_outcomes(&self) -> Result<(), CampaignError> {
         self.results_journal.flush()
+    }
+
+    /// Gives up the outcomes of failed runs, and where tasks were placed: they are submitted anew. Results are found again
+    /// by their parameters. What there was stays on the disk beside the journals.
+    pub(crate) fn forget_failed(
+        &mut self,
+        dir: &Path,
+        given_up: &dyn Fn(&FailureKind) -> bool,
+    ) -> Result<Vec<u64>, CampaignError> {
+        let failed =
+            |outcome: Option<&Outcome>| outcome.and_then(Outcome::failure).is_some_and(given_up);
+        let numbers: Vec<u64> =
+            self.tasks.keys().copied().filter(|&number| failed(self.outcome(number))).collect();
+        if numbers.is_empty() {
+            return Ok(numbers);
+        }
+        let path = dir.join(RESULTS);
+        let mut stored =
+            journal::read::<ResultRecord>(&path)?.map_or_else(Vec::new, |lines| lines.records);
+        stored.retain(|result| !failed(Some(&result.outcome)));
+        // In this order: tasks without a line are submitted again as they were, while failures are still there.
+        self.tasks_journal.keep_as(GIVEN_UP)?;
+        self.results_journal.keep_as(GIVEN_UP)?;
+        self.tasks_journal.replace::<Task>(&[])?;
+        self.results_journal.replace(&stored)?;
+        self.results.retain(|_, outcome| !failed(Some(outcome)));
+        self.streak = Streak::default();
+        for outcome in self.results.values() {
+            self.streak.add(outcome);
+            self.streak.end();
+        }
+        self.earlier = std::mem::take(&mut self.tasks);
+        // The caller makes them anew, perhaps fewer.
+        for k in std::mem::take(&mut self.iterations).into_keys() {
+            let _ = std::fs::remove_file(iteration_file(dir, k));
+        }
+        Ok(numbers)
+    }
+
+    /// Number of tasks that were placed otherwise than before failures were given up.
+    pub(crate) fn placed_again(&self) -> u64 {
+        self.placed_again
+    }
+
+    /// Whether the last runs look like an outage.
+    pub(crate) fn outage(&self) -> Option<ExecutorError> {
+        self.streak.outage()
     }
 
     /// Stores the record of an iteration, in place of what was there.
@@ -151,7 +231,7 @@ impl State {
             return Ok(());
         }
         let iteration = Iteration { iteration: k, record: record.clone() };
-        files::write_sealed(&dir.join(ITERATIONS).join(format!("{k:04}.json")), &iteration)?;
+        files::write_sealed(&iteration_file(dir, k), &iteration)?;
         self.iterations.insert(k, iteration.record);
         Ok(())
     }
@@ -169,6 +249,10 @@ impl State {
             |task: &&Task| seen.insert(task.number) && self.outcome(task.number).is_none();
         tasks.iter().filter(&mut open).cloned().collect()
     }
+}
+
+fn iteration_file(dir: &Path, k: u32) -> PathBuf {
+    dir.join(ITERATIONS).join(format!("{k:04}.json"))
 }
 
 /// Reads tasks and results without the lock and without mending anything.

@@ -2,9 +2,10 @@
 
 use super::{
     Axes, Band, BedFigure, CompareFigure, ConvergenceFigure, ConvergenceStage, CornerFigure,
-    CornerParameter, DensificationFigure, Figure, FitFigure, Knee, NamedCurve, RankedQuantity,
-    RanksFigure, RecursionFigure, RecursionParameter, RegimeMapFigure, ResidualsFigure, Role,
-    SeriesFigure, WorkPrecisionFigure, WorkPrecisionGrid, WorkPrecisionSeries,
+    CornerParameter, DensificationFigure, FailuresFigure, Figure, FitFigure, Knee, NamedCurve,
+    RankedQuantity, RanksFigure, RecursionFigure, RecursionParameter, RegimeMapFigure,
+    ResidualsFigure, Role, SeriesFigure, WorkPrecisionFigure, WorkPrecisionGrid,
+    WorkPrecisionSeries,
 };
 
 /// Numbers that look random and are the same everywhere.
@@ -74,6 +75,7 @@ pub(crate) fn figures(
         ("recursion", Box::new(data.recursion())),
         ("convergence", Box::new(data.convergence())),
         ("residuals", Box::new(data.residuals())),
+        ("failures", Box::new(data.failures())),
         ("regime-map", Box::new(data.regime_map())),
         ("compare", Box::new(data.compare())),
         ("series", Box::new(data.series())),
@@ -278,6 +280,23 @@ impl Data {
             residual: pairs.map(|(a, b)| a - b).collect(),
             sigma: 0.03,
             axes: Axes::default(),
+        }
+    }
+
+    fn failures(&self) -> FailuresFigure {
+        let edges = grid(0.0, 4.0, 21);
+        let bump = |x: f64| (-8.0 * (x - 2.0) * (x - 2.0)).exp();
+        let middles: Vec<f64> = edges.windows(2).map(|ends| 0.5 * (ends[0] + ends[1])).collect();
+        let of = |pick: fn(f64, f64) -> f64| middles.iter().map(|x| pick(*x, bump(*x))).collect();
+        FailuresFigure {
+            title: self.title.clone(),
+            symbol: "b".to_owned(),
+            unit: String::new(),
+            log10: false,
+            finished: of(|x, bump| if x < 1.9 { 0.0 } else { (5.0 + 60.0 * bump).round() }),
+            failed: of(|x, bump| if x < 1.9 { (5.0 + 20.0 * bump).round() } else { 0.0 }),
+            posterior: of(|x, bump| if x < 1.9 { 0.0 } else { 0.3 * bump }),
+            edges,
         }
     }
 

@@ -11,6 +11,7 @@ mod design;
 mod em;
 mod error;
 mod estimate;
+mod failing;
 mod gaussian_process;
 mod joint;
 mod lanes;
@@ -61,9 +62,9 @@ pub use noise::{
 };
 pub use observations::{ObservationError, Observations};
 pub use posterior::{
-    BandPoint, Counters, Draw, EffectiveSampleSize, Evidence, Failure, GroupSummary, Interval,
-    MapPoint, Moments, ParameterSummary, PathParameter, PathPoint, Posterior, Residuals, Sample,
-    SigmaSummary, StopReason,
+    BandPoint, Counters, Draw, EffectiveSampleSize, Evidence, Failing, FailingPlace, Failure,
+    GroupSummary, Interval, MapPoint, Moments, ParameterSummary, PathParameter, PathPoint,
+    Posterior, Residuals, Sample, SigmaSummary, StopReason,
 };
 pub use predictive::{predictive_band, predictive_band_of_group};
 pub use prior::{Coordinate, Prior, PriorError, PriorSpec};

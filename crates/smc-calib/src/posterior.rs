@@ -48,6 +48,9 @@ pub struct Posterior {
     pub stages: Vec<StageRecord>,
     /// Failed simulations by cause, commonest first.
     pub failures: Vec<Failure>,
+    /// Where simulations fail, and what that means; none where none failed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub failing: Option<Failing>,
     /// Why the run ended.
     pub stop: StopReason,
     /// Work done.
@@ -240,6 +243,63 @@ pub struct Evidence {
     pub pooled_se: f64,
     /// Whether those two agree within three standard errors.
     pub agree: bool,
+}
+
+/// Where simulations fail, and what that means for posterior and evidence, in which they count as likelihood zero.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Failing {
+    /// Failed simulations.
+    pub failed: usize,
+    /// All simulations.
+    pub simulations: usize,
+    /// Chance that failures lie as much together as these where failing does not depend on the parameters: a permutation
+    /// test on the failed among the five nearest neighbours of each failed sample.
+    pub p_value: f64,
+    /// Estimated share of the posterior in the failed samples, if they had the likelihood that a Gaussian process through
+    /// those of the others predicts for them.
+    pub mass: f64,
+    /// Where they are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place: Option<FailingPlace>,
+    /// Log evidence if failures are random: that with failures as likelihood zero, less ln(1 - share of failures).
+    pub log_evidence_if_random: f64,
+    /// Its standard error, with that of the share.
+    pub log_evidence_if_random_se: f64,
+}
+
+impl Failing {
+    /// Whether failing depends on the parameters.
+    pub fn depends(&self) -> bool {
+        self.p_value < crate::trust::limits::FAILING_CHANCE
+    }
+
+    /// Whether it cuts the posterior off.
+    pub fn matters(&self) -> bool {
+        self.depends() && self.mass > crate::trust::limits::FAILING_MASS
+    }
+}
+
+/// The parameter that tells failed simulations from finished ones best.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FailingPlace {
+    /// Its name.
+    pub parameter: String,
+    /// 5 % of the failed simulations lie below (SI).
+    pub lower: f64,
+    /// 5 % of the failed simulations lie above (SI).
+    pub upper: f64,
+    /// Ends of twenty bins over all simulations, equally wide in the prior's coordinate (SI).
+    pub edges: Vec<f64>,
+    /// Finished simulations in each bin.
+    pub finished: Vec<usize>,
+    /// Failed simulations in each bin.
+    pub failed: Vec<usize>,
+    /// Share of the posterior in each bin.
+    pub posterior: Vec<f64>,
 }
 
 /// Effective sample size.

@@ -25,6 +25,8 @@ pub(crate) enum Purpose {
     Sigma = 5,
     /// Noise standard deviation of each sample, for leaving observations out.
     LeaveOneOut = 7,
+    /// Random orders of failures.
+    Failures = 19,
     /// Scrambling of the nets that a surrogate is integrated with.
     Surrogate = 8,
 }

@@ -2,6 +2,7 @@
 
 use crate::control::estimate;
 use crate::estimate::Estimator;
+use crate::failing::failing;
 use crate::joint::JointProblem;
 use crate::map_search::find_map;
 use crate::marginal::{Marginal, in_si, mean_and_sd};
@@ -15,8 +16,9 @@ use crate::stream::{Purpose, stream};
 use crate::target::CurveTarget;
 use crate::trust::khat_holds;
 use crate::{
-    CalibrateError, Draw, EffectiveSampleSize, Evidence, GroupSummary, MapPoint, Parameter,
-    ParameterSummary, Posterior, Residuals, Sample, Settings, StageRecord, StopReason, psis,
+    CalibrateError, Counters, Draw, EffectiveSampleSize, Evidence, GroupSummary, MapPoint,
+    Parameter, ParameterSummary, Posterior, Residuals, Sample, Settings, StageRecord, StopReason,
+    psis,
 };
 use rand::RngExt;
 use rayon::prelude::*;
@@ -84,7 +86,8 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
     let wanted = settings.path && !tuned;
     let path = wanted.then(|| path(target, &sampler.pool, kept, &coordinate, &estimator));
     let pool = &sampler.pool;
-    let mut posterior = Posterior {
+    let counters = Counters { map_simulations: map.simulations, ..sampler.counters };
+    Ok(Posterior {
         is_posterior: !tuned,
         noise: problem.groups[0].noise.clone(),
         settings: settings.clone(),
@@ -103,13 +106,12 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
         parameters,
         stages,
         failures: pool.failures(),
+        failing: failing(&sampler, problem, (&raw, ln_scale), (!tuned).then_some(&log_evidence)),
         stop,
-        counters: sampler.counters,
+        counters,
         map,
         groups,
-    };
-    posterior.counters.map_simulations = posterior.map.simulations;
-    Ok(posterior)
+    })
 }
 
 /// The samples with the weights of the result, and the evidence; tuned weights have none.

@@ -14,7 +14,7 @@ pub use concern::Concern;
 
 use self::limits::*;
 use self::modes::two_modes;
-use crate::posterior::{Evidence, ParameterSummary, Posterior, Residuals};
+use crate::posterior::{Evidence, Failing, ParameterSummary, Posterior, Residuals};
 use crate::prior::PriorSpec;
 use crate::{Noise, StageRecord};
 use serde::{Deserialize, Serialize};
@@ -193,6 +193,7 @@ impl Posterior {
         let sound = self.is_posterior
             && self.tails_hold()
             && self.log_evidence.agree
+            && !self.failing.as_ref().is_some_and(Failing::matters)
             && ess >= FEWEST_EFFECTIVE_SAMPLES;
         Trust {
             verdict: match (sound, ess >= wished) {
@@ -300,7 +301,8 @@ impl Posterior {
             if !self.log_evidence.agree {
                 signs.push("the evidence of the last samples is not that of all");
             }
-            if flattened {
+            // Given sets are all there at once: nothing is placed.
+            if flattened && self.stages.len() > 1 {
                 signs
                     .push("the likelihood was not yet known well enough to place the last samples");
             }
@@ -379,6 +381,21 @@ impl Posterior {
     fn about_failures(&self) -> Option<Concern> {
         let failed: usize = self.failures.iter().map(|f| f.count).sum();
         let simulations = self.counters.simulations;
+        if let Some(failing) = &self.failing {
+            if failing.matters() {
+                return Some(Concern::FailuresInPosterior {
+                    failed,
+                    simulations,
+                    mass: failing.mass,
+                    p_value: failing.p_value,
+                    place: failing.place.clone(),
+                });
+            }
+            if !failing.depends() && failed as f64 > FAILED_SHARE * simulations as f64 {
+                let ln_share = (-(failed as f64) / simulations as f64).ln_1p();
+                return Some(Concern::FailuresAtRandom { failed, simulations, ln_share });
+            }
+        }
         (failed as f64 > FAILED_SHARE * simulations as f64).then(|| Concern::ManyFailures {
             failed,
             simulations,

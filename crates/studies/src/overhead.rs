@@ -8,8 +8,8 @@ use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use campaign::{
-    Call, Campaign, CampaignSpec, CommandSpec, Executor, Format, Interpolation, Keep, Local,
-    OutputSpec, ResultSpec, Stop, Task,
+    Call, Campaign, CampaignSpec, CommandSpec, Executor, Format, Interpolation, Local, OutputSpec,
+    ResultSpec, Stop, Task,
 };
 use workbench::error::{Failure, RunError};
 use workbench::number::significant;
@@ -100,13 +100,8 @@ fn campaign(args: &OverheadArgs, dir: &Path) -> Result<f64, RunError> {
 }
 
 fn spec() -> CampaignSpec {
-    let call = Call {
-        argv: ["sh", "-c", SCRIPT, "{a}"].map(str::to_owned).to_vec(),
-        environment: BTreeMap::new(),
-        timeout_s: 60.0,
-        retries: 0,
-        keep: Keep::Failed,
-    };
+    let argv = ["sh", "-c", SCRIPT, "{a}"].map(str::to_owned).to_vec();
+    let call = Call { timeout_s: 60.0, retries: 0, ..Call::new(argv) };
     let result = ResultSpec {
         file: "out.csv".into(),
         format: Format::Csv,

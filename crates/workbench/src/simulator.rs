@@ -16,6 +16,8 @@ pub(crate) struct Runner<'a> {
     pub(crate) campaign: &'a Campaign,
     /// Executor of the runs.
     pub(crate) executor: Box<dyn Executor + Send + 'a>,
+    /// Whether a program is another one than at the beginning, in words.
+    pub(crate) changed: Box<dyn FnMut() -> Option<String> + Send + 'a>,
     /// Told of every run.
     pub(crate) on_event: Box<dyn FnMut(Event) + Send + 'a>,
 }
@@ -79,6 +81,13 @@ pub(crate) fn stored(
             Some(Err(SimError::recoverable(cause(plan, place, &kind.to_string()))))
         }
     }
+}
+
+/// Refuses programs that are other ones than at the beginning.
+fn unchanged(changed: &mut dyn FnMut() -> Option<String>) -> Result<(), ExecutorError> {
+    changed().map_or(Ok(()), |change| {
+        Err(ExecutorError::Simulator(format!("{change}: runs of both would be mixed")))
+    })
 }
 
 impl<'a> Experiments<'a> {
@@ -181,8 +190,12 @@ impl<'a> Experiments<'a> {
         }
         tasks.sort_by_key(|task| task.number);
         let mut runner = runner.lock().unwrap_or_else(PoisonError::into_inner);
-        let Runner { campaign, executor, on_event } = &mut *runner;
-        if let Err(error) = executor.run(campaign, &tasks, on_event, self.watch.stop()) {
+        let Runner { campaign, executor, changed, on_event } = &mut *runner;
+        // Before the runs, so that none is made by another program, and after them, as it may have been replaced meanwhile.
+        let made = unchanged(changed)
+            .and_then(|()| executor.run(campaign, &tasks, on_event, self.watch.stop()))
+            .and_then(|()| unchanged(changed));
+        if let Err(error) = made {
             *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
             results.fill(Err(SimError::Interrupted));
             return;

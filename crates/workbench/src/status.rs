@@ -157,6 +157,12 @@ pub fn text(dir: &Path, status: &Status) -> String {
     for (cause, count) in &status.failed_by_cause {
         let _ = writeln!(text, "  failed    {count} times: {cause}");
     }
+    if !status.failed_by_cause.is_empty() && status.state != State::Running {
+        let _ = writeln!(
+            text,
+            "            to make them once more: calibrate --resume {name} --retry-failed"
+        );
+    }
     let _ = writeln!(text, "  stages    {} complete", status.stages);
     if let Some(seconds) = status.seconds_per_run {
         let _ = writeln!(text, "  per run   {} s on average", significant(seconds, 2));

@@ -40,6 +40,20 @@ pub(crate) struct CalibrateArgs {
     #[arg(long, value_name = "DIR", conflicts_with_all = NOT_WITH_A_PLAN, conflicts_with_all = ["out", "dry_run"], help_heading = "What to calibrate")]
     resume: Option<PathBuf>,
 
+    /// With --resume: make failed runs once more, after what made them fail was mended; all of them, or those whose
+    /// cause contains these words ("exit code 3", as in calibrate status)
+    #[arg(long, value_name = "CAUSE", requires = "resume", num_args = 0..=1, require_equals = true, default_missing_value = "", help_heading = "What to calibrate")]
+    retry_failed: Option<String>,
+
+    /// With --resume: go on although a program, or a file beside the plan that its command names, has changed since the
+    /// run began
+    #[arg(long, requires = "resume", help_heading = "What to calibrate")]
+    accept_changes: bool,
+
+    /// With --resume: go on with a run of another user, whose commands are then run as you
+    #[arg(long, requires = "resume", help_heading = "What to calibrate")]
+    accept_owner: bool,
+
     /// Fit only the observations from T0 to T1, in seconds; either may be left out, as in 0.5:
     /// [default: all]
     #[arg(long, value_name = "T0:T1", value_parser = arguments::window, allow_hyphen_values = true, help_heading = "What to calibrate")]
@@ -177,6 +191,9 @@ pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
         out: args.out.clone(),
         threads: args.threads,
         worker: vec![program()?, "run-task".to_owned()],
+        accept_owner: args.accept_owner,
+        accept_changes: args.accept_changes,
+        retry_failed: args.retry_failed.clone(),
         without_other_kinetics: args.no_other_kinetics,
     };
     let finished = match (&args.resume, &planned) {

@@ -12,6 +12,8 @@ use super::submission::{Loss, Submission};
 pub(super) struct Run {
     /// Number of times that it may be lost and made again.
     pub(super) retries: u32,
+    /// Whether it counts as failed where it is lost more often.
+    pub(super) fails_when_lost: bool,
     pub(super) timeout_s: f64,
     /// Number of times that it was lost.
     pub(super) lost: u32,

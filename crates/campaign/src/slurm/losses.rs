@@ -58,9 +58,10 @@ impl Session<'_> {
                 && job.submission.age_s() as f64
                     <= self.cluster.settings.grace_s + self.cluster.settings.command_timeout_s;
             for (element, runs) in job.live(&self.open) {
-                if let Place::Gone { since, looks, .. } = job.places[element]
-                    && looks >= 2
-                    && since.elapsed() >= grace
+                // Slurm's word: no result is on its way.
+                let cancelled = |ending| ending == Some(Ending::Cancelled);
+                if let Place::Gone { since, looks, ending } = job.places[element]
+                    && (cancelled(ending) || looks >= 2 && since.elapsed() >= grace)
                     && !on_its_way
                 {
                     overdue.push((i, element, runs));
@@ -193,7 +194,7 @@ impl Session<'_> {
         Ok(())
     }
 
-    /// Runs whose job is gone: again, or failed where that was too often.
+    /// Runs whose job is gone: again, or given up where that was too often.
     fn lose(&mut self, runs: &[u64], cause: &str) -> Result<(), ExecutorError> {
         let kind = FailureKind::Lost { signal: None };
         let mut hopeless = Vec::new();
@@ -201,8 +202,10 @@ impl Session<'_> {
             let Some(run) = self.open.get_mut(&number) else { continue };
             run.lost += 1;
             run.started = false;
-            if run.lost > run.retries {
+            if run.lost > run.retries && run.fails_when_lost {
                 hopeless.push(number);
+            } else if run.lost > run.retries {
+                self.given_up.insert(number, cause.to_owned());
             } else {
                 (self.watch)(Event::Retried { number, kind: kind.clone() });
             }
@@ -228,13 +231,20 @@ impl Session<'_> {
         self.collect()
     }
 
-    /// Ends with an error where only runs are left whose workers cannot do their work.
+    /// Ends with an error where only runs are left that were lost too often, or whose workers cannot do their work.
     pub(super) fn give_up(&self) -> Result<(), ExecutorError> {
-        match self.stuck.values().next() {
-            Some(cause) if self.open.keys().all(|run| self.stuck.contains_key(run)) => {
-                Err(ExecutorError::Scheduler(broken_words(cause)))
+        let waits = |run: &u64| !(self.stuck.contains_key(run) || self.given_up.contains_key(run));
+        if self.open.keys().any(waits) {
+            return Ok(());
+        }
+        match (self.stuck.values().next(), self.given_up.values().next()) {
+            (Some(cause), _) => Err(ExecutorError::Scheduler(broken_words(cause))),
+            (None, Some(detail)) => {
+                let numbers = self.given_up.keys().copied().collect();
+                let cause = FailureKind::Lost { signal: None }.to_string();
+                Err(ExecutorError::Lost { numbers, cause, detail: detail.clone() })
             }
-            _ => Ok(()),
+            (None, None) => Ok(()),
         }
     }
 }

@@ -13,6 +13,23 @@ use crate::executor::Event;
 const USUAL_REASONS: [&str; 5] =
     ["None", "Priority", "Resources", "JobArrayTaskLimit", "BeginTime"];
 
+/// Reasons for which a job waits until somebody changes it or the cluster, with the remedy in the plan.
+const HOPELESS_REASONS: [(&str, &str); 9] = [
+    ("PartitionTimeLimit", "make [executor] time_min or chunk smaller, or name another partition"),
+    ("PartitionNodeLimit", "ask for fewer cpus in [executor], or name another partition"),
+    ("BadConstraints", "correct extra in [executor]: no node has what it asks for"),
+    ("InvalidAccount", "correct account in [executor]"),
+    ("InvalidQOS", "correct --qos in extra of [executor]"),
+    ("QOSMaxWallDurationPerJobLimit", "make [executor] time_min or chunk smaller"),
+    ("AssocMaxWallDurationPerJobLimit", "make [executor] time_min or chunk smaller"),
+    ("QOSMaxMemoryPerJob", "make [executor] memory_mb smaller"),
+    ("QOSMaxCpuPerJobLimit", "make [executor] cpus smaller"),
+];
+
+fn hopeless(reason: &str) -> Option<(&'static str, &'static str)> {
+    HOPELESS_REASONS.into_iter().find(|(known, _)| *known == reason)
+}
+
 impl Session<'_> {
     /// Asks the queue where the jobs are. Without an answer everything stays as it was.
     pub(super) fn ask_queue(&mut self) -> Result<(), ExecutorError> {
@@ -102,6 +119,11 @@ impl Session<'_> {
                 run.started = true;
                 (self.watch)(Event::Started { number });
             }
+        }
+        if let Some((reason, remedy)) = reasons.iter().find_map(|reason| hopeless(reason)) {
+            self.hopeless = Some(format!(
+                "runs would wait in Slurm's queue for ever because of {reason}: {remedy}; the jobs were taken back"
+            ));
         }
         for reason in reasons {
             if !USUAL_REASONS.contains(&reason.as_str()) {

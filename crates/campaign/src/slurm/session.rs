@@ -13,6 +13,7 @@ use crate::executor::{Event, Request, Stop};
 use crate::files;
 use crate::folder::SLURM;
 use crate::journal::Journal;
+use crate::spec::LostRuns;
 use crate::task::Task;
 
 /// A call of [`Slurm::run`](crate::Executor::run).
@@ -34,12 +35,16 @@ pub(super) struct Session<'a> {
     pub(super) array_size: Option<usize>,
     /// Runs whose worker cannot do its work, and what it said.
     pub(super) stuck: BTreeMap<u64, String>,
+    /// Runs that were lost too often, and how.
+    pub(super) given_up: BTreeMap<u64, String>,
     /// Array elements whose worker could not do its work.
     pub(super) broken: u32,
     /// Submissions in a row that never appeared in the queue.
     pub(super) vanished: u32,
     /// Outcomes that came since this began.
     pub(super) ended: usize,
+    /// Why jobs in the queue can never start, and what helps.
+    pub(super) hopeless: Option<String>,
     /// Whether the queue did not answer the last time.
     pub(super) queue_silent: bool,
     /// Whether the cluster keeps accounts.
@@ -101,9 +106,11 @@ impl<'a> Session<'a> {
         let mut open = BTreeMap::new();
         for task in campaign.missing(tasks) {
             let command = campaign.spec().commands.get(task.command);
-            let (retries, timeout_s) =
-                command.map_or((0, 0.0), |c| (c.call.retries, c.call.timeout_s));
-            let run = Run { retries, timeout_s, lost: 0, broken: 0, started: false };
+            let Some(call) = command.map(|command| &command.call) else { continue };
+            let fails_when_lost = call.lost == LostRuns::Fail;
+            let (retries, timeout_s) = (call.retries, call.timeout_s);
+            let run =
+                Run { retries, fails_when_lost, timeout_s, lost: 0, broken: 0, started: false };
             open.insert(task.number, run);
         }
         let folder = dir.join(SLURM);
@@ -130,9 +137,11 @@ impl<'a> Session<'a> {
             alone: BTreeSet::new(),
             array_size: None,
             stuck: BTreeMap::new(),
+            given_up: BTreeMap::new(),
             broken: 0,
             vanished: 0,
             ended: 0,
+            hopeless: None,
             queue_silent: false,
             accounts: true,
             queue: Clock::new(settings.poll_min_s, poll_max),
@@ -172,13 +181,23 @@ impl<'a> Session<'a> {
             if self.open.is_empty() {
                 return Ok(());
             }
+            if let Some(outage) = self.campaign.outage() {
+                // The others wait for the same, or fail by it.
+                return self.cancel().and(Err(outage));
+            }
             match self.stop.request() {
                 Request::Run => {}
                 Request::Detach => return Err(ExecutorError::Interrupted { detached: true }),
-                Request::Cancel => return self.cancel(),
+                Request::Cancel => {
+                    self.cancel()?;
+                    return Err(ExecutorError::Interrupted { detached: false });
+                }
             }
             if self.queue.is_due() {
                 self.ask_queue()?;
+                if let Some(words) = self.hopeless.take() {
+                    return self.cancel().and(Err(ExecutorError::Scheduler(words)));
+                }
                 self.judge()?;
             }
             self.give_up()?;
@@ -201,6 +220,7 @@ impl<'a> Session<'a> {
             if let Some(outcome) = self.campaign.outcome(number) {
                 self.open.remove(&number);
                 self.stuck.remove(&number);
+                self.given_up.remove(&number);
                 self.ended += 1;
                 self.look.soon();
                 // Room for others, where only so many may run.
@@ -212,7 +232,7 @@ impl<'a> Session<'a> {
     }
 
     /// Cancels the jobs, waits until they are out of the queue, and keeps the outcomes they gave.
-    fn cancel(&mut self) -> Result<(), ExecutorError> {
+    pub(super) fn cancel(&mut self) -> Result<(), ExecutorError> {
         let deadline = Instant::now() + self.cluster.client.patience;
         for job in
             self.jobs.iter().filter(|job| job.sent != Sent::NotYet && job.is_live(&self.open))
@@ -239,7 +259,7 @@ impl<'a> Session<'a> {
             }
         }
         self.losses.append(&losses)?;
-        Err(ExecutorError::Interrupted { detached: false })
+        Ok(())
     }
 
     /// Whether the queue has none of the jobs any more.

@@ -58,7 +58,11 @@ impl Session<'_> {
             .flat_map(|job| job.live(&self.open))
             .flat_map(|(_, runs)| runs)
             .collect();
-        let wanted = |run: &u64| !covered.contains(run) && !self.stuck.contains_key(run);
+        let wanted = |run: &u64| {
+            !(covered.contains(run)
+                || self.stuck.contains_key(run)
+                || self.given_up.contains_key(run))
+        };
         self.open.keys().copied().filter(wanted).collect()
     }
 

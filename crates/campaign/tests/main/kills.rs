@@ -91,6 +91,30 @@ fn a_driver_killed_at_random_moments_loses_nothing_and_runs_nothing_that_finishe
 }
 
 #[test]
+fn runs_of_a_killed_driver_end_when_their_time_is_over() {
+    if !cfg!(target_os = "linux") {
+        return;
+    }
+    let sandbox = Sandbox::new();
+    let pids = sandbox.file("pids");
+    let mut command = shell(&format!("echo $$ >> {}; sleep 300", pids.display()));
+    command.call.timeout_s = 3.0;
+    drop(create(&sandbox.dir(), &spec(command)));
+    let mut driver = this_program(&[], "kills::driver", &sandbox.dir());
+    let mut driver = driver.stdout(std::process::Stdio::null()).spawn().unwrap();
+    let start = Instant::now();
+    while sandbox.lines("pids").len() < 2 && start.elapsed() < Duration::from_secs(30) {
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    driver.kill().unwrap();
+    driver.wait().unwrap();
+    let pids: Vec<i32> = sandbox.lines("pids").iter().map(|pid| pid.parse().unwrap()).collect();
+    assert_eq!(pids.len(), 2);
+    std::thread::sleep(Duration::from_secs(3));
+    assert!(pids.into_iter().all(is_gone), "nobody resumed, and they run on");
+}
+
+#[test]
 fn what_a_killed_driver_left_running_is_ended_before_it_is_run_again() {
     let sandbox = Sandbox::new();
     let pids = sandbox.file("pids");

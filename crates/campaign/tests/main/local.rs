@@ -5,10 +5,12 @@ use std::time::{Duration, Instant};
 
 use campaign::{
     Campaign, Event, Executor, ExecutorError, FailureKind, Format, Interpolation, Keep, Local,
-    Outcome, OutputSpec, ResultSpec, Stop,
+    LostRuns, Outcome, OutputSpec, ResultSpec, Stop,
 };
 
-use crate::sandbox::{Sandbox, bits, create, is_gone, rows, run, shell, spec, task, tasks, values};
+use crate::sandbox::{
+    Sandbox, bits, create, fails, is_gone, rows, run, shell, spec, task, tasks, values,
+};
 
 const ECHO: &str = "printf 'x\\n%s\\n' \"$1\" > out.csv";
 
@@ -139,11 +141,18 @@ fn a_lost_run_is_tried_again_up_to_the_limit() {
         let log = sandbox.file("log");
         let mut command = shell(&format!("echo x >> {}; {script}", log.display()));
         command.call.retries = 1;
-        let campaign = create(&sandbox.dir(), &spec(command));
+        let mut spec = spec(command);
+        let mut campaign = create(&sandbox.dir(), &spec);
+        let error = fails(&campaign, &[task(1)]);
+        let right = matches!(&error, ExecutorError::Lost { numbers, .. } if numbers == &[1]);
+        assert!(right && error.to_string().contains("run 1 was lost"), "{error}");
+        assert_eq!((sandbox.lines("log").len(), campaign.outcome(1)), (2, None));
+        // Where parameters decide on it, as by memory, it may count as failed.
+        spec.commands[0].call.lost = LostRuns::Fail;
+        campaign.set_limits(&spec).unwrap();
         run(&campaign, &[task(1)]);
         let (kind, _, attempts) = failure(&campaign, 1);
         assert_eq!((kind, attempts), (FailureKind::Lost { signal: Some(signal) }, 2));
-        assert_eq!(sandbox.lines("log").len(), 2);
     }
 }
 
@@ -161,6 +170,54 @@ fn a_timeout_is_a_failure_and_ends_grandchildren() {
     assert_eq!((kind.to_string().as_str(), attempts), ("not finished after 0.3 s", 1));
     let pid = sandbox.lines("pid")[0].parse().unwrap();
     assert!(is_gone(pid));
+}
+
+/// A script whose run starts a daemon, in a session of its own, that writes its number to a file.
+fn daemon(file: &std::path::Path, rest: &str) -> String {
+    let leaves = format!("setsid sh -c 'echo $$ >> {}; sleep 300' &", file.display());
+    format!("{leaves} while [ ! -s {} ]; do sleep 0.01; done; {rest}", file.display())
+}
+
+#[test]
+fn a_process_that_leaves_its_session_is_ended_after_its_run() {
+    if !cfg!(target_os = "linux") {
+        return;
+    }
+    // Also one that has nothing of its environment left, at the end of all runs.
+    for (bare, rest) in [(false, ECHO), (false, "exit 3"), (false, "sleep 300"), (true, ECHO)] {
+        let sandbox = Sandbox::new();
+        let file = sandbox.file("pids");
+        let mut script = daemon(&file, rest);
+        if bare {
+            script = script.replace("setsid sh", "env -i setsid sh");
+        }
+        let mut command = shell(&script);
+        command.call.timeout_s = if rest == "sleep 300" { 0.5 } else { 60.0 };
+        let campaign = create(&sandbox.dir(), &spec(command));
+        run(&campaign, &tasks(1));
+        let pids = sandbox.lines("pids");
+        assert_eq!(pids.len(), 1, "{script}");
+        let there = std::path::Path::new("/proc").join(&pids[0]).exists();
+        assert!(!there, "the daemon is there, or a zombie, after {rest:?}");
+    }
+}
+
+#[test]
+fn what_is_written_to_stdout_without_end_is_bounded_while_it_is_written() {
+    let sandbox = Sandbox::new();
+    let log = sandbox.file("sizes");
+    let script = format!(
+        "for i in 1 2 3 4 5 6 7 8; do head -c 16000000 /dev/zero | tr '\\0' y; sleep 0.2; \
+         stat -c %s stdout >> {}; done; echo end; exit 3",
+        log.display()
+    );
+    let campaign = create(&sandbox.dir(), &spec(shell(&script)));
+    run(&campaign, &tasks(1));
+    let sizes: Vec<u64> = sandbox.lines("sizes").iter().map(|size| size.parse().unwrap()).collect();
+    assert!(sizes.len() == 8 && sizes.iter().all(|size| *size <= 33_000_000), "{sizes:?}");
+    let stdout = fs::read_to_string(campaign.dir().join("work/000000/attempt-1/stdout")).unwrap();
+    assert!(stdout.len() < 400_000 && stdout.ends_with("y\nend\n") | stdout.ends_with("yend\n"));
+    assert!(stdout.contains("bytes left out"), "a note says so");
 }
 
 #[test]

@@ -7,6 +7,7 @@ mod damage;
 mod full_disk;
 mod kills;
 mod local;
+mod outages;
 mod sandbox;
 mod status;
 mod store;

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use campaign::{
-    Call, Campaign, CampaignSpec, CommandSpec, Event, Executor, Format, Interpolation, Keep, Local,
-    OutputSpec, ResultSpec, Stop, Task,
+    Call, Campaign, CampaignSpec, CommandSpec, Event, Executor, ExecutorError, Format,
+    Interpolation, Local, OutputSpec, ResultSpec, Stop, Task,
 };
 
 /// A directory for one test.
@@ -37,13 +37,8 @@ impl Sandbox {
 
 /// A shell script that gets a, b and the number of the run as $1, $2, $3, and leaves x in out.csv.
 pub(crate) fn shell(script: &str) -> CommandSpec {
-    let call = Call {
-        argv: ["sh", "-c", script, "sh", "{a}", "{b}", "{run}"].map(str::to_owned).to_vec(),
-        environment: BTreeMap::new(),
-        timeout_s: 60.0,
-        retries: 2,
-        keep: Keep::Failed,
-    };
+    let argv = ["sh", "-c", script, "sh", "{a}", "{b}", "{run}"].map(str::to_owned).to_vec();
+    let call = Call { timeout_s: 60.0, ..Call::new(argv) };
     CommandSpec { name: "shell".into(), call, outputs: vec![rows("out.csv", "x", 1)] }
 }
 
@@ -82,6 +77,12 @@ pub(crate) fn run(campaign: &Campaign, tasks: &[Task]) -> Vec<Event> {
     let mut local = Local { parallel: 2 };
     local.run(campaign, tasks, &mut |event| events.push(event), &Stop::new()).unwrap();
     events
+}
+
+/// Same as [`run`], for tasks that cannot all be made.
+pub(crate) fn fails(campaign: &Campaign, tasks: &[Task]) -> ExecutorError {
+    let mut local = Local { parallel: 2 };
+    local.run(campaign, tasks, &mut |_| (), &Stop::new()).unwrap_err()
 }
 
 pub(crate) fn values(campaign: &Campaign, number: u64) -> Vec<f64> {

@@ -1,6 +1,7 @@
 //! Reasons to be careful with a result.
 
 use super::limits::{KHAT_LIMIT, UNINFORMED_BITS};
+use crate::posterior::FailingPlace;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -120,6 +121,28 @@ pub enum Concern {
         /// The commonest cause.
         commonest: String,
     },
+    /// Simulations fail where the posterior is, and where they fail depends on the parameters.
+    FailuresInPosterior {
+        /// Failed.
+        failed: usize,
+        /// Done.
+        simulations: usize,
+        /// Estimated share of the posterior where they fail.
+        mass: f64,
+        /// Chance that failures lie so much together where failing does not depend on the parameters.
+        p_value: f64,
+        /// Where they fail.
+        place: Option<FailingPlace>,
+    },
+    /// Many simulations failed, wherever they were.
+    FailuresAtRandom {
+        /// Failed.
+        failed: usize,
+        /// Done.
+        simulations: usize,
+        /// Log of the share that did not fail.
+        ln_share: f64,
+    },
     /// The best curve misses the data by much more than the noise that was expected.
     PoorFit {
         /// Root mean square residual of the MAP curve, in expected noise standard deviations.
@@ -193,6 +216,20 @@ impl Concern {
             Self::ManyFailures { failed, simulations, commonest } => {
                 format!("{failed} of {simulations} simulations failed (most often: {commonest})")
             }
+            Self::FailuresInPosterior { failed, simulations, mass, p_value, place } => {
+                let at = place.as_ref().map_or_else(String::new, |place| {
+                    let FailingPlace { parameter, lower, upper, .. } = place;
+                    format!(", 90 % of them at {parameter} = {lower:.3e} .. {upper:.3e}")
+                });
+                format!(
+                    "{failed} of {simulations} simulations failed{at}: it depends on the parameters (p = {p_value:.3}), and about {:.0} % of the posterior is where they fail",
+                    100.0 * mass
+                )
+            }
+            Self::FailuresAtRandom { failed, simulations, ln_share } => format!(
+                "{failed} of {simulations} simulations failed, and where does not depend on the parameters as far as can be told (the log evidence counts them as likelihood zero; without them it is {:.3} higher)",
+                -ln_share
+            ),
             Self::PoorFit { ratio, group } => format!(
                 "the best curve misses the data{} by {ratio:.1} times the expected noise",
                 of_group(group)
@@ -237,6 +274,10 @@ impl Concern {
             Self::ManyFailures { .. } => {
                 "the posterior is that of the parameters that can be simulated"
             }
+            Self::FailuresInPosterior { .. } => {
+                "the posterior is cut off there, and its intervals and evidence are wrong"
+            }
+            Self::FailuresAtRandom { .. } => "they cost samples, and move nothing but the evidence",
             Self::PoorFit { .. } => "the model or the data are in doubt, not only the parameters",
             Self::OrderOfMagnitude { .. } => "it is known to its order of magnitude at best",
             Self::PathThinned { .. } => "the posterior uses all of them",
@@ -272,6 +313,10 @@ impl Concern {
             Self::ManyFailures { .. } => {
                 "mend the commonest cause, or narrow the priors to where the simulator works"
             }
+            Self::FailuresInPosterior { .. } => {
+                "make the simulator work there, or give priors that exclude it for a reason of their own"
+            }
+            Self::FailuresAtRandom { .. } => "mend the commonest cause and make them once more",
             Self::PoorFit { .. } => "look at the fit, and at what the model leaves out",
             Self::PathThinned { .. } => "there is nothing to do",
         }

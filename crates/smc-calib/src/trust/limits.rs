@@ -33,6 +33,12 @@ pub const FEWEST_OF_SMALL_BUDGET: f64 = 10.0;
 /// Standard errors by which the two estimates of the log evidence may differ: by chance they do so in 0.3 % of runs.
 pub const EVIDENCE_ERRORS: f64 = 3.0;
 
+/// Chance of failures that lie together below which failing depends on the parameters.
+pub const FAILING_CHANCE: f64 = 0.01;
+
+/// Share of the posterior in failed simulations above which failures that depend on the parameters cut it off.
+pub const FAILING_MASS: f64 = 0.01;
+
 /// Information gained \[bits\] below which the posterior of a parameter is its prior: a normal would have become
 /// narrower by about a tenth.
 pub const UNINFORMED_BITS: f64 = 0.1;

@@ -70,6 +70,7 @@ fn sound() -> Posterior {
         path: vec![PathPoint::default(); 10],
         stages: vec![stage(1.0), stage(1.0)],
         failures: Vec::new(),
+        failing: None,
         stop: StopReason::BudgetSpent,
         counters: Counters { simulations: 10_000, ..Counters::default() },
         groups: Vec::new(),

@@ -1,6 +1,7 @@
 //! From a plan to a posterior and everything that is recorded of it.
 
 mod curves;
+mod fingerprints;
 mod neck_growth;
 mod of_pair;
 mod other_kinetics;
@@ -9,6 +10,7 @@ mod run;
 mod sampling;
 mod second_look;
 mod sensitivity;
+mod stopped;
 mod store;
 
 pub use run::{Finished, RunOptions, Timings, resume, run};

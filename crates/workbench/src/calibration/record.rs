@@ -60,6 +60,7 @@ pub(super) fn record(
         path: posterior.path.clone(),
         stages: posterior.stages.clone(),
         failures: posterior.failures.clone(),
+        failing: posterior.failing.clone(),
         stop: posterior.stop,
         sensitivity: None,
         advice,

@@ -14,9 +14,10 @@ use campaign::{Campaign, Event, Executor, ExecutorError, Local};
 use serde::Serialize;
 use smc_calib::Posterior;
 
+use super::fingerprints::Guard;
 use super::sampling::{Calibration, Stages, failure, sample};
 use super::store::{self, Stored, refused};
-use super::{other_kinetics, record, sensitivity};
+use super::{other_kinetics, record, sensitivity, stopped};
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::output::{Published, RunFolder, Staging, make_room, pool, pretty};
 use crate::plan::{ExecutorPlan, Plan, Planned};
@@ -34,6 +35,12 @@ pub struct RunOptions {
     pub threads: Option<usize>,
     /// The program and arguments that make given runs of a campaign, for jobs on a cluster: `calibrate run-task`.
     pub worker: Vec<String>,
+    /// On resuming: makes runs once more that failed by a cause whose words contain this text; empty for all failed runs.
+    pub retry_failed: Option<String>,
+    /// On resuming: goes on although the runs belong to another user, whose commands are run.
+    pub accept_owner: bool,
+    /// On resuming: goes on although a program, or a file that its command names, is not the one that the run began with.
+    pub accept_changes: bool,
     /// Whether to leave out what other kinetics are worth.
     pub without_other_kinetics: bool,
 }
@@ -153,13 +160,28 @@ pub fn resume(
     options: &RunOptions,
     watch: &dyn Watch,
 ) -> Result<Finished, Failure> {
-    let (campaign, stored, damage) = store::open(dir, given)?;
+    store::check_owner(dir, options.accept_owner)?;
+    let (mut campaign, stored, damage) = store::open(dir, given)?;
     // A line that was being written when the driver was killed is no damage.
     for damage in damage.iter().filter(|damage| !damage.torn) {
         watch.warn(&format!("{damage}; what it held is made again, the rest is used"));
     }
     if given.is_none() {
         about_the_plan_file(&stored, watch);
+    }
+    if campaign.is_copy() {
+        watch.note(&format!(
+            "{}: a copy of another run; from now on it is a run of its own, and what runs for the other is left alone",
+            dir.display()
+        ));
+    }
+    let changed = store::check_programs(dir, &mut campaign, &stored, options.accept_changes)?;
+    if let Some(change) = changed {
+        watch.note(&format!("{change}; the run goes on with it"));
+    }
+    if let Some(cause) = &options.retry_failed {
+        let again = stopped::retry_failed(dir, &campaign, cause)?;
+        watch.note(&format!("{again} failed runs are made once more"));
     }
     let (began, version) = (&stored.plan.version, env!("CARGO_PKG_VERSION"));
     if began != version {
@@ -179,9 +201,9 @@ fn about_the_plan_file(stored: &Stored, watch: &dyn Watch) {
         watch.note(&format!(
             "{file} has changed since the run began; it goes on with the plan it began with"
         ));
-    } else if now.executor != stored.executor {
+    } else if now.executor != stored.executor || store::limits_differ(&stored.plan, &now.plan) {
         watch.note(&format!(
-            "[executor] of {file} has changed; to use it: calibrate --resume DIR --plan {file}"
+            "[executor] or the limits on runs in {file} have changed; to use them: calibrate --resume DIR --plan {file}"
         ));
     }
 }
@@ -199,10 +221,13 @@ impl Driver<'_> {
         let plan = &self.stored.plan;
         let begun = Instant::now();
         self.watch.begin(self.total() as u64, self.ended() as u64, "runs");
+        let before = store::began_with(self.campaign);
+        let mut guard = Guard::new(self.campaign.spec(), self.stored.folder(), before);
         let runner = Runner {
             campaign: self.campaign,
             executor: executor(&self.stored.executor, options)?,
             on_event: Box::new(on_event(plan, self.watch)),
+            changed: Box::new(move || guard.change()),
         };
         let experiments = Experiments::new(plan, Some(runner), self.watch)?;
         let groups = plan.groups()?;
@@ -210,6 +235,13 @@ impl Driver<'_> {
         let mut stages = Stages::new(self.watch, Some(self.campaign));
         let sampled = pool.install(|| sample(plan, groups, &experiments, &mut stages));
         self.watch.end();
+        let again = self.campaign.placed_again();
+        if again > 0 {
+            self.watch.note(&format!(
+                "{again} runs are placed again: the proposals that had placed them had counted failures that were given up. \
+                 What they gave stays in campaign/, unused"
+            ));
+        }
         let Stages { failed, seconds: stage_seconds, .. } = stages;
         if let Some(error) = failed {
             return Err(refused(self.dir, error));
@@ -245,6 +277,7 @@ impl Driver<'_> {
         mut timings: Timings,
         begun: Instant,
     ) -> Result<Finished, Failure> {
+        self.campaign.check_lock().map_err(|error| refused(self.dir, error))?;
         let staging = Staging::beside_runs(self.dir, FILE_NAME)?;
         let write = |name: &str, bytes: &[u8]| {
             staging.write(self.dir, name, bytes).map_err(|error| {
@@ -285,18 +318,12 @@ impl Driver<'_> {
 
     /// Why the runs stopped, as the user meets it.
     fn stopped(&self, error: ExecutorError) -> Failure {
-        let resume = format!("then: calibrate --resume {}", self.dir.display());
         match error {
             ExecutorError::Interrupted { detached } => {
                 let (ended, total) = (self.ended(), self.total());
                 self.paused(&format!("{ended} of {total} runs have ended and are stored"), detached)
             }
-            ExecutorError::CannotStart { .. } => RunError::new(&error)
-                .help("install the program, or correct argv in the plan and begin another run")
-                .help(resume)
-                .into(),
-            ExecutorError::Campaign(error) => refused(self.dir, error),
-            other => RunError::new(other).help(resume).into(),
+            other => stopped::failure(self.dir, other),
         }
     }
 
@@ -310,12 +337,18 @@ impl Driver<'_> {
             text: String::new(),
         };
         match failure(&planned, error) {
-            Failure::Run(error) => error
-                .help(format_args!(
-                    "causes and runs as tables: calibrate export {}",
-                    self.dir.display()
-                ))
-                .into(),
+            Failure::Run(error) => {
+                let dir = self.dir.display();
+                let said = stopped::last_words(self.campaign);
+                let cause = said
+                    .map_or_else(|| error.cause.clone(), |said| format!("{}\n{said}", error.cause));
+                RunError { cause, ..error }
+                    .help(format_args!(
+                        "if what failed is mended: calibrate --resume {dir} --retry-failed"
+                    ))
+                    .help(format_args!("causes and runs as tables: calibrate export {dir}"))
+                    .into()
+            }
             other => other,
         }
     }

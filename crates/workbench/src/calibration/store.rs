@@ -7,6 +7,7 @@ use campaign::{Call, Campaign, CampaignError, CampaignSpec, CommandSpec, Damage,
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::fingerprints::{self, Fingerprints};
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::output::{CAMPAIGN, pretty};
 use crate::plan::{ExecutorPlan, ExperimentPlan, Plan, Planned, with_folder};
@@ -48,15 +49,22 @@ impl Stored {
         let json = self.file.extension().is_some_and(|end| end.eq_ignore_ascii_case("json"));
         let name = if json { "plan.json" } else { "plan.toml" };
         let resolved = pretty(self)?;
+        let prints = Fingerprints::of(&self.spec()?, self.folder());
         Ok(BTreeMap::from([
             (name.to_owned(), planned.text.clone().into_bytes()),
             (RESOLVED.to_owned(), resolved.into_bytes()),
+            (fingerprints::FILE.to_owned(), pretty(&prints)?.into_bytes()),
         ]))
+    }
+
+    /// Folder of the plan.
+    pub(super) fn folder(&self) -> &Path {
+        self.file.parent().unwrap_or(Path::new("/"))
     }
 
     /// Specification of the campaign.
     fn spec(&self) -> Result<CampaignSpec, InputError> {
-        let folder = self.file.parent().unwrap_or(Path::new("/"));
+        let folder = self.folder();
         let Some(folder_text) = folder.to_str() else {
             return Err(InputError::new(folder.display().to_string(), Mistake::NotUtf8)
                 .found("the folder of the plan, whose name is not UTF-8")
@@ -106,13 +114,50 @@ pub(super) fn create(dir: &Path, planned: &Planned) -> Result<(Campaign, Stored)
     let stored = Stored::of(planned)?;
     let (spec, extra) = (stored.spec()?, stored.extra(planned)?);
     refuse_older_layout(dir)?;
-    let occupied = std::fs::read_dir(dir).is_ok_and(|mut entries| entries.next().is_some());
+    // What a full disk left of a run that had not begun is used again.
+    let runs = dir.join(CAMPAIGN);
+    let begun = runs.join("campaign.json").exists();
+    let is_ours = |entry: std::io::Result<std::fs::DirEntry>| {
+        entry.is_ok_and(|entry| entry.file_name() == CAMPAIGN && !begun)
+    };
+    let occupied = std::fs::read_dir(dir).is_ok_and(|mut entries| !entries.all(is_ours));
     if occupied {
         return Err(exists(dir).into());
     }
-    let campaign = Campaign::create(&dir.join(CAMPAIGN), &spec, &extra)
-        .map_err(|error| refused(dir, error))?;
+    let campaign = Campaign::create(&runs, &spec, &extra).map_err(|error| match error {
+        CampaignError::DiskFull { .. } if !runs.join("campaign.json").exists() => {
+            let name = dir.display();
+            RunError::new(format_args!("{name}: the disk is full, and the run has not begun"))
+                .help("make room, then begin it again with the same command")
+                .into()
+        }
+        error => refused(dir, error),
+    })?;
     Ok((campaign, stored))
+}
+
+/// Refuses the runs of another user, whose commands would be run, unless that was asked for.
+pub(super) fn check_owner(dir: &Path, accept: bool) -> Result<(), InputError> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt as _;
+        let own = rustix::process::geteuid().as_raw();
+        let owner = dir.join(CAMPAIGN).join("campaign.json").symlink_metadata().map(|it| it.uid());
+        if let (Ok(owner), false) = (owner, accept)
+            && owner != own
+        {
+            let name = dir.display();
+            return Err(InputError::new(name.to_string(), Mistake::NotOurs)
+                .found(format_args!("a run of another user (number {owner})"))
+                .help(format_args!(
+                    "to resume it runs its commands as you: look at {name}/{CAMPAIGN}/campaign.json, then: calibrate \
+                     --resume {name} --accept-owner"
+                )));
+        }
+    }
+    #[cfg(not(unix))]
+    let _ = (dir, accept);
+    Ok(())
 }
 
 /// A folder that a new run cannot have.
@@ -151,7 +196,7 @@ pub(super) fn open(
 ) -> Result<(Campaign, Stored, Vec<Damage>), Failure> {
     refuse_older_layout(dir)?;
     let runs = dir.join(CAMPAIGN);
-    let (campaign, damage) = match given {
+    let (mut campaign, damage) = match given {
         None => Campaign::open(&runs),
         Some(planned) => {
             let stored = Stored::of(planned)?;
@@ -179,6 +224,10 @@ pub(super) fn open(
                 runs.join("plan.toml").display()
             ))
     })?;
+    // The limits of the last resume that gave some.
+    for (call, command) in stored.plan.calls_mut().zip(&campaign.spec().commands) {
+        call.set_limits(&command.call);
+    }
     if let Some(planned) = given {
         if let Some((field, was, is)) = difference(&stored.plan, &planned.plan) {
             let file = planned.path.as_deref().unwrap_or(Path::new("plan"));
@@ -187,12 +236,51 @@ pub(super) fn open(
                 .found(is)
                 .expected(format_args!("{was}, as in the run in {}", dir.display()))
                 .help("a run goes on with the plan it began with; begin another with --plan and --out")
-                .help("only [executor] may be another")
+                .help("only [executor], timeout_s, retries, try_later, lost and keep may be others")
                 .into());
         }
+        stored.plan = with_limits(&stored.plan, &planned.plan);
+        let spec = stored.spec()?;
+        campaign.set_limits(&spec).map_err(|error| refused(dir, error))?;
         stored.executor.clone_from(&planned.executor);
     }
     Ok((campaign, stored, damage))
+}
+
+/// The programs that the runs in a folder were begun with; none where that is not known.
+pub(super) fn began_with(campaign: &Campaign) -> Fingerprints {
+    let stored = campaign.extra(fingerprints::FILE);
+    stored.and_then(|text| serde_json::from_slice(text).ok()).unwrap_or_default()
+}
+
+/// Refuses to go on with other programs than those that a run began with, or takes them for its own.
+pub(super) fn check_programs(
+    dir: &Path,
+    campaign: &mut Campaign,
+    stored: &Stored,
+    accept: bool,
+) -> Result<Option<String>, Failure> {
+    let now = Fingerprints::of(campaign.spec(), stored.folder());
+    let known = campaign.extra(fingerprints::FILE).is_some();
+    let change = now.change(&began_with(campaign));
+    if known && change.is_none() {
+        return Ok(None);
+    }
+    let finished = campaign.tasks().iter().any(|task| campaign.outcome(task.number).is_some());
+    if let (Some(change), true, false) = (&change, finished, accept) {
+        return Err(InputError::new(dir.display().to_string(), Mistake::Conflict)
+            .found(change)
+            .expected("the programs and files that its finished runs were made with")
+            .help("put the former one back, or begin another run with --plan and --out")
+            .help(format_args!(
+                "if it gives the same results: calibrate --resume {} --accept-changes",
+                dir.display()
+            ))
+            .into());
+    }
+    let bytes = pretty(&now)?.into_bytes();
+    campaign.replace_extra(fingerprints::FILE, &bytes).map_err(|error| refused(dir, error))?;
+    Ok(change)
 }
 
 /// Reads the plan of a run without its lock, while it may be running.
@@ -209,14 +297,29 @@ pub(crate) fn read_stored(dir: &Path) -> Result<Stored, Failure> {
     })
 }
 
-/// Whether two plans give the same result; the version of the program is no part of this.
-pub(super) fn same(was: &Plan, is: &Plan) -> bool {
-    Plan { version: was.version.clone(), ..is.clone() } == *was
+/// A plan with the limits on its runs of another one: what decides on whether they get made.
+fn with_limits(plan: &Plan, limits: &Plan) -> Plan {
+    let mut plan = plan.clone();
+    for (call, (.., of)) in plan.calls_mut().zip(limits.commands()) {
+        call.set_limits(of);
+    }
+    plan
 }
 
-/// Where two plans differ first: the field, and both values. The version of the program is no part of this.
+/// Whether the limits on runs of two plans that are the same otherwise differ.
+pub(super) fn limits_differ(was: &Plan, is: &Plan) -> bool {
+    with_limits(was, is) != *was
+}
+
+/// Whether two plans give the same result; the version of the program and limits on runs are no part of this.
+pub(super) fn same(was: &Plan, is: &Plan) -> bool {
+    Plan { version: was.version.clone(), ..with_limits(is, was) } == *was
+}
+
+/// Where two plans differ first: the field, and both values. The version of the program and limits on runs are no part of
+/// this.
 fn difference(was: &Plan, is: &Plan) -> Option<(String, String, String)> {
-    let was = Plan { version: is.version.clone(), ..was.clone() };
+    let was = Plan { version: is.version.clone(), ..with_limits(was, is) };
     let (before, now) = (was.sampler.samples, is.sampler.samples);
     if before != now {
         // Other settings of the sampler follow from it.
@@ -284,6 +387,9 @@ pub(crate) fn refused(dir: &Path, error: CampaignError) -> Failure {
                 "go on with the version of calibrate, and the kind of machine, that began the run",
             )
             .help(format_args!("what finished can be had as tables: calibrate export {name}"))
+            .into(),
+        CampaignError::LockLost { .. } => RunError::new(&error)
+            .help(format_args!("once no other process has it: calibrate --resume {name}"))
             .into(),
         CampaignError::DiskFull { .. } => {
             RunError::new(&error).help(format_args!("then: calibrate --resume {name}")).into()

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use campaign::{Call, Keep};
+use campaign::{Call, Keep, LostRuns, TryLater};
 
 use super::template::{self, TemplateError};
 use crate::error::{InputError, Mistake, nearest};
@@ -32,6 +32,11 @@ pub(super) fn command(
     let keep = fields
         .choice("keep", &[("failed", Keep::Failed), ("all", Keep::All), ("none", Keep::None)])?
         .map_or(Keep::Failed, |at| at.value);
+    let lost = fields
+        .choice("lost", &[("stop", LostRuns::Stop), ("fail", LostRuns::Fail)])?
+        .map_or(LostRuns::Stop, |at| at.value);
+    let try_later =
+        fields.table("try_later")?.as_ref().map_or(Ok(TryLater::default()), try_later)?;
     fields.finish()?;
     let Some(program) = argv.value.first() else {
         return Err(fields
@@ -74,8 +79,20 @@ pub(super) fn command(
         environment,
         timeout_s,
         retries,
+        try_later,
+        lost,
         keep,
     })
+}
+
+/// The exit codes that ask to be called again later.
+fn try_later(fields: &Fields<'_>) -> Result<TryLater, InputError> {
+    let read: TryLater = fields.rest(&[])?;
+    read.check().map_err(|error| {
+        let line = fields.line_of(&error.field).or(fields.line()).unwrap_or(1);
+        fields.error(&error.field, line, Mistake::OutOfRange).found(error.problem)
+    })?;
+    Ok(read)
 }
 
 /// A program with a folder in its name must be there; one without is looked for on the path.

@@ -230,13 +230,21 @@ pub(super) fn check_all_used(
     tables: &[(At<&str>, Fields<'_>)],
     experiments: &[ExperimentPlan],
 ) -> Result<(), InputError> {
-    if pairs(experiments).count() < experiments.len() {
-        return Ok(());
-    }
+    let commands = pairs(experiments).count() < experiments.len();
     for (at, table) in tables {
         let used = pairs(experiments)
             .any(|(_, pair)| ParameterName::ALL.iter().any(|m| pair.calibrated(*m) == at.value));
-        if !used {
+        if !used && !commands_name(experiments, at.value) {
+            if commands {
+                return Err(table
+                    .table_error(Mistake::UnknownName)
+                    .found("a parameter that no command uses")
+                    .expected(format_args!(
+                        "{{{0}}} or {{parameters}} in argv or environment",
+                        at.value
+                    ))
+                    .help("a parameter that changes nothing costs runs; leave it out"));
+            }
             let known = ParameterName::ALL.map(ParameterName::name);
             return Err(table
                 .table_error(Mistake::UnknownName)
@@ -246,4 +254,17 @@ pub(super) fn check_all_used(
         }
     }
     Ok(())
+}
+
+/// Whether a command has a placeholder for a parameter, or for the file with all of them.
+fn commands_name(experiments: &[ExperimentPlan], parameter: &str) -> bool {
+    let names = [format!("{{{parameter}}}"), "{parameters}".to_owned()];
+    experiments.iter().any(|experiment| match &experiment.simulator {
+        SimulatorPlan::Command(call) => call
+            .argv
+            .iter()
+            .chain(call.environment.values())
+            .any(|text| names.iter().any(|name| text.contains(name))),
+        SimulatorPlan::Builtin(_) => false,
+    })
 }

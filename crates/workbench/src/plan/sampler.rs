@@ -25,7 +25,9 @@ pub(super) fn sampler(
     let Some(fields) = fields else {
         return Ok((Settings::for_budget(default_samples), None));
     };
-    let samples = fields.whole("samples", *SAMPLES.start() as u64, *SAMPLES.end() as u64)?;
+    let design_field = fields.text("design")?;
+    let least = design_field.as_ref().map_or(*SAMPLES.start() as u64, |_| 1);
+    let samples = fields.whole("samples", least, *SAMPLES.end() as u64)?;
     let mut settings =
         Settings::for_budget(samples.as_ref().map_or(default_samples, |at| at.value as usize));
     let counts: [(_, &mut usize, _, _); 7] = [
@@ -77,18 +79,19 @@ pub(super) fn sampler(
     if let Some(at) = fields.choice("surrogate", &[("on", true), ("off", false)])? {
         settings.surrogate = at.value;
     }
-    let design_field = fields.text("design")?;
     fields.finish()?;
     let Some(design_field) = design_field else { return Ok((settings, None)) };
-    if let Some(at) = samples {
-        return Err(fields
-            .error("samples", at.line, Mistake::Conflict)
-            .found("samples beside a design, which says how many there are")
-            .help("leave samples out"));
-    }
     let table = SampleTable::read(&folder.join(design_field.value))
         .map_err(|error| error.named_in(fields, "design", design_field.line))?;
     let sets = design(&table, parameters)?;
+    if let Some(at) = samples
+        && at.value != sets.len() as u64
+    {
+        return Err(fields
+            .error("samples", at.line, Mistake::Conflict)
+            .found(format_args!("{} samples beside a design of {}", at.value, sets.len()))
+            .help("leave samples out: the design says how many there are"));
+    }
     settings.samples = sets.len();
     Ok((settings, Some(Design { file: design_field.value.to_owned(), sets })))
 }
@@ -96,24 +99,42 @@ pub(super) fn sampler(
 /// The given parameter sets, which the priors must allow.
 fn design(table: &SampleTable, parameters: &[Parameter]) -> Result<Vec<Vec<f64>>, InputError> {
     let names: Vec<String> = parameters.iter().map(|parameter| parameter.name.clone()).collect();
-    let sets = table.in_order(&names)?;
+    let mut sets = table.in_order(&names)?;
     if sets.len() < 2 {
         return Err(InputError::new(&table.name, Mistake::Empty)
             .found("one parameter set")
             .expected("at least two, or there is nothing to weight"));
     }
-    for (row, set) in sets.iter().enumerate() {
-        for (value, parameter) in set.iter().zip(parameters) {
+    for (row, set) in sets.iter_mut().enumerate() {
+        for (value, parameter) in set.iter_mut().zip(parameters) {
             let (lower, upper) = parameter.prior.support();
-            if !(lower..=upper).contains(value) {
+            *value = onto_bound(*value, lower, upper);
+            if !(lower..=upper).contains(&*value) {
                 return Err(InputError::new(&table.name, Mistake::OutOfRange)
                     .at_line(table.line_of(row))
                     .in_column(&parameter.name)
-                    .found(value)
+                    .found(*value)
                     .expected(format_args!("a value the prior allows, {lower} to {upper}"))
                     .help("widen the prior, or leave the row out"));
             }
         }
     }
     Ok(sets)
+}
+
+/// A value that lies beyond a bound by no more than the rounding of whoever made the table, moved onto the bound.
+///
+/// # Formula
+///
+/// 1e-12 times the larger of the bounds' distance, where it is finite, and the bound.
+fn onto_bound(value: f64, lower: f64, upper: f64) -> f64 {
+    let width = if (upper - lower).is_finite() { upper - lower } else { 0.0 };
+    let near = |bound: f64| (value - bound).abs() <= 1e-12 * width.max(bound.abs());
+    if value < lower && near(lower) {
+        lower
+    } else if value > upper && near(upper) {
+        upper
+    } else {
+        value
+    }
 }

@@ -268,6 +268,14 @@ impl Plan {
         })
     }
 
+    /// The calls of [`commands`](Self::commands).
+    pub(crate) fn calls_mut(&mut self) -> impl Iterator<Item = &mut Call> {
+        self.experiments.iter_mut().filter_map(|experiment| match &mut experiment.simulator {
+            SimulatorPlan::Command(call) => Some(call),
+            SimulatorPlan::Builtin(_) => None,
+        })
+    }
+
     /// The observables as groups of observations, in the order of the simulated values.
     ///
     /// # Errors

@@ -96,6 +96,12 @@ fn experiment_lines(experiment: &ExperimentPlan) -> Vec<String> {
                 "  limits      {} s per run, {} retries of a lost run",
                 call.timeout_s, call.retries
             ));
+            let codes: Vec<String> =
+                call.try_later.exit_codes.iter().map(ToString::to_string).collect();
+            if !codes.is_empty() {
+                let line = format!("  try later   at exit code {}", codes.join(", "));
+                lines.push(line);
+            }
         }
     }
     for observable in &experiment.observables {

@@ -12,8 +12,9 @@ mod sensitivity;
 
 use serde::{Deserialize, Serialize};
 use smc_calib::{
-    BandPoint, Counters, EffectiveSampleSize, Evidence, Failure, MapPoint, ParameterSummary,
-    PathPoint, Residuals, ShapeSummary, SigmaSummary, StageRecord, StopReason, Trust,
+    BandPoint, Counters, EffectiveSampleSize, Evidence, Failing, Failure, MapPoint,
+    ParameterSummary, PathPoint, Residuals, ShapeSummary, SigmaSummary, StageRecord, StopReason,
+    Trust,
 };
 
 pub use doubt::{Doubt, Excluded};
@@ -62,6 +63,9 @@ pub struct Record {
     pub stages: Vec<StageRecord>,
     /// Failed simulations by cause.
     pub failures: Vec<Failure>,
+    /// Whether failing depends on the parameters, where, and what that means; none where nothing failed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub failing: Option<Failing>,
     /// Why the run ended.
     pub stop: StopReason,
     /// The result under correlated errors, where the residuals are alike and the noise model has them independent.

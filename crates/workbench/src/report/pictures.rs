@@ -1,8 +1,8 @@
 //! The figures of a run, made from its record and samples alone: nothing is simulated here.
 
 use figures::{
-    Axes, Band, ConvergenceFigure, ConvergenceStage, CornerFigure, CornerParameter, FitFigure,
-    Knee, RecursionFigure, RecursionParameter, ResidualsFigure,
+    Axes, Band, ConvergenceFigure, ConvergenceStage, CornerFigure, CornerParameter, FailuresFigure,
+    FitFigure, Knee, RecursionFigure, RecursionParameter, ResidualsFigure,
 };
 use smc_calib::{BandPoint, Coordinate, Parameter, PathParameter};
 
@@ -16,7 +16,7 @@ use crate::record::{NeckGrowthRecord, ObservableRecord, Record};
 /// Number of points at which the corner plot draws a prior's density.
 const PRIOR_POINTS: usize = 161;
 
-/// The figures by name of file: `corner`, `recursion`, `convergence`, and for every observable with two points or more
+/// The figures by name of file: `corner`, `recursion`, `convergence`, `failures` where simulations failed, and for every observable with two points or more
 /// `fit` and `residuals`, with its label behind where there are several.
 pub fn pictures(record: &Record, samples: &SampleColumns, log_control: bool) -> NamedFigures {
     let mut figures: NamedFigures = vec![
@@ -24,6 +24,9 @@ pub fn pictures(record: &Record, samples: &SampleColumns, log_control: bool) -> 
         ("recursion".to_owned(), Box::new(recursion(record, log_control))),
         ("convergence".to_owned(), Box::new(convergence(record))),
     ];
+    if let Some(failures) = failures(record) {
+        figures.push(("failures".to_owned(), Box::new(failures)));
+    }
     let several = record.plan.observables().count() > 1;
     let found = record.experiments.iter().flat_map(|experiment| {
         let neck = experiment.neck_growth.as_ref();
@@ -53,6 +56,24 @@ pub fn pictures(record: &Record, samples: &SampleColumns, log_control: bool) -> 
         figures.push((format!("residuals{suffix}"), Box::new(residuals)));
     }
     figures
+}
+
+/// Where simulations failed; none where none did.
+fn failures(record: &Record) -> Option<FailuresFigure> {
+    let place = record.failing.as_ref()?.place.as_ref()?;
+    let summary = record.parameters.iter().find(|p| p.parameter.name == place.parameter)?;
+    let (symbol, unit) = symbol(&summary.parameter.name, &summary.parameter.unit);
+    let counts = |of: &[usize]| of.iter().map(|count| *count as f64).collect();
+    Some(FailuresFigure {
+        title: record.plan.title.clone(),
+        symbol,
+        unit,
+        log10: summary.coordinate == Coordinate::Log10,
+        edges: place.edges.iter().map(|edge| summary.coordinate.of(*edge)).collect(),
+        finished: counts(&place.finished),
+        failed: counts(&place.failed),
+        posterior: place.posterior.clone(),
+    })
 }
 
 /// The fit of a run with one pair; none for other runs.

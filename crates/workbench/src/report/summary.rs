@@ -72,6 +72,9 @@ pub fn text(record: &Record, seconds: Option<f64>, out: Option<&Path>) -> String
     for failure in &record.failures {
         let _ = writeln!(text, "  failed {} times: {}", failure.count, failure.cause);
     }
+    if let Some(line) = failing_line(record) {
+        let _ = writeln!(text, "  {line}");
+    }
     for line in &record.advice {
         let _ = writeln!(text, "  careful: {line}");
     }
@@ -83,6 +86,21 @@ pub fn text(record: &Record, seconds: Option<f64>, out: Option<&Path>) -> String
         );
     }
     text
+}
+
+/// What failures do to the evidence, and whether they depend on the parameters.
+pub(super) fn failing_line(record: &Record) -> Option<String> {
+    let failing = record.failing.as_ref()?;
+    let (zero, random) = (&record.log_evidence, failing.log_evidence_if_random);
+    let depends = if failing.depends() { "depends on the parameters" } else { "looks random" };
+    Some(format!(
+        "failing {depends} (p = {}), with about {} % of the posterior; log evidence {:.3} counts failures as likelihood \
+         zero, {random:.3} +- {} holds if they are random",
+        significant(failing.p_value, 2),
+        significant(100.0 * failing.mass, 2),
+        zero.value,
+        significant(failing.log_evidence_if_random_se, 2),
+    ))
 }
 
 fn headline(record: &Record, seconds: Option<f64>) -> String {

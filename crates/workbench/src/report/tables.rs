@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use smc_calib::{Coordinate, NoiseQuantity, ShapeSummary, SigmaSummary};
 
 use super::noise::{beside_markdown, length_unit, noise_line};
-use super::summary::{OF_TABLE3, is_uninformed, neck_growth, paper_place};
+use super::summary::{OF_TABLE3, failing_line, is_uninformed, neck_growth, paper_place};
 use crate::input::data_table::quoted;
 use crate::number::{digits_of, shown_unit, significant, with_error};
 use crate::plan::SimulatorPlan;
@@ -186,6 +186,9 @@ pub fn markdown(record: &Record) -> String {
     );
     for failure in &record.failures {
         let _ = writeln!(text, "\n> failed {} times: {}", failure.count, failure.cause);
+    }
+    if let Some(line) = failing_line(record) {
+        let _ = writeln!(text, "\n> {}", line.replace("+-", "±"));
     }
     for line in &record.advice {
         let _ = writeln!(text, "\n> {line}");

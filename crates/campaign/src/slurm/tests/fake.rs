@@ -15,7 +15,7 @@ use crate::executor::{Event, Executor as _, Stop};
 use crate::folder::OUTCOMES;
 use crate::outcome::{FailureKind, Outcome};
 use crate::record::ResultRecord;
-use crate::spec::{Call, CampaignSpec, CommandSpec, Interpolation, Keep, OutputSpec, ResultSpec};
+use crate::spec::{Call, CampaignSpec, CommandSpec, Interpolation, OutputSpec, ResultSpec};
 use crate::table::Format;
 use crate::task::Task;
 use crate::{durable, seal};
@@ -67,13 +67,7 @@ impl Fake {
             value: "y".into(),
             interpolate: Interpolation::Refuse,
         };
-        let call = Call {
-            argv: vec!["/bin/true".into()],
-            environment: BTreeMap::new(),
-            timeout_s: 60.0,
-            retries,
-            keep: Keep::Failed,
-        };
+        let call = Call { timeout_s: 60.0, retries, ..Call::new(vec!["/bin/true".into()]) };
         let outputs = vec![OutputSpec { result, at: vec![0.0] }];
         let command = CommandSpec { name: "nothing".into(), call, outputs };
         let names = vec!["x".into()];

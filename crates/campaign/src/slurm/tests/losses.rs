@@ -8,6 +8,7 @@ use super::fake::{Fake, sleep_ms};
 use crate::error::ExecutorError;
 use crate::executor::{Event, Stop};
 use crate::outcome::FailureKind;
+use crate::spec::LostRuns;
 
 #[test]
 fn a_queue_that_fails_hangs_or_talks_nonsense_is_never_no_jobs() {
@@ -34,7 +35,7 @@ fn a_queue_that_fails_hangs_or_talks_nonsense_is_never_no_jobs() {
 }
 
 #[test]
-fn a_run_gone_from_the_queue_is_submitted_again_and_fails_when_lost_too_often() {
+fn a_run_gone_from_the_queue_is_submitted_again_and_stops_the_driver_when_lost_too_often() {
     let mut fake = Fake::new(3, 1);
     fake.run_with(|cluster| {
         cluster.await_submissions(1);
@@ -44,14 +45,64 @@ fn a_run_gone_from_the_queue_is_submitted_again_and_fails_when_lost_too_often() 
         cluster.publish(&[2]);
         cluster.queue("");
     })
-    .expect("all have outcomes");
+    .expect_err("run 3 is lost for the second time");
     let submissions = fake.submissions();
     assert_eq!(submissions.len(), 2);
     assert_eq!(submissions[1].elements, [vec![2], vec![3]], "run 1 had its outcome");
-    assert_eq!(fake.failures(), [(3, FailureKind::Lost { signal: None })]);
+    assert_eq!(fake.failures(), []);
     let retried: Vec<&Event> =
         fake.events.iter().filter(|event| matches!(event, Event::Retried { .. })).collect();
     assert_eq!(retried.len(), 2);
+    // The next driver tries it again.
+    fake.run_with(|cluster| {
+        cluster.await_submissions(3);
+        cluster.publish(&[3]);
+    })
+    .expect("all have outcomes");
+}
+
+#[test]
+fn a_run_lost_too_often_fails_where_the_command_says_so() {
+    let mut fake = Fake::new(1, 0);
+    let mut spec = fake.campaign.spec().clone();
+    spec.commands[0].call.lost = LostRuns::Fail;
+    fake.campaign.set_limits(&spec).expect("limits");
+    fake.run_with(|cluster| {
+        cluster.await_submissions(1);
+        cluster.queue("");
+    })
+    .expect("it has an outcome");
+    assert_eq!(fake.failures(), [(1, FailureKind::Lost { signal: None })]);
+}
+
+#[test]
+fn a_cancelled_element_is_lost_at_once_and_a_job_that_can_never_start_is_an_error() {
+    let mut fake = Fake::new(1, 1);
+    fake.settings.grace_s = 60.0;
+    let begun = Instant::now();
+    fake.run_with(|cluster| {
+        cluster.await_submissions(1);
+        let queue = fs::read_to_string(cluster.programs.join("queue")).expect("the queue");
+        let name = queue.split('|').next().expect("a name").to_owned();
+        cluster.queue(&format!("{name}|101|0|CANCELLED by 1000|None\n"));
+        cluster.await_submissions(2);
+        cluster.publish(&[1]);
+    })
+    .expect("all have outcomes");
+    assert!(begun.elapsed() < Duration::from_secs(20), "{:?}", begun.elapsed());
+
+    let mut fake = Fake::new(2, 1);
+    let error = fake
+        .run_with(|cluster| {
+            cluster.await_submissions(1);
+            let queue = fs::read_to_string(cluster.programs.join("queue")).expect("the queue");
+            let name = queue.split('|').next().expect("a name").to_owned();
+            cluster.queue(&format!("{name}|101|[0-1]|PENDING|PartitionTimeLimit\n"));
+            cluster.wait_for(|| cluster.programs.join("scancel.log").exists());
+        })
+        .expect_err("it waits for ever");
+    let words = error.to_string();
+    assert!(words.contains("PartitionTimeLimit") && words.contains("time_min"), "{words}");
 }
 
 #[test]

@@ -228,6 +228,7 @@ fn a_design_gives_the_parameter_sets_and_must_lie_in_the_prior() {
     assert_eq!(plan.budget(), 2);
     let error = place.read(&text.replace("design", "samples = 99\ndesign")).expect_err("both");
     assert_eq!(error.mistake, Mistake::Conflict);
+    place.read(&text.replace("design", "samples = 2\ndesign")).expect("they agree");
     std::fs::write(&design, "description k\na 2\nb 30\n").expect("written");
     let error = place.read(&text).expect_err("out of the prior");
     assert_eq!((error.mistake, error.line), (Mistake::OutOfRange, Some(3)));

@@ -1,0 +1,170 @@
+//! Processes that a run leaves behind beyond its process group: daemons, and what a killed driver cannot end any more.
+//!
+//! On Linux this process adopts what its runs leave (it is a child subreaper), so that such processes are found among its
+//! own children, by the attempt that they carry in their environment. Elsewhere only the process group of a run is ended.
+
+/// Environment variable of every process that a driver starts on its own machine, by which they are found after a crash of
+/// the driver.
+pub(crate) const MARK: &str = "CAMPAIGN_RUNS";
+
+/// Environment variable with the driver itself: nothing is ended whose driver lives.
+pub(crate) const DRIVER: &str = "CAMPAIGN_DRIVER";
+
+/// Environment variable with the folder of the attempt that a process belongs to.
+pub(crate) const ATTEMPT: &str = "CAMPAIGN_ATTEMPT";
+
+#[cfg(target_os = "linux")]
+mod linux {
+    use std::fs;
+    use std::path::Path;
+    use std::sync::OnceLock;
+    use std::time::{Duration, Instant};
+
+    use rustix::process::{Pid, Signal, WaitOptions};
+
+    /// Longest time for which killed processes are waited for.
+    const PATIENCE: Duration = Duration::from_secs(1);
+
+    /// From now on orphans of this process's children become its own children.
+    pub(crate) fn adopt() {
+        static DONE: OnceLock<()> = OnceLock::new();
+        DONE.get_or_init(|| {
+            // Where it is refused, what leaves its group is not found.
+            let _ = rustix::process::set_child_subreaper(Some(rustix::process::getpid()));
+        });
+    }
+
+    /// Ends what is left of an attempt whose process group `group` was killed.
+    pub(crate) fn end_of_attempt(group: Pid, attempt: &Path) {
+        let begun = Instant::now();
+        // Members of the group that were orphaned, so that they do not stay as zombies; once it is empty, everything
+        // that had left it is this process's child.
+        while rustix::process::test_kill_process_group(group).is_ok() && begun.elapsed() < PATIENCE
+        {
+            if !matches!(rustix::process::waitpgid(group, WaitOptions::NOHANG), Ok(Some(_))) {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        }
+        let entry =
+            [super::ATTEMPT.as_bytes(), b"=", attempt.as_os_str().as_encoded_bytes()].concat();
+        end(|pid| {
+            let environment = fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
+            environment.split(|&byte| byte == 0).any(|own| own == entry)
+        });
+    }
+
+    /// Ends every adopted process that has a session of its own; to be called while no run goes on.
+    pub(crate) fn end_all() {
+        end(|_| true);
+    }
+
+    /// Ends the adopted processes of other sessions that are chosen, and what these leave.
+    fn end(chosen: impl Fn(i32) -> bool) {
+        let begun = Instant::now();
+        loop {
+            let mut left = false;
+            for (pid, zombie) in adopted() {
+                let Some(process) = Pid::from_raw(pid) else { continue };
+                if zombie {
+                    let _ = rustix::process::waitpid(Some(process), WaitOptions::NOHANG);
+                } else if chosen(pid) {
+                    let _ = rustix::process::kill_process(process, Signal::KILL);
+                    left = true;
+                }
+            }
+            if !left || begun.elapsed() > PATIENCE {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+
+    /// Children of this process in another session than its own, and whether each is a zombie: it starts none itself.
+    fn adopted() -> Vec<(i32, bool)> {
+        let own = std::process::id();
+        // Orphans go to the first thread.
+        let children = fs::read_to_string(format!("/proc/{own}/task/{own}/children"));
+        let children = children.unwrap_or_default();
+        let pids = children.split_whitespace().filter_map(|pid| pid.parse::<i32>().ok());
+        let mut session = None;
+        pids.filter_map(|pid| {
+            let (state, of) = state_and_session(&pid.to_string())?;
+            let own = session.get_or_insert_with(|| state_and_session("self").map(|own| own.1));
+            (Some(&of) != own.as_ref()).then_some((pid, state == "Z"))
+        })
+        .collect()
+    }
+
+    fn state_and_session(process: &str) -> Option<(String, String)> {
+        let stat = fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
+        // "PID (NAME) STATE PARENT GROUP SESSION ...", where the name may hold anything.
+        let mut fields = stat.rsplit(')').next()?.split_whitespace();
+        Some((fields.next()?.to_owned(), fields.nth(2)?.to_owned()))
+    }
+}
+
+#[cfg(target_os = "linux")]
+pub(crate) use linux::{adopt, end_all, end_of_attempt};
+
+#[cfg(not(target_os = "linux"))]
+pub(crate) fn end_all() {}
+
+/// A process that outlives a killed driver, and ends the driver's runs once their time is over. Best effort.
+pub(crate) struct Watchdog {
+    #[cfg(target_os = "linux")]
+    child: Option<std::process::Child>,
+}
+
+/// Waits until its input ends, which it does with the driver, then for $1 seconds, and ends what the driver $3 had started.
+#[cfg(target_os = "linux")]
+const SCRIPT: &str = r#"
+trap '' HUP INT TERM
+cat >/dev/null
+sleep "$1"
+for process in /proc/[0-9]*; do
+    if tr '\0' '\n' <"$process/environ" | grep -qxF "$2=$3"; then
+        kill -KILL "${process#/proc/}"
+    fi
+done 2>/dev/null
+"#;
+
+impl Watchdog {
+    /// Starts it for runs of at most `longest_s` seconds.
+    pub(crate) fn start(longest_s: f64) -> Self {
+        #[cfg(target_os = "linux")]
+        {
+            use std::os::unix::process::CommandExt as _;
+            use std::process::{Command, Stdio};
+
+            let child = crate::machine::process_name(std::process::id()).and_then(|driver| {
+                Command::new("sh")
+                    .args(["-c", SCRIPT, "watchdog"])
+                    .args([&longest_s.ceil().to_string(), DRIVER, &driver])
+                    .stdin(Stdio::piped())
+                    .stdout(Stdio::null())
+                    .stderr(Stdio::null())
+                    .process_group(0)
+                    .spawn()
+                    .ok()
+            });
+            Self { child }
+        }
+        #[cfg(not(target_os = "linux"))]
+        {
+            let _ = longest_s;
+            Self {}
+        }
+    }
+}
+
+#[cfg(target_os = "linux")]
+impl Drop for Watchdog {
+    fn drop(&mut self) {
+        if let Some(child) = &mut self.child {
+            use rustix::process::{Pid, Signal, kill_process_group};
+            // With what it waits by: sleep, cat.
+            let _ = kill_process_group(Pid::from_child(child), Signal::KILL);
+            let _ = child.wait();
+        }
+    }
+}

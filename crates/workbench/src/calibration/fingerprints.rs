@@ -1,0 +1,171 @@
+//! Fingerprints of the programs of a plan, and of the files beside the plan that its commands name: whether they are those
+//! that the run began with.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, Read as _, Seek as _, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use campaign::CampaignSpec;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest as _, Sha256};
+
+/// The file with the fingerprints, beside the runs.
+pub(super) const FILE: &str = "programs.json";
+
+/// Most of a file that is read, half of it from its start and half from its end \[bytes\].
+const MOST: u64 = 64 << 20;
+
+/// Fingerprint of each file, by its path: its length and a checksum.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub(super) struct Fingerprints(BTreeMap<String, String>);
+
+impl Fingerprints {
+    /// Of everything that can be read now. `folder` is that of the plan.
+    pub(super) fn of(spec: &CampaignSpec, folder: &Path) -> Self {
+        let mut files = Vec::new();
+        for command in &spec.commands {
+            files.extend(command.call.argv.first().and_then(|program| on_path(program)));
+            for argument in &command.call.argv {
+                files.extend(named(argument, folder));
+            }
+        }
+        let prints = files.into_iter().filter_map(|file| {
+            let print = fingerprint(&file).ok()?;
+            Some((file.display().to_string(), print))
+        });
+        Self(prints.collect())
+    }
+
+    /// The first file that is another one than in `before`, in words. A file that was not there before is what the runs
+    /// write.
+    pub(super) fn change(&self, before: &Self) -> Option<String> {
+        let (file, _) = before.0.iter().find(|(file, print)| self.0.get(*file) != Some(*print))?;
+        let now = if self.0.contains_key(file) {
+            "has changed"
+        } else {
+            "is not there, or another is used,"
+        };
+        Some(format!("{file} {now} since the run began"))
+    }
+}
+
+/// Whether the programs of a run are still those that it began with; files are read again only where their length or time
+/// of change is another than at the last look.
+pub(super) struct Guard<'a> {
+    spec: &'a CampaignSpec,
+    folder: PathBuf,
+    before: Fingerprints,
+    seen: Vec<Option<(u64, SystemTime)>>,
+}
+
+impl<'a> Guard<'a> {
+    pub(super) fn new(spec: &'a CampaignSpec, folder: &Path, before: Fingerprints) -> Self {
+        Self { spec, folder: folder.to_owned(), before, seen: Vec::new() }
+    }
+
+    /// What has changed, in words.
+    pub(super) fn change(&mut self) -> Option<String> {
+        let look = |file: &String| {
+            let there = std::fs::metadata(file).ok()?;
+            Some((there.len(), there.modified().ok()?))
+        };
+        let seen: Vec<_> = self.before.0.keys().map(look).collect();
+        if seen == self.seen {
+            return None;
+        }
+        let change = Fingerprints::of(self.spec, &self.folder).change(&self.before);
+        if change.is_none() {
+            self.seen = seen;
+        }
+        change
+    }
+}
+
+/// A program as the system finds it.
+fn on_path(program: &str) -> Option<PathBuf> {
+    if program.contains('/') {
+        return Some(PathBuf::from(program)).filter(|path| path.is_file());
+    }
+    let folders = std::env::var_os("PATH")?;
+    std::env::split_paths(&folders).map(|folder| folder.join(program)).find(|path| path.is_file())
+}
+
+/// Files in `folder` that a text names by their whole path, also within a script or behind `--option=`, but not those that
+/// a script writes to (`> FILE`).
+fn named(text: &str, folder: &Path) -> Vec<PathBuf> {
+    let Some(beginning) =
+        folder.to_str().map(|folder| format!("{}/", folder.trim_end_matches('/')))
+    else {
+        return Vec::new();
+    };
+    let ends = |c: char| c.is_whitespace() || "\"'`;|&()<>,:{}".contains(c);
+    let read = |at: &usize| {
+        !text[..*at]
+            .trim_end_matches(|c: char| c.is_whitespace() || "\"'".contains(c))
+            .ends_with('>')
+    };
+    let paths = text.match_indices(&beginning).map(|(at, _)| at).filter(read).map(|at| {
+        let behind = &text[at + beginning.len()..];
+        let length = behind.find(ends).unwrap_or(behind.len());
+        PathBuf::from(&text[at..at + beginning.len() + length])
+    });
+    paths.filter(|path| path.is_file()).collect()
+}
+
+fn fingerprint(path: &Path) -> io::Result<String> {
+    let mut file = File::open(path)?;
+    let length = file.metadata()?.len();
+    let mut sum = Sha256::new();
+    let mut add = |file: &mut File, bytes: u64| -> io::Result<()> {
+        let mut part = Vec::new();
+        file.take(bytes).read_to_end(&mut part)?;
+        sum.update(&part);
+        Ok(())
+    };
+    if length <= MOST {
+        add(&mut file, MOST)?;
+    } else {
+        add(&mut file, MOST / 2)?;
+        file.seek(SeekFrom::Start(length - MOST / 2))?;
+        add(&mut file, MOST / 2)?;
+    }
+    let digits: String = sum.finalize().iter().take(16).map(|byte| format!("{byte:02x}")).collect();
+    Ok(format!("{length} bytes, {digits}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_found_in_arguments_and_a_change_is_named() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let folder = folder.path();
+        let path = |name: &str| folder.join(name).display().to_string();
+        std::fs::write(folder.join("run.sh"), "one").expect("written");
+        std::fs::write(folder.join("in.txt"), "two").expect("written");
+        let script =
+            format!("exec '{}' --input={} >> \"{}\"", path("run.sh"), path("in.txt"), path("log"));
+        std::fs::write(folder.join("log"), "a log").expect("written");
+        let found = named(&script, folder);
+        assert_eq!(found, [folder.join("run.sh"), folder.join("in.txt")]);
+        let mut command = campaign::CommandSpec::in_process("x");
+        command.call.argv = vec!["sh".into(), "-c".into(), script];
+        let spec = CampaignSpec { parameter_names: Vec::new(), commands: vec![command], seed: 1 };
+        let before = Fingerprints::of(&spec, folder);
+        assert_eq!(before.0.len(), 3, "with the shell: {before:?}");
+        assert_eq!(Fingerprints::of(&spec, folder).change(&before), None);
+        // What runs write is no change of the program.
+        std::fs::write(folder.join("log"), "a longer log").expect("written");
+        assert_eq!(Fingerprints::of(&spec, folder).change(&before), None);
+        // As long as before, and not the same.
+        std::fs::write(folder.join("in.txt"), "TWO").expect("written");
+        let said = Fingerprints::of(&spec, folder).change(&before).expect("changed");
+        assert!(said.contains("in.txt has changed since the run began"), "{said}");
+        std::fs::remove_file(folder.join("in.txt")).expect("removed");
+        let said = Fingerprints::of(&spec, folder).change(&before).expect("changed");
+        assert!(said.contains("in.txt is not there"), "{said}");
+    }
+}

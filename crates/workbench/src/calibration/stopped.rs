@@ -1,0 +1,94 @@
+//! Runs of programs that stopped, as the user meets them; and failed runs that are made once more.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use campaign::{Campaign, ExecutorError, Outcome};
+
+use super::store::refused;
+use crate::error::{Failure, InputError, Mistake, RunError};
+
+/// Number of failed runs by cause.
+fn causes(campaign: &Campaign) -> BTreeMap<String, u64> {
+    let mut causes = BTreeMap::new();
+    for task in campaign.tasks() {
+        let outcome = campaign.outcome(task.number);
+        if let Some(kind) = outcome.as_ref().and_then(Outcome::failure) {
+            *causes.entry(kind.to_string()).or_insert(0) += 1;
+        }
+    }
+    causes
+}
+
+/// Gives up the outcomes of runs that failed by a cause whose words contain `cause`, so that they are made once more;
+/// returns their number.
+pub(super) fn retry_failed(dir: &Path, campaign: &Campaign, cause: &str) -> Result<usize, Failure> {
+    let wanted = cause.to_lowercase();
+    let is_wanted = |words: &str| words.to_lowercase().contains(&wanted);
+    let there = causes(campaign);
+    if !there.is_empty() && !there.keys().any(|words| is_wanted(words)) {
+        let counted = there.iter().map(|(words, count)| format!("{words} ({count} runs)"));
+        return Err(InputError::new("--retry-failed", Mistake::UnknownName)
+            .found(format_args!("no run that failed by \"{cause}\""))
+            .expected(format_args!("words of: {}", counted.collect::<Vec<_>>().join(", ")))
+            .into());
+    }
+    let again = campaign
+        .forget_failed(&|kind| is_wanted(&kind.to_string()))
+        .map_err(|error| refused(dir, error))?;
+    Ok(again.len())
+}
+
+/// What the last failed run of the commonest cause wrote to stderr: `run 7: license server down`.
+pub(super) fn last_words(campaign: &Campaign) -> Option<String> {
+    let causes = causes(campaign);
+    let (commonest, _) = causes.iter().max_by_key(|(_, count)| **count)?;
+    campaign.tasks().iter().rev().find_map(|task| match campaign.outcome(task.number)? {
+        Outcome::Failed { kind, detail, .. }
+            if kind.to_string() == *commonest && !detail.is_empty() =>
+        {
+            Some(format!("run {}: {detail}", task.number))
+        }
+        _ => None,
+    })
+}
+
+/// Why an executor stopped other than by an interruption.
+pub(super) fn failure(dir: &Path, error: ExecutorError) -> Failure {
+    let name = dir.display();
+    let resume = format!("then: calibrate --resume {name}");
+    let of = RunError::new(&error);
+    match error {
+        ExecutorError::CannotStart { .. } => of
+            .help("install the program, or correct argv in the plan and begin another run")
+            .help(resume)
+            .into(),
+        ExecutorError::Outage { .. } => of
+            .help(format_args!(
+                "mend what is out of order, then make these runs once more: calibrate --resume {name} --retry-failed"
+            ))
+            .help(format_args!(
+                "if it is the parameters that fail, count them as failed and go on: calibrate --resume {name}"
+            ))
+            .help(format_args!("causes and runs as tables: calibrate export {name}"))
+            .into(),
+        ExecutorError::Simulator(_) => of
+            .help(format_args!("put the former one back, {resume}"))
+            .help(format_args!(
+                "if it gives the same results: calibrate --resume {name} --accept-changes"
+            ))
+            .into(),
+        ExecutorError::NotNow { .. } => {
+            of.help("once the program can be called").help(resume).into()
+        }
+        ExecutorError::Lost { .. } => of
+            .help(format_args!("to try again: calibrate --resume {name}"))
+            .help(format_args!(
+                "if it is the parameters that decide, as by the memory they need: lost = \"fail\" beside argv in the plan, \
+                 then: calibrate --resume {name} --plan FILE"
+            ))
+            .into(),
+        ExecutorError::Campaign(error) => refused(dir, error),
+        _ => of.help(resume).into(),
+    }
+}
