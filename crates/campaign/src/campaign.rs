@@ -223,7 +223,7 @@ impl Campaign {
     ///
     /// A failed write: the file is then the old one, or counts as damaged.
     pub fn replace_extra(&mut self, name: &str, contents: &[u8]) -> Result<(), CampaignError> {
-        create::check_names(&BTreeMap::from([(name.to_owned(), Vec::new())]))?;
+        create::check_names(&BTreeMap::from([(name.to_owned(), ())]))?;
         self.check_lock()?;
         files::write(&self.dir.join(name), contents)?;
         let sum = seal::hex(seal::checksum(contents));
@@ -247,6 +247,17 @@ impl Campaign {
     ) -> Result<Vec<u64>, CampaignError> {
         self.check_lock()?;
         self.state().forget_failed(&self.dir, given_up)
+    }
+
+    /// Gives up the outcomes of some tasks, and returns how many had one: they are made again. What there was stays on the
+    /// disk as `results.jsonl.retried-1`.
+    ///
+    /// # Errors
+    ///
+    /// A failed write. Nothing is lost then.
+    pub fn forget(&self, numbers: &[u64]) -> Result<usize, CampaignError> {
+        self.check_lock()?;
+        self.state().forget(numbers)
     }
 
     /// Number of tasks that were submitted with other parameters than before [`forget_failed`](Self::forget_failed).

@@ -9,7 +9,7 @@ use crate::error::CampaignError;
 use crate::folder::{ITERATIONS, LOCK, OUTCOMES, RECORD, RESULTS, SLURM, TASKS, WORK};
 
 /// Checks the names of the caller's files: plain, and none that the campaign uses itself.
-pub(crate) fn check_names(extra: &BTreeMap<String, Vec<u8>>) -> Result<(), CampaignError> {
+pub(crate) fn check_names<T>(extra: &BTreeMap<String, T>) -> Result<(), CampaignError> {
     let ours = [RECORD, TASKS, RESULTS, OUTCOMES, ITERATIONS, WORK, LOCK, SLURM];
     for name in extra.keys() {
         let plain = !name.contains(['/', '\\', '\0']) && !name.starts_with('.') && !name.is_empty();

@@ -161,6 +161,11 @@ impl Journal {
         Ok(kept)
     }
 
+    /// Its file.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Flushes what was written.
     pub(crate) fn flush(&self) -> Result<(), CampaignError> {
         self.file.sync_data().map_err(|error| CampaignError::io("written", &self.path, error))

@@ -81,7 +81,15 @@ impl Lock {
     /// The process that has `dir`: none where it is free, `Some(None)` where its name cannot be read. Takes the lock for a
     /// moment at most.
     pub(crate) fn holder(dir: &Path) -> Option<Option<Holder>> {
-        let mut file = File::open(dir.join(LOCK)).ok()?;
+        let mut options = File::options();
+        options.read(true);
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::OpenOptionsExt as _;
+            let flags = rustix::fs::OFlags::NOFOLLOW | rustix::fs::OFlags::NONBLOCK;
+            options.custom_flags(flags.bits() as i32);
+        }
+        let mut file = options.open(dir.join(LOCK)).ok()?;
         match file.try_lock_shared() {
             Ok(()) => {
                 let _ = file.unlock();

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::error::{CampaignError, Damage};
-use crate::folder::{ITERATIONS, OUTCOMES, WORK};
+use crate::folder::{ITERATIONS, OUTCOMES, RECORD, RESULTS, TASKS, WORK};
 use crate::record::Record;
 use crate::spec::CampaignSpec;
 use crate::{durable, files, seal};
@@ -27,6 +27,12 @@ pub(crate) struct Mended {
 /// Sets aside what is damaged, replaces it by what is given, and makes folders that are not there.
 pub(crate) fn mend(dir: &Path, given: Given<'_>) -> Result<Mended, CampaignError> {
     let mut damage = Vec::new();
+    for name in [RECORD, TASKS, RESULTS] {
+        let file = dir.join(name);
+        if file.is_symlink() {
+            return Err(CampaignError::Damaged { file, what: "it is a link".to_owned() });
+        }
+    }
     let (mut record, mut rewrite) = match (Record::read(dir), given) {
         (Ok(record), _) => (record, false),
         (Err(CampaignError::Damaged { file, what }), Some((spec, extra))) => {
@@ -63,8 +69,9 @@ pub(crate) fn mend(dir: &Path, given: Given<'_>) -> Result<Mended, CampaignError
 fn mend_folders(dir: &Path, damage: &mut Vec<Damage>) -> Result<(), CampaignError> {
     for name in [OUTCOMES, ITERATIONS, WORK] {
         let path = dir.join(name);
-        if !path.is_dir() {
-            damage.push(away(&path, "it is not a directory")?);
+        // A link to a folder elsewhere is none of this campaign's.
+        if path.is_symlink() || !path.is_dir() {
+            damage.push(away(&path, "it is not a directory of its own")?);
             files::make_folder(&path)?;
         }
         durable::remove_stale(&path);

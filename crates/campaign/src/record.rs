@@ -10,7 +10,7 @@ use crate::folder::{RECORD, TASKS};
 use crate::outcome::Outcome;
 use crate::spec::CampaignSpec;
 use crate::task::Task;
-use crate::{files, machine, seal};
+use crate::{create, files, machine, seal};
 
 /// Format of the directory.
 const FORMAT: u64 = 2;
@@ -146,6 +146,8 @@ impl Record {
         }
         let record: Self = seal::unseal(&text).map_err(damaged)?;
         record.spec.check()?;
+        // A record that came from elsewhere must not lead to other files.
+        create::check_names(&record.files)?;
         Ok(record)
     }
 }

@@ -182,8 +182,11 @@ impl State {
     ) -> Result<Vec<u64>, CampaignError> {
         let failed =
             |outcome: Option<&Outcome>| outcome.and_then(Outcome::failure).is_some_and(given_up);
-        let numbers: Vec<u64> =
-            self.tasks.keys().copied().filter(|&number| failed(self.outcome(number))).collect();
+        // Of the results, not of the tasks: a call that was cut off may have emptied those.
+        let failures = self.results.iter().filter(|(_, outcome)| failed(Some(outcome)));
+        let mut numbers: Vec<u64> = failures.map(|((number, _), _)| *number).collect();
+        numbers.sort_unstable();
+        numbers.dedup();
         if numbers.is_empty() {
             return Ok(numbers);
         }
@@ -208,6 +211,25 @@ impl State {
             let _ = std::fs::remove_file(iteration_file(dir, k));
         }
         Ok(numbers)
+    }
+
+    /// Gives up the outcomes of some tasks, which are made again. The journal as it was stays beside it.
+    pub(crate) fn forget(&mut self, numbers: &[u64]) -> Result<usize, CampaignError> {
+        let given_up: HashSet<(u64, String)> = numbers
+            .iter()
+            .filter_map(|number| Some((*number, self.tasks.get(number)?.1.clone())))
+            .filter(|key| self.results.contains_key(key))
+            .collect();
+        if given_up.is_empty() {
+            return Ok(0);
+        }
+        let mut stored = journal::read::<ResultRecord>(self.results_journal.path())?
+            .map_or_else(Vec::new, |lines| lines.records);
+        stored.retain(|result| !given_up.contains(&(result.number, result.task.clone())));
+        self.results_journal.keep_as(GIVEN_UP)?;
+        self.results_journal.replace(&stored)?;
+        self.results.retain(|key, _| !given_up.contains(key));
+        Ok(given_up.len())
     }
 
     /// Number of tasks that were placed otherwise than before failures were given up.

@@ -25,12 +25,17 @@ mod linux {
     /// Longest time for which killed processes are waited for.
     const PATIENCE: Duration = Duration::from_secs(1);
 
+    /// Whether every orphan that this process adopts was left by a run: it had no children before, and is not the one that
+    /// adopts the orphans of the whole machine or container.
+    static ALL_OF_RUNS: OnceLock<bool> = OnceLock::new();
+
     /// From now on orphans of this process's children become its own children.
     pub(crate) fn adopt() {
-        static DONE: OnceLock<()> = OnceLock::new();
-        DONE.get_or_init(|| {
+        ALL_OF_RUNS.get_or_init(|| {
+            let alone = std::process::id() != 1 && children().is_empty();
             // Where it is refused, what leaves its group is not found.
             let _ = rustix::process::set_child_subreaper(Some(rustix::process::getpid()));
+            alone
         });
     }
 
@@ -47,15 +52,21 @@ mod linux {
         }
         let entry =
             [super::ATTEMPT.as_bytes(), b"=", attempt.as_os_str().as_encoded_bytes()].concat();
-        end(|pid| {
-            let environment = fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
-            environment.split(|&byte| byte == 0).any(|own| own == entry)
-        });
+        end(|pid| carries(pid, |own| own == entry));
     }
 
-    /// Ends every adopted process that has a session of its own; to be called while no run goes on.
+    /// Ends the adopted processes of other sessions that runs left: those with the mark of a run, and all others where
+    /// nothing but runs can have left them. To be called while no run goes on.
     pub(crate) fn end_all() {
-        end(|_| true);
+        let all = ALL_OF_RUNS.get().copied().unwrap_or(false);
+        let mark = [super::MARK.as_bytes(), b"="].concat();
+        end(|pid| all || carries(pid, |own| own.starts_with(&mark)));
+    }
+
+    /// Whether an entry of a process's environment is the one that is looked for.
+    fn carries(pid: i32, wanted: impl Fn(&[u8]) -> bool) -> bool {
+        let environment = fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
+        environment.split(|&byte| byte == 0).any(wanted)
     }
 
     /// Ends the adopted processes of other sessions that are chosen, and what these leave.
@@ -79,20 +90,25 @@ mod linux {
         }
     }
 
-    /// Children of this process in another session than its own, and whether each is a zombie: it starts none itself.
-    fn adopted() -> Vec<(i32, bool)> {
+    /// Children of the first thread, which orphans go to.
+    fn children() -> Vec<i32> {
         let own = std::process::id();
-        // Orphans go to the first thread.
         let children = fs::read_to_string(format!("/proc/{own}/task/{own}/children"));
         let children = children.unwrap_or_default();
-        let pids = children.split_whitespace().filter_map(|pid| pid.parse::<i32>().ok());
+        children.split_whitespace().filter_map(|pid| pid.parse().ok()).collect()
+    }
+
+    /// Children of this process in another session than its own, and whether each is a zombie: it starts none itself.
+    fn adopted() -> Vec<(i32, bool)> {
         let mut session = None;
-        pids.filter_map(|pid| {
-            let (state, of) = state_and_session(&pid.to_string())?;
-            let own = session.get_or_insert_with(|| state_and_session("self").map(|own| own.1));
-            (Some(&of) != own.as_ref()).then_some((pid, state == "Z"))
-        })
-        .collect()
+        let children = children().into_iter();
+        children
+            .filter_map(|pid| {
+                let (state, of) = state_and_session(&pid.to_string())?;
+                let own = session.get_or_insert_with(|| state_and_session("self").map(|own| own.1));
+                (Some(&of) != own.as_ref()).then_some((pid, state == "Z"))
+            })
+            .collect()
     }
 
     fn state_and_session(process: &str) -> Option<(String, String)> {

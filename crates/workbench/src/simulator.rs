@@ -192,9 +192,16 @@ impl<'a> Experiments<'a> {
         let mut runner = runner.lock().unwrap_or_else(PoisonError::into_inner);
         let Runner { campaign, executor, changed, on_event } = &mut *runner;
         // Before the runs, so that none is made by another program, and after them, as it may have been replaced meanwhile.
-        let made = unchanged(changed)
-            .and_then(|()| executor.run(campaign, &tasks, on_event, self.watch.stop()))
-            .and_then(|()| unchanged(changed));
+        let made = unchanged(changed).and_then(|()| {
+            let new = tasks.iter().map(|task| task.number);
+            let new: Vec<u64> = new.filter(|number| campaign.outcome(*number).is_none()).collect();
+            let ran = executor.run(campaign, &tasks, on_event, self.watch.stop());
+            match unchanged(changed) {
+                // Which of these runs the other program made is not known: all are made again.
+                Err(error) => campaign.forget(&new).map_err(ExecutorError::from).and(Err(error)),
+                Ok(()) => ran,
+            }
+        });
         if let Err(error) = made {
             *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
             results.fill(Err(SimError::Interrupted));

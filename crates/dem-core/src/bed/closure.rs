@@ -3,8 +3,8 @@
 //! A bed is a sum of pairs as long as the necks of a particle are apart. Where they meet on more than [`NECKS_MEET`] of the
 //! particles, or where the pores close ([`CLOSED`]), the density goes on by the [closed laws](crate::densification) of open
 //! and then of closed pores, from the density of the bed there, one cell and then one pore for each particle; or the run
-//! ends. A bed whose volume does not follow its particles (open sides, a box that is not free) has no such law: its pairs
-//! go on, and make no new contacts.
+//! ends. A bed whose volume does not follow its particles (open sides, a box that is not free), or that does not fill its
+//! volume ([`LEAST_CLOSING`]), has no such law: its pairs go on, and make no new contacts.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,6 +14,10 @@ use crate::densification::CLOSED;
 
 /// Share of the particles on which two necks meet, above which the model, a sum of pairs, has ended.
 pub const NECKS_MEET: f64 = 0.05;
+
+/// Least relative density at the end of the pairs from which on the closed laws hold: below it the particles are a cluster in
+/// a box, not a bed that fills it. Settled beds of sticky particles have 0.47 and more before they sinter.
+pub const LEAST_CLOSING: f64 = 0.5;
 
 /// A step of the quasi-static mode is repeated where it goes further beyond [`CLOSED`].
 const BEYOND: f64 = 0.005;

@@ -68,7 +68,7 @@ mod stability;
 mod start;
 mod vec3;
 
-pub use closure::{Law, NECKS_MEET, WhenNecksMeet};
+pub use closure::{LEAST_CLOSING, Law, NECKS_MEET, WhenNecksMeet};
 pub use engine::{Bed, Drive, Work};
 pub use error::BedError;
 pub use material::{Friction, Growing, Material, final_contact_ratio};

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::closure::{Law, WhenNecksMeet};
+use super::closure::{LEAST_CLOSING, Law, WhenNecksMeet};
 use super::engine::{Bed, Drive};
 use super::error::{BedError, field};
 use super::material::Growing;
@@ -181,7 +181,11 @@ impl Run {
         let may_end = phase.heated && self.series.hand_over.is_none();
         let left = self.steps_by_pairs(phase, may_end, self.steps)?;
         if !(may_end && self.bed.pairs_have_ended()) {
-            return Ok(());
+            return if self.series.hand_over.is_some() {
+                self.check_density(&self.bed.sample())
+            } else {
+                Ok(())
+            };
         }
         let end = self.bed.sample();
         self.check_density(&end)?;
@@ -237,7 +241,8 @@ impl Run {
     fn closed_from(&self) -> Option<&Sample> {
         let closes = self.scene.when_necks_meet == WhenNecksMeet::Closure
             && self.bed.can_shrink(self.scene.free_box);
-        self.series.hand_over.as_ref().filter(|_| closes)
+        let fills = |end: &&Sample| end.relative_density >= LEAST_CLOSING;
+        self.series.hand_over.as_ref().filter(|_| closes).filter(fills)
     }
 
     /// Whether the run has ended where its pairs have.

@@ -271,3 +271,39 @@ fn while_its_necks_are_apart_a_free_bed_follows_the_affine_formula_of_its_approa
         }
     }
 }
+
+/// Three touching particles in an empty box: no bed that could become dense.
+#[test]
+fn a_cluster_in_an_empty_box_has_no_closed_law() {
+    let text = r#"
+name = "cluster"
+[material]
+youngs_modulus_pa = 1.65e9
+surface_tension_n_per_m = 40.7e-3
+density_kg_per_m3 = 1000.0
+[sintering]
+kinetics = "frenkel"
+c1 = 1.177e-5
+tau_s = 3.81
+delta_c = 9.55e-8
+calibrated_radius_m = 31.5e-6
+[box]
+size_m = [1e-3, 1e-3, 1e-3]
+sides = ["periodic", "periodic", "periodic"]
+free = true
+[particles.table]
+positions_m = [[400e-6, 400e-6, 400e-6], [462.97e-6, 400e-6, 400e-6], [431.485e-6, 454.535e-6, 400e-6]]
+radii_m = [31.5e-6, 31.5e-6, 31.5e-6]
+[[phases]]
+name = "heat"
+duration_s = 16.0
+heated = true
+mode = "quasi-static"
+outputs = 4
+tolerance = 3e-3
+"#;
+    let series = run(text);
+    let last = series.samples.last().expect("samples");
+    assert_eq!(last.law, Law::Pairs);
+    assert!(last.relative_density < 0.9, "{}", last.relative_density);
+}

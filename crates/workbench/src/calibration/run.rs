@@ -10,11 +10,11 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use campaign::slurm::Slurm;
-use campaign::{Campaign, Event, Executor, ExecutorError, Local};
+use campaign::{Campaign, Event, Executor, ExecutorError, Local, Outcome};
 use serde::Serialize;
 use smc_calib::Posterior;
 
-use super::fingerprints::Guard;
+use super::fingerprints::{self, Guard};
 use super::sampling::{Calibration, Stages, failure, sample};
 use super::store::{self, Stored, refused};
 use super::{other_kinetics, record, sensitivity, stopped};
@@ -175,7 +175,16 @@ pub fn resume(
             dir.display()
         ));
     }
-    let changed = store::check_programs(dir, &mut campaign, &stored, options.accept_changes)?;
+    let given_up = |outcome: &Outcome| match (&options.retry_failed, outcome.failure()) {
+        (Some(cause), Some(kind)) => stopped::is_wanted(cause, &kind.to_string()),
+        _ => false,
+    };
+    if let Some(cause) = &options.retry_failed {
+        stopped::check_cause(&campaign, cause)?;
+    }
+    let damaged = damage.iter().any(|damage| damage.file.ends_with(fingerprints::FILE));
+    let accepted = (options.accept_changes, damaged);
+    let changed = store::check_programs(dir, &mut campaign, &stored, accepted, &given_up)?;
     if let Some(change) = changed {
         watch.note(&format!("{change}; the run goes on with it"));
     }

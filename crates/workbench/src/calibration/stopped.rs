@@ -20,21 +20,29 @@ fn causes(campaign: &Campaign) -> BTreeMap<String, u64> {
     causes
 }
 
+/// Whether the words of a failure contain a cause that was asked for.
+pub(super) fn is_wanted(cause: &str, words: &str) -> bool {
+    words.to_lowercase().contains(&cause.to_lowercase())
+}
+
+/// Refuses a cause by which no run failed.
+pub(super) fn check_cause(campaign: &Campaign, cause: &str) -> Result<(), Failure> {
+    let there = causes(campaign);
+    if there.is_empty() || there.keys().any(|words| is_wanted(cause, words)) {
+        return Ok(());
+    }
+    let counted = there.iter().map(|(words, count)| format!("{words} ({count} runs)"));
+    Err(InputError::new("--retry-failed", Mistake::UnknownName)
+        .found(format_args!("no run that failed by \"{cause}\""))
+        .expected(format_args!("words of: {}", counted.collect::<Vec<_>>().join(", ")))
+        .into())
+}
+
 /// Gives up the outcomes of runs that failed by a cause whose words contain `cause`, so that they are made once more;
 /// returns their number.
 pub(super) fn retry_failed(dir: &Path, campaign: &Campaign, cause: &str) -> Result<usize, Failure> {
-    let wanted = cause.to_lowercase();
-    let is_wanted = |words: &str| words.to_lowercase().contains(&wanted);
-    let there = causes(campaign);
-    if !there.is_empty() && !there.keys().any(|words| is_wanted(words)) {
-        let counted = there.iter().map(|(words, count)| format!("{words} ({count} runs)"));
-        return Err(InputError::new("--retry-failed", Mistake::UnknownName)
-            .found(format_args!("no run that failed by \"{cause}\""))
-            .expected(format_args!("words of: {}", counted.collect::<Vec<_>>().join(", ")))
-            .into());
-    }
     let again = campaign
-        .forget_failed(&|kind| is_wanted(&kind.to_string()))
+        .forget_failed(&|kind| is_wanted(cause, &kind.to_string()))
         .map_err(|error| refused(dir, error))?;
     Ok(again.len())
 }

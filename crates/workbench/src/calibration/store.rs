@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use campaign::{Call, Campaign, CampaignError, CampaignSpec, CommandSpec, Damage, OutputSpec};
+use campaign::{
+    Call, Campaign, CampaignError, CampaignSpec, CommandSpec, Damage, Outcome, OutputSpec,
+};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -258,15 +260,22 @@ pub(super) fn check_programs(
     dir: &Path,
     campaign: &mut Campaign,
     stored: &Stored,
-    accept: bool,
+    (accept, damaged): (bool, bool),
+    given_up: &dyn Fn(&Outcome) -> bool,
 ) -> Result<Option<String>, Failure> {
     let now = Fingerprints::of(campaign.spec(), stored.folder());
     let known = campaign.extra(fingerprints::FILE).is_some();
-    let change = now.change(&began_with(campaign));
+    let change = if damaged {
+        Some(format!("a damaged {}: what the runs were made with is not known", fingerprints::FILE))
+    } else {
+        now.change(&began_with(campaign))
+    };
     if known && change.is_none() {
         return Ok(None);
     }
-    let finished = campaign.tasks().iter().any(|task| campaign.outcome(task.number).is_some());
+    let outcomes = campaign.tasks();
+    let mut outcomes = outcomes.iter().filter_map(|task| campaign.outcome(task.number));
+    let finished = outcomes.any(|outcome| !given_up(&outcome));
     if let (Some(change), true, false) = (&change, finished, accept) {
         return Err(InputError::new(dir.display().to_string(), Mistake::Conflict)
             .found(change)
