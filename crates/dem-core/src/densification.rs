@@ -31,7 +31,8 @@ pub enum Approach {
     /// overlaps is left out; that of two cut spheres of kept volume goes the same way while the neck is small.
     #[default]
     Overlap,
-    /// Frenkel's balance of energies: the length shrinks by `3 gamma t/(8 eta R) = (3/8) x` while `x = t/tau_s`, which is `3/4 a^2/(2R)`.
+    /// Frenkel's shrinkage on the neck law of this crate: the length shrinks by `3 gamma t/(8 eta R)` while `x = t/tau_s`, which is `3/4 a^2/(2R)`. His
+    /// balance of energies has that shrinkage with a neck of its own, `a^2 = (3/2) R gamma t/eta`, for which it is Kingery and Berg's relation.
     EnergyBalance,
     /// Kingery and Berg's: the matter that leaves the contact fills the neck, `a^2/(4R)` for each.
     KingeryBerg,
@@ -197,7 +198,7 @@ impl Densification {
     pub fn name(self) -> &'static str {
         match self {
             Self::Pairs(Approach::Overlap) => "pairs, approach a^2/2R (overlap)",
-            Self::Pairs(Approach::EnergyBalance) => "pairs, 3a^2/8R (Frenkel's energy balance)",
+            Self::Pairs(Approach::EnergyBalance) => "pairs, 3a^2/8R (Frenkel's shrinkage)",
             Self::Pairs(Approach::KingeryBerg) => "pairs, a^2/4R (Kingery and Berg)",
             Self::Cell => "open pores (Scherer)",
             Self::Pores => "closed pores (Mackenzie and Shuttleworth)",

@@ -224,7 +224,7 @@ fn text(start: f64, table: &Table) -> String {
          a bed end (necks meet on more than 5 % of the particles, or the density reaches {CLOSED:.3}) its density goes on by \
          open and closed pores.\n\n{}\n\
          Where the factor comes from. A bed of pairs shrinks like one of them, `rho = rho0/(1 - s x/2)^3` with `x = t/tau_s`: its \
-         rate at the start is `(3/2) s rho0/tau_s` = {:.3} for the overlap (s = 1), {:.3} for Frenkel's balance of energies (s = \
+         rate at the start is `(3/2) s rho0/tau_s` = {:.3} for the overlap (s = 1), {:.3} for Frenkel's shrinkage (s = \
          3/4), {:.3} for Kingery and Berg (s = 1/2), and rises from there; the rate of Scherer's cell at the same density is {cell:.3}, \
          that of one closed pore per particle {pores:.3}, and both fall from there. Three things are in it. The overlap takes a/R \
          for the circle in which two spheres meet, and leaves out the matter between them, which Kingery and Berg put into the neck \
@@ -232,7 +232,8 @@ fn text(start: f64, table: &Table) -> String {
          their surface as they shrink. And `x = t/tau_s` is the law of small necks: Pokluda's, at kept volume, is slower by the \
          row of the bed with it. The rates of the two closed laws where the pores close are {:.3} and {:.3} per tau_s: they \
          belong to pores of different shapes, and the step is left as it is.\n\n\
-         K1 is a numerical stiffness: a hundred times as stiff the bed takes the same times.\n",
+         K1 is a numerical stiffness: a hundred times as stiff the bed takes the same times, with an adhesive force that is not stated and grows with it. \
+         A stated force on softer contacts begins with wider necks, `a/R = (fa/(K1 R))^(1/2)`, and the first stage is then shorter.\n",
         table.markdown(),
         1.5 * start,
         1.125 * start,
