@@ -199,9 +199,10 @@ impl Correlated {
     }
 
     /// The length, or the share, at a value `u` of the distribution function within the part of the prior that a node
-    /// stands for.
+    /// stands for; a single node stands for itself.
     pub(crate) fn within(&self, axis: usize, place: usize, u: f64) -> f64 {
         let [before, after] = self.parts[axis][place];
+        let u = if self.parts[axis].len() == 1 { 0.5 } else { u };
         self.quantity(axis, before + u * (after - before))
     }
 
