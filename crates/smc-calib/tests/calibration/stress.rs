@@ -195,7 +195,11 @@ fn a_simulator_that_fails_at_random_changes_nothing_but_the_evidence() {
         }
         let generous = Settings { max_failed_share: 1.0, ..settings(8192) };
         let p = calibrate(&problem, &generous, &mut ()).unwrap();
-        let many = p.trust().concerns.iter().any(|w| matches!(w, Concern::ManyFailures { .. }));
+        // Where enough of both are there, they are also seen to be at random.
+        let told = |w: &Concern| {
+            matches!(w, Concern::ManyFailures { .. } | Concern::FailuresAtRandom { .. })
+        };
+        let many = p.trust().concerns.iter().any(told);
         assert_eq!(many, share > 0.1, "{share}: {:?}", p.trust().concerns);
         if share > 0.9 {
             // Eighty live samples of eight thousand: the answer is rough, and says so.
@@ -206,6 +210,10 @@ fn a_simulator_that_fails_at_random_changes_nothing_but_the_evidence() {
             let (a, b) = (a.in_coordinate, b.in_coordinate);
             assert!((a.mean - b.mean).abs() < tolerance * b.sd, "{share}: {a:?} {b:?}");
             assert!((a.sd / b.sd - 1.0).abs() < tolerance, "{share}: {a:?} {b:?}");
+        }
+        if share == 0.5 {
+            let random = |w: &Concern| matches!(w, Concern::FailuresAtRandom { ln_share, .. } if (ln_share - 0.5f64.ln()).abs() < 0.05);
+            assert!(p.trust().concerns.iter().any(random), "{:?}", p.trust().concerns);
         }
         let lost = p.log_evidence.value - exact.log_evidence.value - (1.0f64 - share).ln();
         assert!(lost.abs() < tolerance, "{share}: {lost}");
