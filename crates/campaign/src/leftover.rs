@@ -35,10 +35,9 @@ fn carriers(mark: &str) -> Vec<rustix::process::Pid> {
     let Ok(processes) = std::fs::read_dir("/proc") else { return Vec::new() };
     let pids = processes.flatten().filter_map(|process| {
         let pid: i32 = process.file_name().to_str()?.parse().ok()?;
-        let environment = std::fs::read(process.path().join("environ")).ok()?;
-        let mut entries = environment.split(|&byte| byte == 0);
-        let carries = entries.clone().any(|e| e == entry.as_bytes());
-        let driver = entries.find_map(|entry| {
+        let entries = crate::machine::environment(pid);
+        let carries = entries.iter().any(|e| e == entry.as_bytes());
+        let driver = entries.iter().find_map(|entry| {
             std::str::from_utf8(entry).ok()?.strip_prefix(DRIVER)?.strip_prefix('=')
         });
         if !carries || driver.is_some_and(is_alive) {

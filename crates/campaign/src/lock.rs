@@ -28,14 +28,8 @@ impl Lock {
     pub(crate) fn take(dir: &Path) -> Result<Self, CampaignError> {
         let path = dir.join(LOCK);
         let failed = |error| CampaignError::io("locked", &path, error);
-        let mut options = OpenOptions::new();
-        options.read(true).write(true).create(true).truncate(false);
-        #[cfg(unix)]
-        {
-            // A received folder may hold a link in its place, to a file that is not to be written to.
-            use std::os::unix::fs::OpenOptionsExt as _;
-            options.custom_flags(rustix::fs::OFlags::NOFOLLOW.bits() as i32);
-        }
+        let mut options = plain_file();
+        options.write(true).create(true).truncate(false);
         let mut file = options.open(&path).map_err(failed)?;
         let start = Instant::now();
         loop {
@@ -81,15 +75,7 @@ impl Lock {
     /// The process that has `dir`: none where it is free, `Some(None)` where its name cannot be read. Takes the lock for a
     /// moment at most.
     pub(crate) fn holder(dir: &Path) -> Option<Option<Holder>> {
-        let mut options = File::options();
-        options.read(true);
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::OpenOptionsExt as _;
-            let flags = rustix::fs::OFlags::NOFOLLOW | rustix::fs::OFlags::NONBLOCK;
-            options.custom_flags(flags.bits() as i32);
-        }
-        let mut file = options.open(dir.join(LOCK)).ok()?;
+        let mut file = plain_file().open(dir.join(LOCK)).ok()?;
         match file.try_lock_shared() {
             Ok(()) => {
                 let _ = file.unlock();
@@ -105,6 +91,19 @@ impl Drop for Lock {
         let _ = self.file.set_len(0);
         let _ = self.file.unlock();
     }
+}
+
+/// To read a file that is neither a link nor waits for a writer, as a received folder may hold in its place.
+fn plain_file() -> OpenOptions {
+    let mut options = OpenOptions::new();
+    options.read(true);
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::OpenOptionsExt as _;
+        let flags = rustix::fs::OFlags::NOFOLLOW | rustix::fs::OFlags::NONBLOCK;
+        options.custom_flags(flags.bits() as i32);
+    }
+    options
 }
 
 fn read_holder(file: &mut File) -> Option<Holder> {

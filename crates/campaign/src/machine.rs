@@ -28,12 +28,24 @@ pub(crate) fn boot() -> String {
 /// A process as its number and the time of its start, so that a later one of the same number is told from it: `812:90311`.
 /// None where there is no such process, or the system does not say.
 pub(crate) fn process_name(pid: u32) -> Option<String> {
-    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
-    // "PID (NAME) STATE ...", where the name may hold anything; the start is field 22.
-    let mut fields = stat.rsplit(')').next()?.split_whitespace();
-    let state = fields.next()?;
-    let started = fields.nth(18)?;
+    let [state, _, started] = process_stat(&pid.to_string())?;
     (state != "Z").then(|| format!("{pid}:{started}"))
+}
+
+/// State, session and time of the start of a process, by its number or as `self`; none where the system does not say.
+pub(crate) fn process_stat(process: &str) -> Option<[String; 3]> {
+    let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
+    // "PID (NAME) STATE PARENT GROUP SESSION ...", where the name may hold anything; the state is field 3.
+    let mut fields = stat.rsplit(')').next()?.split_whitespace().map(str::to_owned);
+    let (state, session) = (fields.next()?, fields.nth(2)?);
+    Some([state, session, fields.nth(15)?])
+}
+
+/// The entries of a process's environment; empty where the system does not show them.
+#[cfg(target_os = "linux")]
+pub(crate) fn environment(pid: i32) -> Vec<Vec<u8>> {
+    let entries = std::fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
+    entries.split(|&byte| byte == 0).map(<[u8]>::to_vec).collect()
 }
 
 /// Whether there is a process of this number on this machine.

@@ -190,10 +190,7 @@ impl State {
         if numbers.is_empty() {
             return Ok(numbers);
         }
-        let path = dir.join(RESULTS);
-        let mut stored =
-            journal::read::<ResultRecord>(&path)?.map_or_else(Vec::new, |lines| lines.records);
-        stored.retain(|result| !failed(Some(&result.outcome)));
+        let stored = self.stored_without(|result| failed(Some(&result.outcome)))?;
         // In this order: tasks without a line are submitted again as they were, while failures are still there.
         self.tasks_journal.keep_as(GIVEN_UP)?;
         self.results_journal.keep_as(GIVEN_UP)?;
@@ -223,13 +220,23 @@ impl State {
         if given_up.is_empty() {
             return Ok(0);
         }
-        let mut stored = journal::read::<ResultRecord>(self.results_journal.path())?
-            .map_or_else(Vec::new, |lines| lines.records);
-        stored.retain(|result| !given_up.contains(&(result.number, result.task.clone())));
+        let stored =
+            self.stored_without(|result| given_up.contains(&(result.number, result.task.clone())))?;
         self.results_journal.keep_as(GIVEN_UP)?;
         self.results_journal.replace(&stored)?;
         self.results.retain(|key, _| !given_up.contains(key));
         Ok(given_up.len())
+    }
+
+    /// The results on the disk without those that are given up.
+    fn stored_without(
+        &self,
+        given_up: impl Fn(&ResultRecord) -> bool,
+    ) -> Result<Vec<ResultRecord>, CampaignError> {
+        let lines = journal::read::<ResultRecord>(self.results_journal.path())?;
+        let mut stored = lines.map_or_else(Vec::new, |lines| lines.records);
+        stored.retain(|result| !given_up(result));
+        Ok(stored)
     }
 
     /// Number of tasks that were placed otherwise than before failures were given up.

@@ -22,6 +22,8 @@ mod linux {
 
     use rustix::process::{Pid, Signal, WaitOptions};
 
+    use crate::machine::{environment, process_stat};
+
     /// Longest time for which killed processes are waited for.
     const PATIENCE: Duration = Duration::from_secs(1);
 
@@ -52,7 +54,7 @@ mod linux {
         }
         let entry =
             [super::ATTEMPT.as_bytes(), b"=", attempt.as_os_str().as_encoded_bytes()].concat();
-        end(|pid| carries(pid, |own| own == entry));
+        end(|pid| environment(pid).contains(&entry));
     }
 
     /// Ends the adopted processes of other sessions that runs left: those with the mark of a run, and all others where
@@ -60,13 +62,7 @@ mod linux {
     pub(crate) fn end_all() {
         let all = ALL_OF_RUNS.get().copied().unwrap_or(false);
         let mark = [super::MARK.as_bytes(), b"="].concat();
-        end(|pid| all || carries(pid, |own| own.starts_with(&mark)));
-    }
-
-    /// Whether an entry of a process's environment is the one that is looked for.
-    fn carries(pid: i32, wanted: impl Fn(&[u8]) -> bool) -> bool {
-        let environment = fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
-        environment.split(|&byte| byte == 0).any(wanted)
+        end(|pid| all || environment(pid).iter().any(|own| own.starts_with(&mark)));
     }
 
     /// Ends the adopted processes of other sessions that are chosen, and what these leave.
@@ -104,18 +100,12 @@ mod linux {
         let children = children().into_iter();
         children
             .filter_map(|pid| {
-                let (state, of) = state_and_session(&pid.to_string())?;
-                let own = session.get_or_insert_with(|| state_and_session("self").map(|own| own.1));
+                let [state, of, _] = process_stat(&pid.to_string())?;
+                let own =
+                    session.get_or_insert_with(|| process_stat("self").map(|[_, own, _]| own));
                 (Some(&of) != own.as_ref()).then_some((pid, state == "Z"))
             })
             .collect()
-    }
-
-    fn state_and_session(process: &str) -> Option<(String, String)> {
-        let stat = fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
-        // "PID (NAME) STATE PARENT GROUP SESSION ...", where the name may hold anything.
-        let mut fields = stat.rsplit(')').next()?.split_whitespace();
-        Some((fields.next()?.to_owned(), fields.nth(2)?.to_owned()))
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::gaussian_process::{Data, GaussianProcess};
 use crate::joint::JointProblem;
+use crate::neighbours::Neighbours;
 use crate::pool::Pool;
 use crate::posterior::{Evidence, Failing, FailingPlace};
 use crate::problem::Parameter;
@@ -65,22 +66,17 @@ fn p_value(pool: &Pool, failed: &[bool], seed: u64) -> f64 {
     let tested: Vec<usize> =
         (0..pool.len()).step_by(pool.len().div_ceil(MOST_TESTED).max(1)).collect();
     let failed: Vec<bool> = tested.iter().map(|&i| failed[i]).collect();
-    let n = tested.len();
-    let neighbours: Vec<Vec<usize>> = (0..n)
-        .into_par_iter()
-        .map(|i| {
-            let distance = |j: usize| -> f64 {
-                let pairs = pool.point(tested[i]).iter().zip(pool.point(tested[j]));
-                pairs.map(|(a, b)| (a - b) * (a - b)).sum()
-            };
-            let mut others: Vec<(f64, usize)> =
-                (0..n).filter(|&j| j != i).map(|j| (distance(j), j)).collect();
-            let k = NEIGHBOURS.min(others.len());
-            if k < others.len() {
-                others.select_nth_unstable_by(k, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            }
-            others.truncate(k);
-            others.into_iter().map(|(_, j)| j).collect()
+    let points: Vec<f64> = tested.iter().flat_map(|&i| pool.point(i)).copied().collect();
+    let tree = Neighbours::new(&points, pool.d);
+    let neighbours: Vec<Vec<usize>> = points
+        .par_chunks_exact(pool.d)
+        .enumerate()
+        .map(|(i, point)| {
+            // One more: the point itself is among them, unless as many others lie where it does.
+            let mut near = Vec::with_capacity(NEIGHBOURS + 1);
+            tree.nearest(point, NEIGHBOURS + 1, f64::INFINITY, &mut near);
+            let others = near.into_iter().map(|(_, j)| j as usize).filter(|&j| j != i);
+            others.take(NEIGHBOURS).collect()
         })
         .collect();
     let together = |failed: &[bool]| -> usize {

@@ -1,13 +1,15 @@
 //! Nearest neighbours among a fixed set of points: a k-d tree.
 
+use crate::sobol::MAX_DIMENSIONS;
 use std::ops::Range;
 
-/// Most coordinates of a point: with more of them samples have no near neighbours.
+/// Most coordinates of points that have near neighbours: with more of them all are far.
 pub(crate) const MOST_DIMENSIONS: usize = 6;
 /// Points per leaf.
 const LEAF: usize = 8;
 
-/// A balanced k-d tree of at most [`MOST_DIMENSIONS`] dimensions.
+/// A balanced k-d tree of at most [`MAX_DIMENSIONS`] dimensions; of more than [`MOST_DIMENSIONS`] it is hardly faster than
+/// a look at every point.
 pub(crate) struct Neighbours {
     d: usize,
     /// Points in the order of the leaves, row by row.
@@ -52,7 +54,7 @@ impl Neighbours {
     ) {
         found.clear();
         if count > 0 && !self.index.is_empty() {
-            let mut off = [0.0; MOST_DIMENSIONS];
+            let mut off = [0.0; MAX_DIMENSIONS];
             let search = Search { z, count, within };
             self.search(&search, found, &mut off[..self.d], 0, 0..self.index.len());
         }

@@ -89,8 +89,7 @@ impl Trust {
 
     /// Whether residuals are alike where the noise model has them independent.
     pub fn intervals_too_narrow(&self) -> bool {
-        let narrow = |c: &Concern| matches!(c, Concern::ResidualsNotIndependent { lag1, modelled: false, .. } if *lag1 > 0.0);
-        self.concerns.iter().any(narrow)
+        self.concerns.iter().any(Concern::is_alike)
     }
 
     /// One line with the verdict and its grounds. `evidence` belongs to the same result.

@@ -298,7 +298,7 @@ fn option(concern: &Concern, asked: Simulations) -> Option<String> {
             let more = more_than(asked);
             field(&format!("--samples {more}"), &format!("samples = {more} in [sampler]"))
         }
-        Concern::ResidualsNotIndependent { lag1, modelled: false, .. } if *lag1 > 0.0 => {
+        alike if alike.is_alike() => {
             let in_plan = "noise = { kind = \"correlated\", s0 = ABOUT }";
             field(&format!("--noise correlated, in a plan {in_plan}"), in_plan)
         }

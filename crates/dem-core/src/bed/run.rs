@@ -181,11 +181,7 @@ impl Run {
         let may_end = phase.heated && self.series.hand_over.is_none();
         let left = self.steps_by_pairs(phase, may_end, self.steps)?;
         if !(may_end && self.bed.pairs_have_ended()) {
-            return if self.series.hand_over.is_some() {
-                self.check_density(&self.bed.sample())
-            } else {
-                Ok(())
-            };
+            return Ok(());
         }
         let end = self.bed.sample();
         self.check_density(&end)?;
@@ -241,8 +237,8 @@ impl Run {
     fn closed_from(&self) -> Option<&Sample> {
         let closes = self.scene.when_necks_meet == WhenNecksMeet::Closure
             && self.bed.can_shrink(self.scene.free_box);
-        let fills = |end: &&Sample| end.relative_density >= LEAST_CLOSING;
-        self.series.hand_over.as_ref().filter(|_| closes).filter(fills)
+        let hand_over = self.series.hand_over.as_ref();
+        hand_over.filter(|end| closes && end.relative_density >= LEAST_CLOSING)
     }
 
     /// Whether the run has ended where its pairs have.

@@ -168,6 +168,12 @@ pub enum Concern {
 }
 
 impl Concern {
+    /// Whether it is that neighbouring residuals are alike where the noise model has them independent: intervals are then
+    /// too narrow.
+    pub fn is_alike(&self) -> bool {
+        matches!(self, Self::ResidualsNotIndependent { lag1, modelled: false, .. } if *lag1 > 0.0)
+    }
+
     /// The problem and its size.
     pub fn what(&self) -> String {
         match self {

@@ -11,6 +11,7 @@ use dem_core::densification::{
 };
 use dem_core::{Kinetics, PairSpec, Sintering, paper};
 use figures::{CurvesFigure, MarkedCurve, Role};
+use workbench::densify::crossing;
 use workbench::error::{Failure, RunError};
 
 use crate::report::{Report, Table};
@@ -141,14 +142,8 @@ impl Course {
         let after = self.density.iter().position(|&at| at >= density)?;
         let point = |k: usize| (self.time[k], self.density[k]);
         let Some(before) = after.checked_sub(1) else { return Some(0.0) };
-        let (mut from, mut to) = (point(before), point(after));
-        if let Some([time, at, _]) = self.end
-            && from.0 < time
-            && time < to.0
-        {
-            if at >= density { to = (time, at) } else { from = (time, at) }
-        }
-        Some(from.0 + (density - from.1) / (to.1 - from.1) * (to.0 - from.0))
+        let end = self.end.map(|[time, at, _]| (time, at));
+        Some(crossing([point(before), point(after)], end, density))
     }
 }
 

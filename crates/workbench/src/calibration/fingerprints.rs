@@ -11,6 +11,8 @@ use campaign::CampaignSpec;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 
+use crate::output::checksums::hex;
+
 /// The file with the fingerprints, beside the runs.
 pub(super) const FILE: &str = "programs.json";
 
@@ -131,8 +133,7 @@ fn fingerprint(path: &Path) -> io::Result<String> {
         file.seek(SeekFrom::Start(length - MOST / 2))?;
         add(&mut file, MOST / 2)?;
     }
-    let digits: String = sum.finalize().iter().take(16).map(|byte| format!("{byte:02x}")).collect();
-    Ok(format!("{length} bytes, {digits}"))
+    Ok(format!("{length} bytes, {}", hex(&sum.finalize()[..16])))
 }
 
 #[cfg(test)]

@@ -67,9 +67,11 @@ fn look(
         let Some(parameters) = parameters(plan, &pair)? else { return Ok(None) };
         let mut settings = settings(plan, parameters.len());
         let mut other = calibrated_alone(&pair, &parameters, measured, &settings)?;
-        if !other.as_ref().is_some_and(sound) {
+        let mut judged = other.as_ref().is_some_and(sound);
+        if !judged {
             settings.samples *= MORE;
             other = calibrated_alone(&pair, &parameters, measured, &settings)?;
+            judged = other.as_ref().is_some_and(sound);
         }
         let Some(other) = other else { return Ok(None) };
         let tau_s = place(&parameters).and_then(|place| other.parameters.get(place));
@@ -81,8 +83,8 @@ fn look(
             kinetics,
             ln_bayes_factor,
             ln_bayes_factor_se: se,
-            judged: sound(&other),
-            fits_as_well: sound(&other) && ln_bayes_factor + BARE_MENTION > ERRORS * se,
+            judged,
+            fits_as_well: judged && ln_bayes_factor + BARE_MENTION > ERRORS * se,
             tau_s_median: tau_s.in_si.median,
             tau_s_eti95: [eti95.lower, eti95.upper],
             tau_s_disjoint: eti95.upper < own.lower || own.upper < eti95.lower,

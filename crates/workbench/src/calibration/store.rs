@@ -118,7 +118,8 @@ pub(super) fn create(dir: &Path, planned: &Planned) -> Result<(Campaign, Stored)
     refuse_older_layout(dir)?;
     // What a full disk left of a run that had not begun is used again.
     let runs = dir.join(CAMPAIGN);
-    let begun = runs.join("campaign.json").exists();
+    let has_begun = || runs.join("campaign.json").exists();
+    let begun = has_begun();
     let is_ours = |entry: std::io::Result<std::fs::DirEntry>| {
         entry.is_ok_and(|entry| entry.file_name() == CAMPAIGN && !begun)
     };
@@ -127,7 +128,7 @@ pub(super) fn create(dir: &Path, planned: &Planned) -> Result<(Campaign, Stored)
         return Err(exists(dir).into());
     }
     let campaign = Campaign::create(&runs, &spec, &extra).map_err(|error| match error {
-        CampaignError::DiskFull { .. } if !runs.join("campaign.json").exists() => {
+        CampaignError::DiskFull { .. } if !has_begun() => {
             let name = dir.display();
             RunError::new(format_args!("{name}: the disk is full, and the run has not begun"))
                 .help("make room, then begin it again with the same command")

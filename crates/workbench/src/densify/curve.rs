@@ -119,6 +119,18 @@ pub struct Curve {
     pub pairs_end: Option<PairsEnd>,
 }
 
+/// Time at which a quantity has a level between two observations `(time, value)`, by straight lines that bend at `bend`
+/// where that lies between them.
+pub fn crossing([mut from, mut to]: [(f64, f64); 2], bend: Option<(f64, f64)>, level: f64) -> f64 {
+    if let Some(bend) = bend
+        && from.0 < bend.0
+        && bend.0 < to.0
+    {
+        if bend.1 >= level { to = bend } else { from = bend }
+    }
+    from.0 + (level - from.1) / (to.1 - from.1) * (to.0 - from.0)
+}
+
 /// A bed where its pairs end: the necks meet, or the pores close.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PairsEnd {
@@ -191,22 +203,9 @@ impl Curve {
     pub fn time_to(&self, target: Target) -> Option<f64> {
         let (of, level) = (|moment: &Moment| moment.of_target(target), target.value());
         let after = self.moments.iter().position(|moment| of(moment) >= level)?;
-        let mut to = (self.moments[after].time_s, of(&self.moments[after]));
-        let Some(from) = after.checked_sub(1).map(|before| &self.moments[before]) else {
-            return Some(to.0);
-        };
-        let mut from = (from.time_s, of(from));
-        if let Some((time_s, at)) = self.pairs_end_at(target)
-            && from.0 < time_s
-            && time_s < to.0
-        {
-            if at >= level {
-                to = (time_s, at);
-            } else {
-                from = (time_s, at);
-            }
-        }
-        Some(from.0 + (level - from.1) / (to.1 - from.1) * (to.0 - from.0))
+        let point = |k: usize| (self.moments[k].time_s, of(&self.moments[k]));
+        let Some(before) = after.checked_sub(1) else { return Some(point(after).0) };
+        Some(crossing([point(before), point(after)], self.pairs_end_at(target), level))
     }
 
     /// Time \[s\] at which the pairs end, and the target's quantity at that time.

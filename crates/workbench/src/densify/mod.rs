@@ -26,7 +26,7 @@ use crate::watch::Watch;
 use beds::{Wanted, file_name};
 use report::FailedDraw;
 
-pub use curve::{Band, Curve, Moment, Point, Target, TimeTo};
+pub use curve::{Band, Curve, Moment, Point, Target, TimeTo, crossing};
 pub use draws::Draw;
 pub use laws::OtherLaw;
 pub use report::{DensifyPlan, Report};

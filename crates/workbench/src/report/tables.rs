@@ -2,9 +2,9 @@
 
 use std::fmt::Write as _;
 
-use smc_calib::{Coordinate, NoiseQuantity, ShapeSummary, SigmaSummary};
+use smc_calib::{Coordinate, ShapeSummary};
 
-use super::noise::{beside_markdown, length_unit, noise_line};
+use super::noise::{beside_markdown, length_unit, noise_line, or_one};
 use super::summary::{OF_TABLE3, failing_line, is_uninformed, neck_growth, paper_place};
 use crate::input::data_table::quoted;
 use crate::number::{digits_of, shown_unit, significant, with_error};
@@ -88,45 +88,40 @@ fn rows(record: &Record) -> Vec<Row> {
             _ => format!("{what} of {}", found.label),
         };
         if let Some(sigma) = &found.sigma {
-            rows.push(sigma_row(named("sigma"), &plan.unit, sigma));
+            let (median, moments) = ((sigma.median, sigma.eti95), (sigma.mean, sigma.sd));
+            rows.push(noise_row(named("sigma"), &plan.unit, median, moments));
         }
         if let Some(ShapeSummary::Correlated { scale, length, white_share, .. }) =
             &found.noise_shape
         {
             let unit = length_unit(*scale, plan);
-            rows.push(shape_row(named("correlation length"), unit, length));
-            rows.push(shape_row(named("white share"), "1", white_share));
+            for (what, unit, found) in
+                [("correlation length", unit, length), ("white share", "1", white_share)]
+            {
+                // No standard deviation is computed of them.
+                let (median, moments) = ((found.median, found.eti95), (found.mean, f64::NAN));
+                rows.push(noise_row(named(what), unit, median, moments));
+            }
         }
     }
     rows
 }
 
-/// What the noise has beside sigma; no standard deviation is computed of it.
-fn shape_row(parameter: String, unit: &str, found: &NoiseQuantity) -> Row {
+/// A number of the noise, by median, 95 % interval, mean and standard deviation.
+fn noise_row(
+    parameter: String,
+    unit: &str,
+    (median, eti95): (f64, [f64; 2]),
+    (mean, sd): (f64, f64),
+) -> Row {
     Row {
         parameter,
-        unit: unit.to_owned(),
+        unit: or_one(unit).to_owned(),
         form: "noise",
         map: None,
-        median: found.median,
-        eti95: found.eti95,
-        mean_sd: (found.mean, f64::NAN, Coordinate::Linear),
-        bits: None,
-        informed: true,
-        paper: None,
-        percentile: None,
-    }
-}
-
-fn sigma_row(parameter: String, unit: &str, sigma: &SigmaSummary) -> Row {
-    Row {
-        parameter,
-        unit: if unit.is_empty() { "1".to_owned() } else { unit.to_owned() },
-        form: "noise",
-        map: None,
-        median: sigma.median,
-        eti95: sigma.eti95,
-        mean_sd: (sigma.mean, sigma.sd, Coordinate::Linear),
+        median,
+        eti95,
+        mean_sd: (mean, sd, Coordinate::Linear),
         bits: None,
         informed: true,
         paper: None,
