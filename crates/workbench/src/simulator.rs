@@ -16,8 +16,9 @@ pub(crate) struct Runner<'a> {
     pub(crate) campaign: &'a Campaign,
     /// Executor of the runs.
     pub(crate) executor: Box<dyn Executor + Send + 'a>,
-    /// Whether a program is another one than at the beginning, in words.
-    pub(crate) changed: Box<dyn FnMut() -> Option<String> + Send + 'a>,
+    /// Whether a program is another one than at the beginning, in words; asked with the runs that are about to be made,
+    /// and with none after them.
+    pub(crate) changed: Box<dyn FnMut(&[u64]) -> Option<String> + Send + 'a>,
     /// Told of every run.
     pub(crate) on_event: Box<dyn FnMut(Event) + Send + 'a>,
 }
@@ -84,8 +85,8 @@ pub(crate) fn stored(
 }
 
 /// Refuses programs that are other ones than at the beginning.
-fn unchanged(changed: &mut dyn FnMut() -> Option<String>) -> Result<(), ExecutorError> {
-    changed().map_or(Ok(()), |change| {
+fn unchanged(change: Option<String>) -> Result<(), ExecutorError> {
+    change.map_or(Ok(()), |change| {
         Err(ExecutorError::Simulator(format!("{change}: runs of both would be mixed")))
     })
 }
@@ -192,11 +193,11 @@ impl<'a> Experiments<'a> {
         let mut runner = runner.lock().unwrap_or_else(PoisonError::into_inner);
         let Runner { campaign, executor, changed, on_event } = &mut *runner;
         // Before the runs, so that none is made by another program, and after them, as it may have been replaced meanwhile.
-        let made = unchanged(changed).and_then(|()| {
-            let new = tasks.iter().map(|task| task.number);
-            let new: Vec<u64> = new.filter(|number| campaign.outcome(*number).is_none()).collect();
+        let new = tasks.iter().map(|task| task.number);
+        let new: Vec<u64> = new.filter(|number| campaign.outcome(*number).is_none()).collect();
+        let made = unchanged(changed(&new)).and_then(|()| {
             let ran = executor.run(campaign, &tasks, on_event, self.watch.stop());
-            match unchanged(changed) {
+            match unchanged(changed(&[])) {
                 // Which of these runs the other program made is not known: all are made again.
                 Err(error) => campaign.forget(&new).map_err(ExecutorError::from).and(Err(error)),
                 Ok(()) => ran,

@@ -14,7 +14,7 @@ use campaign::{Campaign, Event, Executor, ExecutorError, Local, Outcome};
 use serde::Serialize;
 use smc_calib::Posterior;
 
-use super::fingerprints::{self, Guard};
+use super::fingerprints::{self, Guard, Unchecked};
 use super::sampling::{Calibration, Stages, failure, sample};
 use super::store::{self, Stored, refused};
 use super::{other_kinetics, record, sensitivity, stopped};
@@ -35,7 +35,8 @@ pub struct RunOptions {
     pub threads: Option<usize>,
     /// The program and arguments that make given runs of a campaign, for jobs on a cluster: `calibrate run-task`.
     pub worker: Vec<String>,
-    /// On resuming: makes runs once more that failed by a cause whose words contain this text; empty for all failed runs.
+    /// On resuming: makes runs once more that failed by a cause, or with words on stderr, that contain this text; empty for
+    /// all failed runs.
     pub retry_failed: Option<String>,
     /// On resuming: goes on although the runs belong to another user, whose commands are run.
     pub accept_owner: bool,
@@ -175,9 +176,8 @@ pub fn resume(
             dir.display()
         ));
     }
-    let given_up = |outcome: &Outcome| match (&options.retry_failed, outcome.failure()) {
-        (Some(cause), Some(kind)) => stopped::is_wanted(cause, &kind.to_string()),
-        _ => false,
+    let given_up = |outcome: &Outcome| {
+        options.retry_failed.as_ref().is_some_and(|words| stopped::is_wanted(words, outcome))
     };
     if let Some(cause) = &options.retry_failed {
         stopped::check_cause(&campaign, cause)?;
@@ -187,6 +187,16 @@ pub fn resume(
     let changed = store::check_programs(dir, &mut campaign, &stored, accepted, &given_up)?;
     if let Some(change) = changed {
         watch.note(&format!("{change}; the run goes on with it"));
+    }
+    if !options.accept_changes {
+        let suspects = Unchecked::of(&campaign).suspects(&store::began_with(&campaign));
+        let again = campaign.forget(&suspects).map_err(|error| refused(dir, error))?;
+        if again > 0 {
+            watch.note(&format!(
+                "{again} runs are made again: a program or a file beside it was written after they had begun, and the driver \
+                 was killed before it had looked"
+            ));
+        }
     }
     if let Some(cause) = &options.retry_failed {
         let again = stopped::retry_failed(dir, &campaign, cause)?;
@@ -231,12 +241,12 @@ impl Driver<'_> {
         let begun = Instant::now();
         self.watch.begin(self.total() as u64, self.ended() as u64, "runs");
         let before = store::began_with(self.campaign);
-        let mut guard = Guard::new(self.campaign.spec(), self.stored.folder(), before);
+        let mut guard = Guard::new(self.campaign, self.stored.folder(), before);
         let runner = Runner {
             campaign: self.campaign,
             executor: executor(&self.stored.executor, options)?,
             on_event: Box::new(on_event(plan, self.watch)),
-            changed: Box::new(move || guard.change()),
+            changed: Box::new(move |about_to_be_made| guard.change(about_to_be_made)),
         };
         let experiments = Experiments::new(plan, Some(runner), self.watch)?;
         let groups = plan.groups()?;
