@@ -41,6 +41,7 @@ mod files;
 mod folder;
 mod holder;
 mod in_process;
+pub mod inputs;
 mod journal;
 mod judge;
 mod leftover;

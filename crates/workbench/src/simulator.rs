@@ -10,6 +10,9 @@ use crate::pair::model::NeckGrowth;
 use crate::plan::{Plan, SimulatorPlan};
 use crate::watch::Watch;
 
+/// Looks at the programs of runs.
+type Look<'a> = dyn FnMut(&[u64]) -> Option<String> + Send + 'a;
+
 /// Where and by what the programs of a plan are run.
 pub(crate) struct Runner<'a> {
     /// Folder of the runs.
@@ -18,7 +21,7 @@ pub(crate) struct Runner<'a> {
     pub(crate) executor: Box<dyn Executor + Send + 'a>,
     /// Whether a program is another one than at the beginning, in words; asked with the runs that are about to be made,
     /// and with none after them.
-    pub(crate) changed: Box<dyn FnMut(&[u64]) -> Option<String> + Send + 'a>,
+    pub(crate) changed: Box<Look<'a>>,
     /// Told of every run.
     pub(crate) on_event: Box<dyn FnMut(Event) + Send + 'a>,
 }

@@ -7,6 +7,7 @@ use std::io::{self, Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
+use campaign::inputs::files_below;
 use campaign::{Campaign, CampaignSpec};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
@@ -34,6 +35,9 @@ impl Fingerprints {
             files.extend(command.call.argv.first().and_then(|program| on_path(program)));
             for argument in &command.call.argv {
                 files.extend(named(argument, folder));
+            }
+            for file in &command.call.files {
+                files.extend(files_below(Path::new(&file.from)).unwrap_or_default());
             }
         }
         let prints = files.into_iter().filter_map(|file| {

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use campaign::inputs::Put;
 use campaign::{Format, Interpolation};
 use smc_calib::{DistanceScale, FixedSigma, Noise, PriorSpec};
 
@@ -92,6 +93,15 @@ fn experiment_lines(experiment: &ExperimentPlan) -> Vec<String> {
         SimulatorPlan::Builtin(pair) => lines.extend(pair_lines(pair)),
         SimulatorPlan::Command(call) => {
             lines.push(format!("  command     {}", call.argv.join(" ")));
+            for (put, by) in
+                [("copied", Put::Copy), ("linked", Put::Link), ("filled in", Put::Fill)]
+            {
+                let files = call.files.iter().filter(|file| file.by == by);
+                let files: Vec<&str> = files.map(|file| file.from.as_str()).collect();
+                if !files.is_empty() {
+                    lines.push(format!("  {put:<11} {}", files.join(", ")));
+                }
+            }
             lines.push(format!(
                 "  limits      {} s per run, {} retries of a lost run",
                 call.timeout_s, call.retries
