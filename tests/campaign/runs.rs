@@ -350,3 +350,28 @@ fn input_files_are_put_into_the_folder_of_every_run_and_a_change_is_noticed() {
         sandbox.run("check wrong.toml").refused(&words);
     }
 }
+
+#[test]
+fn the_weights_of_grain_learnings_own_files_are_its_own() {
+    let folder = root().join("experiments/external/grainlearning");
+    let sandbox = Sandbox::new();
+    for entry in fs::read_dir(&folder).expect("the folder").flatten() {
+        fs::copy(entry.path(), sandbox.path().join(entry.file_name())).expect("copied");
+    }
+    sandbox.run("--plan hyperbola.toml --quiet").succeeded();
+    let samples = sandbox.path().join("results/hyperbola/samples.csv");
+    let samples = fs::read_to_string(samples).expect("samples");
+    let mut rows = samples.lines().filter(|line| !line.starts_with('#'));
+    let weight = rows.next().and_then(|head| head.split(',').position(|column| column == "weight"));
+    let weight = weight.expect("a column of weights");
+    let ours: Vec<f64> = rows
+        .map(|row| row.split(',').nth(weight).expect("a weight").parse().expect("a number"))
+        .collect();
+    let theirs = fs::read_to_string(folder.join("hyperbola-weights.txt")).expect("its weights");
+    let theirs: Vec<f64> =
+        theirs.lines().skip(1).map(|line| line.parse().expect("a number")).collect();
+    assert_eq!((ours.len(), theirs.len()), (20, 20));
+    for (ours, theirs) in ours.iter().zip(&theirs) {
+        assert!((ours - theirs).abs() < 1e-10, "{ours} {theirs}");
+    }
+}
