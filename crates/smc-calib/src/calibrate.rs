@@ -5,7 +5,7 @@ use crate::joint::{JointLikelihood, JointProblem};
 use crate::marginal::mean_and_sd;
 use crate::mixture::Proposal;
 use crate::pool::{Pool, effective_sample_size, exponentiate};
-use crate::sampler::{Sampler, record};
+use crate::sampler::{NextStage, Sampler, record};
 use crate::summary::{Run, summarise};
 use crate::target::CurveTarget;
 use crate::trust::khat_holds;
@@ -111,11 +111,10 @@ pub(crate) fn refuse_failures(pool: &Pool, settings: &Settings) -> Result<(), Ca
     Ok(())
 }
 
-/// Size and proposal of a stage, and whether it is the last one.
-type Next = dyn FnMut(&mut Sampler<'_>) -> Option<(usize, Proposal, bool)>;
+type ChooseStage = dyn FnMut(&mut Sampler<'_>) -> Option<NextStage>;
 
 /// The stages of a run, one after the other; those of the tuned scheme are of equal size.
-fn next_stage(settings: &Settings, tuned: Option<f64>) -> Box<Next> {
+fn next_stage(settings: &Settings, tuned: Option<f64>) -> Box<ChooseStage> {
     let Some(share) = tuned else { return Box::new(|sampler| sampler.next()) };
     let equal = equal_stages(settings);
     Box::new(move |sampler| {

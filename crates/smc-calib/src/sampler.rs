@@ -31,6 +31,9 @@ pub(crate) struct Frozen {
     pub ln_w: Vec<f64>,
 }
 
+/// Size and proposal of a stage, and whether it is the last one.
+pub(crate) type NextStage = (usize, Proposal, bool);
+
 /// A stage that was drawn, and whose simulations are not in the pool yet.
 struct Placed {
     proposal: Proposal,
@@ -113,7 +116,7 @@ impl<'a> Sampler<'a> {
     /// does not matter which simulations end first.
     pub(crate) fn place(
         &mut self,
-        next: &mut dyn FnMut(&mut Self) -> Option<(usize, Proposal, bool)>,
+        next: &mut dyn FnMut(&mut Self) -> Option<NextStage>,
     ) {
         let waits = |sampler: &Self| {
             sampler.placed.front().is_some_and(|placed| {
@@ -424,7 +427,7 @@ impl<'a> Sampler<'a> {
     ///
     /// Until tempering has reached the full likelihood, further adaptive stages come before the final one, as long as half
     /// of the remaining budget is left for it.
-    pub(crate) fn next(&mut self) -> Option<(usize, Proposal, bool)> {
+    pub(crate) fn next(&mut self) -> Option<NextStage> {
         let sizes = self.schedule();
         let stage = self.stages();
         let left = self.settings.samples - self.samples();
