@@ -53,17 +53,12 @@ pub trait Executor {
 
 impl Feed<'_> {
     /// Lets an executor run what is given, until nothing more is to be run or the executor fails.
-    pub fn serve(
-        &self,
-        executor: &mut dyn Executor,
-        watch: &mut dyn FnMut(Event),
-        stop: &Stop,
-    ) {
-        /// Nobody shall wait for an executor that is gone, be it by a panic.
+    pub fn serve(&self, executor: &mut dyn Executor, watch: &mut dyn FnMut(Event), stop: &Stop) {
+        /// Ends the feed, also after a panic.
         struct Leaving<'b, 'a>(&'b Feed<'a>);
         impl Drop for Leaving<'_, '_> {
             fn drop(&mut self) {
-                self.0.leave();
+                self.0.end();
             }
         }
         let _leaving = Leaving(self);

@@ -33,8 +33,10 @@ struct State {
     last: bool,
     /// Whether the giver is gone.
     closed: bool,
-    /// Whether the executor is gone, and why.
+    /// Whether the executor takes nothing more.
     left: bool,
+    /// Whether the executor is gone, and why.
+    gone: bool,
     failure: Option<ExecutorError>,
 }
 
@@ -96,7 +98,7 @@ impl<'a> Feed<'a> {
         state.wanted = tasks.iter().map(|task| task.number).collect();
         (state.ended, state.waits) = (0, true);
         self.changed.notify_all();
-        while state.waits && !state.left {
+        while state.waits && !state.gone {
             state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
         if state.waits && !self.has_ended(&mut state) {
@@ -140,7 +142,7 @@ impl<'a> Feed<'a> {
         self.changed.notify_all();
     }
 
-    /// For executors: tells that no further run is made.
+    /// For executors: nothing more is taken, whoever asks for it.
     pub fn leave(&self) {
         self.state().left = true;
         self.changed.notify_all();
@@ -149,6 +151,12 @@ impl<'a> Feed<'a> {
     /// Keeps why the executor failed, for whoever waits.
     pub(crate) fn fail(&self, error: ExecutorError) {
         self.state().failure = Some(error);
+    }
+
+    /// Nobody shall wait for an executor that is gone.
+    pub(crate) fn end(&self) {
+        self.state().gone = true;
+        self.changed.notify_all();
     }
 
     fn take(&self, patient: bool) -> Result<Option<Vec<Task>>, CampaignError> {
