@@ -115,6 +115,15 @@ impl<'a> Feed<'a> {
         self.changed.notify_all();
     }
 
+    /// Same as [`close`](Self::close), and waits until the executor is gone: then nothing runs any more. For feeds that one is
+    /// [serving](Self::serve).
+    pub fn finish(&self) {
+        self.close();
+        let state = self.state();
+        let gone = self.changed.wait_while(state, |state| !state.gone);
+        drop(gone.unwrap_or_else(PoisonError::into_inner));
+    }
+
     /// For executors: the tasks that were given since the last call and have no outcome; waits until there are some, and gives
     /// none once nothing more is to be run.
     ///

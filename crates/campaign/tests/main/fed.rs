@@ -93,7 +93,7 @@ fn a_straggler_does_not_hold_up_the_batches_after_the_next() {
     let sandbox = Sandbox::new();
     // The first run of the first batch waits until one of the second batch has ended.
     let script = "if [ $3 = 0 ]; then while ! [ -e ../../../../ended ]; do sleep 0.02; done; fi; \
-                  printf 'x\\n1\\n' > out.csv; if [ $3 = 9 ]; then touch ../../../../ended; fi";
+                  printf 'x\\n1\\n' > out.csv; if [ $3 = 10 ]; then touch ../../../../ended; fi";
     let campaign = create(&sandbox.dir(), &spec(shell(script)));
     let (given, events) = feed_to(&mut Local { parallel: 2 }, &campaign, &Stop::new());
     assert_eq!(given.unwrap().len(), 40);
