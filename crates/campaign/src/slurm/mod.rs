@@ -30,6 +30,7 @@ pub use settings::{SlurmSettingError, SlurmSettings};
 use crate::campaign::Campaign;
 use crate::error::ExecutorError;
 use crate::executor::{Event, Executor, Stop};
+use crate::feed::Feed;
 use crate::task::Task;
 use client::Client;
 use cluster::Cluster;
@@ -72,7 +73,16 @@ impl Executor for Slurm {
         watch: &mut dyn FnMut(Event),
         stop: &Stop,
     ) -> Result<(), ExecutorError> {
-        campaign.record_submitted(tasks)?;
-        Session::begin(&self.cluster, campaign, tasks, watch, stop)?.run()
+        self.run_fed(campaign, &Feed::of(campaign, tasks)?, watch, stop)
+    }
+
+    fn run_fed(
+        &mut self,
+        _: &Campaign,
+        feed: &Feed<'_>,
+        watch: &mut dyn FnMut(Event),
+        stop: &Stop,
+    ) -> Result<(), ExecutorError> {
+        Session::begin(&self.cluster, feed, watch, stop)?.run()
     }
 }

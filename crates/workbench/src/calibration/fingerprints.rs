@@ -1,7 +1,7 @@
 //! Fingerprints of the programs of a plan, and of the files beside the plan that its commands name: whether they are those
 //! that the run began with.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{self, Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -77,12 +77,11 @@ impl<'a> Guard<'a> {
         Self { spec, folder, before, seen: Vec::new(), unchecked }
     }
 
-    /// What has changed, in words; with the runs that are about to be made, none after them.
-    pub(super) fn change(&mut self, about_to_be_made: &[u64]) -> Option<String> {
+    /// What has changed, in words; `unsure` are the runs of which it will not be known until the next look.
+    pub(super) fn change(&mut self, unsure: &BTreeSet<u64>) -> Option<String> {
         let change = self.looked_at();
         if change.is_none() {
-            self.unchecked.end();
-            self.unchecked.begin(about_to_be_made);
+            self.unchecked.note(unsure);
         }
         change
     }
@@ -112,16 +111,13 @@ impl Unchecked {
         Self(campaign.dir().join("unchecked.json"))
     }
 
-    /// Notes runs before they are made. Best effort, as all of this.
-    pub(super) fn begin(&self, numbers: &[u64]) {
-        if !numbers.is_empty() {
-            let _ = std::fs::write(&self.0, serde_json::to_vec(numbers).unwrap_or_default());
-        }
-    }
-
-    /// The programs were looked at after the runs.
-    pub(super) fn end(&self) {
-        let _ = std::fs::remove_file(&self.0);
+    /// Notes the runs that are being made, after a look at their programs. Best effort, as all of this.
+    fn note(&self, numbers: &BTreeSet<u64>) {
+        let _ = if numbers.is_empty() {
+            std::fs::remove_file(&self.0)
+        } else {
+            std::fs::write(&self.0, serde_json::to_vec(numbers).unwrap_or_default())
+        };
     }
 
     /// The runs that a driver was making when it was killed, where a program or a file beside it was written after they

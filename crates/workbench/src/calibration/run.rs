@@ -14,6 +14,7 @@ use campaign::{Campaign, Event, Executor, ExecutorError, Local, Outcome};
 use serde::Serialize;
 use smc_calib::Posterior;
 
+use super::ahead;
 use super::fingerprints::{self, Guard, Unchecked};
 use super::sampling::{Calibration, Stages, failure, sample};
 use super::store::{self, Stored, refused};
@@ -108,7 +109,9 @@ pub fn run(
     let out = folder_of(&planned.plan, options);
     if planned.plan.commands().next().is_some() {
         let (campaign, stored) = store::create(&out, planned)?;
-        return Driver { dir: &out, campaign: &campaign, stored: &stored, watch }.drive(options);
+        let executor = executor(&stored.executor, options)?;
+        let driver = Driver { dir: &out, campaign: &campaign, stored: &stored, watch };
+        return driver.drive(executor, options);
     }
     let folder = RunFolder::prepare(&out, FILE_NAME)?;
     let threads = match planned.executor {
@@ -151,6 +154,22 @@ pub fn run(
     }
     let published = staging.publish()?;
     Ok(Finished { record, out, published, timings })
+}
+
+/// Same as [`run`] for a plan with programs, whose runs are made by this executor.
+///
+/// # Errors
+///
+/// [`Failure`] with the reason. Runs that had ended are in the folder.
+pub fn run_by(
+    planned: &Planned,
+    executor: Box<dyn Executor + Send + '_>,
+    options: &RunOptions,
+    watch: &dyn Watch,
+) -> Result<Finished, Failure> {
+    let out = folder_of(&planned.plan, options);
+    let (campaign, stored) = store::create(&out, planned)?;
+    Driver { dir: &out, campaign: &campaign, stored: &stored, watch }.drive(executor, options)
 }
 
 /// Goes on with the runs of programs in a folder. A plan that is given mends a damaged copy, and may name another
@@ -209,7 +228,8 @@ pub fn resume(
              asks for the same parameter sets"
         ));
     }
-    Driver { dir, campaign: &campaign, stored: &stored, watch }.drive(options)
+    let executor = executor(&stored.executor, options)?;
+    Driver { dir, campaign: &campaign, stored: &stored, watch }.drive(executor, options)
 }
 
 /// A run goes on with the plan it began with; that the file has changed since is worth saying.
@@ -228,26 +248,39 @@ fn about_the_plan_file(stored: &Stored, watch: &dyn Watch) {
 }
 
 /// Runs the programs of a plan in its folder.
-struct Driver<'a> {
-    dir: &'a Path,
-    campaign: &'a Campaign,
-    stored: &'a Stored,
-    watch: &'a dyn Watch,
+pub(super) struct Driver<'a> {
+    pub(super) dir: &'a Path,
+    pub(super) campaign: &'a Campaign,
+    pub(super) stored: &'a Stored,
+    pub(super) watch: &'a dyn Watch,
 }
 
 impl Driver<'_> {
-    fn drive(&self, options: &RunOptions) -> Result<Finished, Failure> {
-        let plan = &self.stored.plan;
-        let begun = Instant::now();
-        self.watch.begin(self.total() as u64, self.ended() as u64, "runs");
+    pub(super) fn drive(
+        &self,
+        executor: Box<dyn Executor + Send + '_>,
+        options: &RunOptions,
+    ) -> Result<Finished, Failure> {
         let before = store::began_with(self.campaign);
         let mut guard = Guard::new(self.campaign, self.stored.folder(), before);
         let runner = Runner {
             campaign: self.campaign,
-            executor: executor(&self.stored.executor, options)?,
-            on_event: Box::new(on_event(plan, self.watch)),
-            changed: Box::new(move |about_to_be_made| guard.change(about_to_be_made)),
+            executor,
+            ahead: None,
+            unsure: BTreeSet::new(),
+            on_event: Box::new(on_event(&self.stored.plan, self.watch)),
+            changed: Box::new(move |unsure| guard.change(unsure)),
         };
+        if self.stored.plan.sampler.overlap == 0 {
+            return self.calibrate(runner, options);
+        }
+        ahead::beside(runner, self.watch.stop(), |runner| self.calibrate(runner, options))
+    }
+
+    fn calibrate(&self, runner: Runner<'_>, options: &RunOptions) -> Result<Finished, Failure> {
+        let plan = &self.stored.plan;
+        let begun = Instant::now();
+        self.watch.begin(self.total() as u64, self.ended() as u64, "runs");
         let experiments = Experiments::new(plan, Some(runner), self.watch)?;
         let groups = plan.groups()?;
         let pool = pool(options.threads)?;
