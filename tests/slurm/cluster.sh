@@ -2,7 +2,7 @@
 # A Slurm of two nodes on this machine's loopback interface, without systemd and without cgroups: for tests, and to try
 # `calibrate` with Slurm before it meets a real cluster. All its files, keys, sockets and logs are in one directory.
 #
-#   tests/slurm/cluster.sh install            installs Debian's packages (as root): slurm-wlm, munge
+#   tests/slurm/cluster.sh install            installs Debian's packages (as root): slurm-wlm, munge, slurmdbd, mariadb-server
 #   tests/slurm/cluster.sh up DIR             makes the cluster in DIR and waits until both nodes are idle
 #   source DIR/env                            sbatch, squeue, ... of this shell now speak to it
 #   tests/slurm/cluster.sh kill DIR WHAT      kills a daemon as a crash would: n1, n2 or ctld
@@ -10,11 +10,14 @@
 #   tests/slurm/cluster.sh down DIR           ends all jobs and daemons, and removes DIR
 #
 # Runs as root or as an ordinary user. Variables: MAX_ARRAY_SIZE (1001), NODE_CPUS (4), SLURMD_TIMEOUT (10 s: after that a
-# node whose slurmd is silent is down, and its jobs are lost).
+# node whose slurmd is silent is down, and its jobs are lost). With ACCOUNTING=1 it keeps accounts in a database of its own (slurmdbd, mariadbd), so
+# that sacct answers, and has a QOS named tiny that takes two jobs of a user at most.
 set -euo pipefail
 
 export PATH="$PATH:/usr/sbin:/sbin"
 needed=(munged slurmctld slurmd sbatch squeue scontrol scancel sinfo)
+accounting=(slurmdbd sacctmgr mariadbd mariadb-install-db mariadb)
+[ "${ACCOUNTING:-}" != 1 ] || needed+=("${accounting[@]}")
 
 say() { printf 'cluster: %s\n' "$*" >&2; }
 die() { say "$*"; exit 1; }
@@ -34,12 +37,12 @@ wait_for() {
     done
 }
 
-# A run of four ports that nothing listens on.
+# A run of five ports that nothing listens on.
 free_ports() {
     local base i
     for _ in $(seq 100); do
         base=$((20000 + RANDOM % 12000))
-        for i in 0 1 2 3; do
+        for i in 0 1 2 3 4; do
             if (exec 3<>"/dev/tcp/127.0.0.1/$((base + i))") 2>/dev/null; then continue 2; fi
         done
         echo "$base"
@@ -49,12 +52,13 @@ free_ports() {
 }
 
 install_packages() {
-    if missing >/dev/null; then say "slurm-wlm and munge are here"; return; fi
+    needed+=("${accounting[@]}")
+    if missing >/dev/null; then say "the packages are here"; return; fi
     command -v apt-get >/dev/null || die "no apt-get here: install Slurm (slurmctld, slurmd) and munge by hand"
-    [ "$(id -u)" = 0 ] || die "not root: sudo apt-get install --no-install-recommends slurm-wlm munge"
+    [ "$(id -u)" = 0 ] || die "not root: sudo apt-get install --no-install-recommends slurm-wlm munge slurmdbd mariadb-server"
     export DEBIAN_FRONTEND=noninteractive
     apt-get update -qq
-    apt-get install -y -qq --no-install-recommends slurm-wlm munge >/dev/null
+    apt-get install -y -qq --no-install-recommends slurm-wlm munge slurmdbd mariadb-server >/dev/null
 }
 
 # Succeeds when nothing is missing; names what is.
@@ -69,10 +73,34 @@ missing() {
 }
 
 write_configuration() {
-    local base user host version
+    local base user host version accounts="AccountingStorageType=accounting_storage/none"
     base=$(free_ports)
     user=$(id -un)
     host=$(hostname -s)
+    if [ "${ACCOUNTING:-}" = 1 ]; then
+        accounts="AccountingStorageType=accounting_storage/slurmdbd
+AccountingStorageHost=127.0.0.1
+AccountingStoragePort=$((base + 3))
+AccountingStoragePass=$dir/munge.socket
+AccountingStorageEnforce=associations,limits,qos"
+        (umask 077 && cat >"$dir/slurmdbd.conf") <<CONF
+DbdHost=localhost
+DbdAddr=127.0.0.1
+DbdPort=$((base + 3))
+SlurmUser=$user
+AuthType=auth/munge
+AuthInfo=socket=$dir/munge.socket
+StorageType=accounting_storage/mysql
+StorageHost=127.0.0.1
+StoragePort=$((base + 4))
+StorageUser=slurm
+StoragePass=slurm
+StorageLoc=slurm
+LogFile=$dir/dbd.log
+PidFile=$dir/dbd.pid
+CONF
+        echo "$((base + 4))" >"$dir/db.port"
+    fi
     cat >"$dir/slurm.conf" <<CONF
 ClusterName=loopback
 SlurmctldHost=$host(127.0.0.1)
@@ -85,7 +113,7 @@ CommunicationParameters=NoCtldInAddrAny,NoInAddrAny
 ProctrackType=proctrack/linuxproc
 TaskPlugin=task/none
 JobAcctGatherType=jobacct_gather/none
-AccountingStorageType=accounting_storage/none
+$accounts
 SelectType=select/cons_tres
 SelectTypeParameters=CR_CPU
 MpiDefault=none
@@ -131,6 +159,26 @@ start() {
                 --log-file="$dir/munge.log" --seed-file="$dir/munge.seed" --num-threads=2
             wait_for "munged" 10 munge --no-input --socket="$dir/munge.socket"
             ;;
+        db)
+            mariadb-install-db --no-defaults --datadir="$dir/db" --user="$(id -un)" --auth-root-authentication-method=normal \
+                --skip-test-db >"$dir/db-install.log"
+            mark mariadbd --no-defaults --datadir="$dir/db" --user="$(id -un)" --socket="$dir/db.socket" \
+                --bind-address=127.0.0.1 --port="$(cat "$dir/db.port")" --pid-file="$dir/db.pid" --log-error="$dir/db.log" \
+                --innodb-buffer-pool-size=32M --innodb-lock-wait-timeout=900 >/dev/null 2>&1 &
+            wait_for "mariadbd" 30 mariadb --no-defaults --socket="$dir/db.socket" --user=root --execute="select 1"
+            mariadb --no-defaults --socket="$dir/db.socket" --user=root --execute="create database slurm;
+                create user slurm@'127.0.0.1' identified by 'slurm'; create user slurm@localhost identified by 'slurm';
+                grant all on slurm.* to slurm@'127.0.0.1'; grant all on slurm.* to slurm@localhost"
+            ;;
+        dbd)
+            mark slurmdbd
+            wait_for "slurmdbd" 30 sacctmgr --noheader --parsable2 list cluster
+            sacctmgr --immediate add cluster loopback
+            sacctmgr --immediate add qos tiny set MaxSubmitJobsPerUser=2
+            sacctmgr --immediate add account tests Cluster=loopback
+            sacctmgr --immediate add user "$(id -un)" Account=tests Cluster=loopback
+            sacctmgr --immediate modify user "$(id -un)" set qos+=tiny
+            ;;
         ctld)
             mark slurmctld
             wait_for "slurmctld" 20 scontrol ping
@@ -144,28 +192,6 @@ start() {
 }
 
 node_is_up() { [[ $(sinfo --noheader --Node --nodes="$1" --format=%t) =~ ^(idle|mix|alloc|comp)$ ]]; }
-
-kill_daemon() {
-    local pid
-    pid=$(cat "$dir/$1.pid" 2>/dev/null) || die "kill $1: no $dir/$1.pid"
-    kill -KILL "$pid" || die "kill $1: no process $pid"
-    # Dead, if not yet buried: a process without a command line is a zombie.
-    while [ -n "$(tr -d '\0' 2>/dev/null <"/proc/$pid/cmdline")" ]; do sleep 0.05; done
-    rm -f "$dir/$1.pid"
-    say "killed $1 (process $pid)"
-}
-
-# The processes of this cluster: daemons by their mark, jobs by the cluster's configuration and a job's number in their
-# environment.
-processes() {
-    local file
-    grep -lzxF "LOOPBACK_SLURM=$dir" /proc/[0-9]*/environ 2>/dev/null | cut -d/ -f3 || true
-    for file in $(grep -lzxF "SLURM_CONF=$dir/slurm.conf" /proc/[0-9]*/environ 2>/dev/null); do
-        if grep -qz "^SLURM_JOB_ID=" "$file" 2>/dev/null; then echo "$file" | cut -d/ -f3; fi
-    done
-}
-
-up() { [[ $(sinfo --noheader --Node --nodes="$1" --format=%t) =~ ^(idle|mix|alloc|comp)$ ]]; }
 
 kill_daemon() {
     local pid
@@ -208,6 +234,10 @@ up() {
     write_configuration
     (umask 077 && head -c 1024 /dev/urandom >"$dir/munge.key")
     start munge
+    if [ "${ACCOUNTING:-}" = 1 ]; then
+        start db
+        start dbd >"$dir/accounts.log"
+    fi
     start ctld
     mark slurmd -N n1
     start n2

@@ -43,7 +43,11 @@ impl Simulator for Mended<'_> {
     fn revised(&self, samples: usize) -> Vec<usize> {
         let before = self.samples.swap(samples, Ordering::Relaxed);
         let now = (before + 1..=samples).contains(&self.until);
-        if now { (0..samples).filter(|sample| sample.is_multiple_of(3)).collect() } else { Vec::new() }
+        if now {
+            (0..samples).filter(|sample| sample.is_multiple_of(3)).collect()
+        } else {
+            Vec::new()
+        }
     }
 }
 
