@@ -52,6 +52,7 @@ mod mend;
 pub mod numbers;
 mod outage;
 mod outcome;
+mod persistent;
 mod process;
 mod record;
 mod results;
@@ -73,8 +74,10 @@ pub use error::{CampaignError, Damage, ExecutorError};
 pub use executor::{Event, Executor, Request, Stop};
 pub use holder::Holder;
 pub use in_process::{Fault, InProcess};
+pub use folder::ANSWER;
 pub use local::Local;
 pub use outcome::{FailureKind, Outcome};
+pub use persistent::ask_worker;
 pub use spec::{
     Call, CampaignSpec, CommandSpec, Interpolation, Keep, LostRuns, OutputSpec, ResultSpec,
     SpecError, TryLater,

@@ -10,6 +10,7 @@ use crate::executor::{Event, Executor, Stop};
 use crate::leftover;
 use crate::mailbox::Mailbox;
 use crate::outcome::FailureKind;
+use crate::persistent::Workers;
 use crate::strays::{self, Watchdog};
 use crate::task::Task;
 
@@ -22,10 +23,31 @@ const LOST_MOST: usize = 12;
 ///
 /// Before the first run in a directory that was opened again, it ends the processes that a killed
 /// driver of this directory has left on this machine.
-#[derive(Debug, Clone, PartialEq, Eq)]
+///
+/// Workers ([`Call::worker`](crate::Call::worker)) stay from one call of [`run`](Executor::run) to the next, as many per
+/// command as there are runs at the same time. They are ended with this, or when a call has an error.
+#[derive(Debug)]
 pub struct Local {
-    /// Number of runs at the same time, at least 1.
-    pub parallel: usize,
+    parallel: usize,
+    workers: Option<Workers>,
+}
+
+impl Local {
+    /// An executor of so many runs at the same time, at least 1.
+    #[must_use]
+    pub fn new(parallel: usize) -> Self {
+        Self { parallel, workers: None }
+    }
+
+    /// Has workers ready for the campaign where one of its commands needs them.
+    fn keep_workers(&mut self, campaign: &Campaign) {
+        let (dir, id, spec) = (campaign.dir(), campaign.id(), campaign.spec());
+        if !self.workers.as_ref().is_some_and(|workers| workers.are_of(dir, id)) {
+            self.workers = None;
+            let needed = spec.commands.iter().any(|command| command.call.worker);
+            self.workers = needed.then(|| Workers::new(dir, id, spec));
+        }
+    }
 }
 
 enum News {
@@ -51,6 +73,7 @@ impl Executor for Local {
             dir: campaign.dir(),
             spec: campaign.spec(),
             mark: Some(campaign.id()),
+            workers: None,
             alone: true,
         };
         if !campaign.is_new() && campaign.first_look() {
@@ -69,12 +92,13 @@ impl Executor for Local {
         if missing.is_empty() {
             return Ok(());
         }
+        self.keep_workers(campaign);
+        let runner = Runner { workers: self.workers.as_ref(), ..runner };
         let next = AtomicUsize::new(0);
         let (sender, receiver) = mpsc::channel();
         // Asked for by the caller, or by a failure after which no further run makes sense.
         let halt = stop.child();
-        let longest = campaign.spec().commands.iter().map(|command| command.call.timeout_s);
-        let watchdog = Watchdog::start(longest.fold(0.0, f64::max));
+        let watchdog = runner.workers.is_none().then(|| Watchdog::of_runs(campaign.spec()));
         let made = std::thread::scope(|scope| {
             for slot in 0..self.parallel.clamp(1, missing.len()) {
                 let sender = sender.clone();
@@ -105,13 +129,17 @@ impl Executor for Local {
             stored
         });
         drop(watchdog);
-        strays::end_all();
-        made?;
-        if campaign.missing(tasks).is_empty() {
-            Ok(())
-        } else {
-            Err(ExecutorError::Interrupted { detached: false })
+        let made = made.and_then(|()| {
+            let all = campaign.missing(tasks).is_empty();
+            if all { Ok(()) } else { Err(ExecutorError::Interrupted { detached: false }) }
+        });
+        if made.is_err() {
+            self.workers = None;
         }
+        if self.workers.is_none() {
+            strays::end_all();
+        }
+        made
     }
 }
 

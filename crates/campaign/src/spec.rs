@@ -46,6 +46,11 @@ pub struct Call {
     /// parameter, `{parameters}` for the path of the JSON file with all of them, `{run}` for the number of the run,
     /// `{seed}` for its seed (1 to 900 000 000), `{{` and `}}` for braces.
     pub argv: Vec<String>,
+    /// Whether the program stays and is asked for one run after the other, by lines of JSON on its stdin and stdout
+    /// (docs/worker-protocol.md); it has no placeholders then, and no result but its answer and what it writes to the
+    /// folder of the run.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub worker: bool,
     /// Environment variables set in addition to the driver's, with placeholders as in `argv`.
     pub environment: BTreeMap<String, String>,
     /// Time limit of one attempt \[s\], after which its whole process group is ended.
@@ -195,6 +200,7 @@ impl Call {
     pub fn new(argv: Vec<String>) -> Self {
         Self {
             argv,
+            worker: false,
             environment: BTreeMap::new(),
             timeout_s: 3600.0,
             retries: 2,
@@ -207,7 +213,7 @@ impl Call {
     /// Takes everything over that decides only on whether a run gets made, and not on its values: limits, retries,
     /// folders that stay.
     pub fn set_limits(&mut self, of: &Self) {
-        let Self { argv: _, environment: _, timeout_s, retries, try_later, lost, keep } = of;
+        let Self { argv: _, worker: _, environment: _, timeout_s, retries, try_later, lost, keep } = of;
         (self.timeout_s, self.retries, self.lost, self.keep) = (*timeout_s, *retries, *lost, *keep);
         self.try_later.clone_from(try_later);
     }
@@ -272,7 +278,10 @@ impl CampaignSpec {
             ..error
         })?;
         for (i, argument) in call.argv.iter().enumerate() {
-            self.check_template(format!("{place}.call.argv[{i}]"), argument)?;
+            self.check_template(format!("{place}.call.argv[{i}]"), argument, call.worker)?;
+        }
+        if call.worker && call.argv.is_empty() {
+            return wrong(format!("{place}.call.worker"), "it has no program".into());
         }
         if let Some(program) = call.argv.first() {
             let field = || format!("{place}.call.argv[0]");
@@ -295,7 +304,7 @@ impl CampaignSpec {
             if name.is_empty() || name.contains(['=', '\0']) {
                 return wrong(field, "not the name of an environment variable".into());
             }
-            self.check_template(field, value)?;
+            self.check_template(field, value, call.worker)?;
         }
         for (i, output) in command.outputs.iter().enumerate() {
             check_output(&format!("{place}.outputs[{i}]"), output)?;
@@ -303,9 +312,13 @@ impl CampaignSpec {
         Ok(())
     }
 
-    fn check_template(&self, field: String, text: &str) -> Result<(), SpecError> {
+    fn check_template(&self, field: String, text: &str, worker: bool) -> Result<(), SpecError> {
         if text.contains('\0') {
             return wrong(field, "holds a NUL byte".into());
+        }
+        if worker && let Some(name) = template::first_name(text) {
+            let problem = format!("{{{name}}} is of one run, and a worker makes many; it gets it with every request");
+            return wrong(field, problem);
         }
         match template::check(text, &self.parameter_names) {
             Ok(()) => Ok(()),

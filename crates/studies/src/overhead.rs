@@ -86,7 +86,7 @@ fn campaign(args: &OverheadArgs, dir: &Path) -> Result<f64, RunError> {
     let tasks: Vec<Task> = (0..args.runs as u64)
         .map(|number| Task { number, command: 0, parameters: vec![0.1 * number as f64] })
         .collect();
-    let mut local = Local { parallel: args.parallel };
+    let mut local = Local::new(args.parallel);
     let (wall_s, ran) =
         Clock::Wall.measure(|| local.run(&campaign, &tasks, &mut |_| (), &Stop::new()));
     ran.map_err(RunError::new)?;

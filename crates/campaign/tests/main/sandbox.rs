@@ -74,14 +74,14 @@ pub(crate) fn create(dir: &Path, spec: &CampaignSpec) -> Campaign {
 /// Runs tasks on two processes and gives what happened.
 pub(crate) fn run(campaign: &Campaign, tasks: &[Task]) -> Vec<Event> {
     let mut events = Vec::new();
-    let mut local = Local { parallel: 2 };
+    let mut local = Local::new(2);
     local.run(campaign, tasks, &mut |event| events.push(event), &Stop::new()).unwrap();
     events
 }
 
 /// Same as [`run`], for tasks that cannot all be made.
 pub(crate) fn fails(campaign: &Campaign, tasks: &[Task]) -> ExecutorError {
-    let mut local = Local { parallel: 2 };
+    let mut local = Local::new(2);
     local.run(campaign, tasks, &mut |_| (), &Stop::new()).unwrap_err()
 }
 
