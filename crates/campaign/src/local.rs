@@ -76,19 +76,7 @@ impl Executor for Local {
             workers: None,
             alone: true,
         };
-        if !campaign.is_new() && campaign.first_look() {
-            let ended = leftover::end(campaign.id());
-            if ended > 0 {
-                watch(Event::Note(format!(
-                    "ended {ended} processes that a killed driver of this directory had left"
-                )));
-            }
-            for task in campaign.tasks() {
-                if let Some(outcome) = campaign.outcome(task.number) {
-                    runner.sweep(&task, &outcome);
-                }
-            }
-        }
+        clear_up(campaign, &runner, watch);
         if missing.is_empty() {
             return Ok(());
         }
@@ -140,6 +128,24 @@ impl Executor for Local {
             strays::end_all();
         }
         made
+    }
+}
+
+/// Ends and removes what an earlier driver of the campaign has left, once.
+fn clear_up(campaign: &Campaign, runner: &Runner<'_>, watch: &mut dyn FnMut(Event)) {
+    if campaign.is_new() || !campaign.first_look() {
+        return;
+    }
+    let ended = leftover::end(campaign.id());
+    if ended > 0 {
+        watch(Event::Note(format!(
+            "ended {ended} processes that a killed driver of this directory had left"
+        )));
+    }
+    for task in campaign.tasks() {
+        if let Some(outcome) = campaign.outcome(task.number) {
+            runner.sweep(&task, &outcome);
+        }
     }
 }
 

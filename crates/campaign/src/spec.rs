@@ -213,7 +213,8 @@ impl Call {
     /// Takes everything over that decides only on whether a run gets made, and not on its values: limits, retries,
     /// folders that stay.
     pub fn set_limits(&mut self, of: &Self) {
-        let Self { argv: _, worker: _, environment: _, timeout_s, retries, try_later, lost, keep } = of;
+        let Self { argv: _, worker: _, environment: _, timeout_s, retries, try_later, lost, keep } =
+            of;
         (self.timeout_s, self.retries, self.lost, self.keep) = (*timeout_s, *retries, *lost, *keep);
         self.try_later.clone_from(try_later);
     }
@@ -317,7 +318,9 @@ impl CampaignSpec {
             return wrong(field, "holds a NUL byte".into());
         }
         if worker && let Some(name) = template::first_name(text) {
-            let problem = format!("{{{name}}} is of one run, and a worker makes many; it gets it with every request");
+            let problem = format!(
+                "{{{name}}} is of one run, and a worker makes many; it gets it with every request"
+            );
             return wrong(field, problem);
         }
         match template::check(text, &self.parameter_names) {

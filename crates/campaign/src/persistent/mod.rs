@@ -131,9 +131,8 @@ impl Workers {
     ) -> Result<Worker, NoWorker> {
         let number = self.started.fetch_add(1, Ordering::Relaxed) + 1;
         let folder = self.dir.join(WORKERS).join(number.to_string());
-        fs::create_dir_all(&folder).map_err(|error| {
-            NoWorker::Error(CampaignError::io("made", &folder, error).into())
-        })?;
+        fs::create_dir_all(&folder)
+            .map_err(|error| NoWorker::Error(CampaignError::io("made", &folder, error).into()))?;
         attempt.start(spec, command, folder, Some(&self.campaign))
     }
 }

@@ -46,9 +46,9 @@ pub(super) fn check_hello(line: &[u8]) -> Result<(), String> {
     let expected = || format!("{{\"protocol\": {VERSION}}}");
     match read(line).ok().and_then(|hello| hello.get("protocol").cloned()) {
         Some(version) if version == VERSION => Ok(()),
-        Some(version) => Err(format!(
-            "it speaks version {version} of the protocol, this program {VERSION}"
-        )),
+        Some(version) => {
+            Err(format!("it speaks version {version} of the protocol, this program {VERSION}"))
+        }
         None => Err(format!(
             "its first line is not {} but {:?}; what is no answer belongs on stderr",
             expected(),

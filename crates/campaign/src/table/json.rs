@@ -32,9 +32,8 @@ impl Json {
 
 /// A value in JSON, with null for NaN and infinities: Python writes them, and JSON does not have them.
 pub(crate) fn parse(text: &str) -> Result<Value, String> {
-    serde_json::from_str(text).or_else(|error| {
-        serde_json::from_str(&without_nan(text)).map_err(|_| error.to_string())
-    })
+    serde_json::from_str(text)
+        .or_else(|error| serde_json::from_str(&without_nan(text)).map_err(|_| error.to_string()))
 }
 
 fn json(text: &str) -> Result<Json, String> {

@@ -256,10 +256,11 @@ pub(super) fn check_all_used(
     Ok(())
 }
 
-/// Whether a command has a placeholder for a parameter, or for the file with all of them.
+/// Whether a command has a placeholder for a parameter, or for the file with all of them, or is a worker, which gets all.
 fn commands_name(experiments: &[ExperimentPlan], parameter: &str) -> bool {
     let names = [format!("{{{parameter}}}"), "{parameters}".to_owned()];
     experiments.iter().any(|experiment| match &experiment.simulator {
+        SimulatorPlan::Command(call) if call.worker => true,
         SimulatorPlan::Command(call) => call
             .argv
             .iter()
