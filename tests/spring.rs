@@ -57,7 +57,8 @@ fn exact() -> ([[f64; 2]; 2], f64) {
 #[track_caller]
 fn agrees(posterior: &Value) {
     let (moments, log_evidence) = exact();
-    for ([mean, sd], found) in moments.into_iter().zip(posterior["parameters"].as_array().unwrap())
+    for ([mean, sd], found) in
+        moments.into_iter().zip(posterior["parameters"].as_array().expect("a list"))
     {
         let number = |key: &str| found["in_coordinate"][key].as_f64().expect("a number");
         let name = &found["parameter"]["name"];

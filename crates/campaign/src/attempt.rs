@@ -150,7 +150,7 @@ impl Runner<'_> {
             let folder = self.begin(task)?;
             folders.push(folder.clone());
             let start = Instant::now();
-            let verdict = match self.attempt(command, task, &folder, stop) {
+            let verdict = match self.attempt(command, task, &folder, (stop, tries.cut)) {
                 Ok(verdict) => verdict,
                 Err(error) => {
                     self.discard(command, task, &folders);
@@ -193,16 +193,17 @@ impl Runner<'_> {
         Err(ExecutorError::Interrupted { detached: false })
     }
 
-    /// Calls the command once, and says what came of it.
+    /// Calls the command once, and says what came of it; a worker must be `new` where an earlier one is suspected.
     fn attempt(
         &self,
         command: &CommandSpec,
         task: &Task,
         folder: &Path,
-        stop: &Stop,
+        (stop, new): (&Stop, bool),
     ) -> Result<Verdict, ExecutorError> {
         if command.call.worker {
-            let asked = self.workers.map(|workers| workers.ask(self.spec, task, folder, stop));
+            let ask = |workers: &Workers| workers.ask(self.spec, task, folder, (stop, new));
+            let asked = self.workers.map(ask);
             let _ = fs::remove_file(folder.join(PROCESS));
             return asked.unwrap_or_else(|| Err(no_workers(command)));
         }

@@ -84,17 +84,18 @@ impl Workers {
         self.dir == dir && self.campaign == campaign
     }
 
-    /// Makes an attempt at a run in `folder`, by a worker that is idle or a new one.
+    /// Makes an attempt at a run in `folder`, by a worker that is idle or a new one; only by such where `new` is set.
     pub(crate) fn ask(
         &self,
         spec: &CampaignSpec,
         task: &Task,
         folder: &Path,
-        stop: &Stop,
+        (stop, new): (&Stop, bool),
     ) -> Result<Verdict, ExecutorError> {
         let command = &spec.commands[task.command];
         let mut attempt = Attempt { command, folder, stop, disk_was_full: false };
-        let worker = match self.idle_one(task.command) {
+        let idle = if new { None } else { self.idle_one(task.command) };
+        let worker = match idle {
             Some(worker) => Ok(worker),
             None => self.start(spec, task.command, &mut attempt),
         };
@@ -170,6 +171,9 @@ impl Attempt<'_> {
             .args(call.argv[1..].iter().map(plain))
             .envs(call.environment.iter().map(|(name, value)| (name, plain(value))));
         strays::mark(&mut program, &folder, campaign);
+        let stderr = streams::create(&folder.join(STDERR));
+        let stderr = stderr.map_err(|error| NoWorker::Error(error.into()))?;
+        program.stderr(stderr);
         let mut program = Program::start(&mut program, folder.clone()).map_err(|error| {
             if judge::is_shortage(&error) || !folder.is_dir() {
                 NoWorker::Verdict(judge::judge(self.command, self.folder, None, false))
@@ -318,20 +322,23 @@ pub fn ask_worker(
     fs::create_dir(&own).map_err(|error| CampaignError::io("made", &own, error))?;
     let mut worker = attempt.start(spec, 0, own, None).map_err(|no| match no {
         NoWorker::Error(error) => error,
-        NoWorker::Verdict(verdict) => ExecutorError::Simulator(format!("{verdict:?}")),
+        NoWorker::Verdict(_) => ExecutorError::Simulator("the worker does not start now".into()),
     })?;
     let limit = limit(&command.call);
     let values = tasks.iter().map(|task| {
         worker.requests += 1;
         let request = protocol::request(worker.requests, spec, task, folder);
-        let reply = worker.program.exchange(&request, limit, &stop, &mut || ());
-        match reply {
+        let problem = match worker.program.exchange(&request, limit, &stop, &mut || ()) {
             Ok(Reply::Line(line)) => match protocol::answer(&line, worker.requests) {
-                Ok(Answer::Values(values)) => Ok(values),
-                other => Err(ExecutorError::Simulator(format!("run {}: {other:?}", task.number))),
+                Ok(Answer::Values(values)) => return Ok(values),
+                Ok(Answer::Failure { code, message }) => format!("exit code {code}: {message}"),
+                Err(problem) => problem.to_owned(),
             },
-            other => Err(ExecutorError::Simulator(format!("run {}: {other:?}", task.number))),
-        }
+            Ok(_) => "none".to_owned(),
+            Err(error) => error.to_string(),
+        };
+        let number = task.number;
+        Err(ExecutorError::Simulator(format!("run {number}: the worker's answer: {problem}")))
     });
     values.collect()
 }

@@ -52,10 +52,9 @@ pub(super) enum Reply {
 }
 
 impl Program {
-    /// Starts a process whose working directory and stderr are in `folder`, which is new.
+    /// Starts a process whose working directory is `folder`, where its stderr is already.
     pub(super) fn start(command: &mut Command, folder: PathBuf) -> io::Result<Self> {
-        let stderr = streams::create(&folder.join(STDERR)).map_err(io::Error::other)?;
-        command.current_dir(&folder).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(stderr);
+        command.current_dir(&folder).stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut family = Family::start(command)?;
         let (stdin, stdout) = (family.child().stdin.take(), family.child().stdout.take());
         // One line waits at most: a process that writes without being asked is held up.

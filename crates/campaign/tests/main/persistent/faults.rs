@@ -215,3 +215,18 @@ fn a_worker_that_does_not_get_ready_stops_the_driver_without_an_outcome() {
     let error = fails(&campaign, &tasks(1)).to_string();
     assert!(error.contains("there is no such program"), "{error}");
 }
+
+#[test]
+fn a_run_that_the_worker_before_may_have_broken_is_made_again_by_a_new_one() {
+    let sandbox = Sandbox::new();
+    // It breaks at run 9 where it has made another one before; two such are there.
+    let fault = "n=$((${{n:-0}} + 1)); if [ $run = 9 ] && [ $n -gt 1 ]; then exit 3; fi; sleep 0.2";
+    let campaign = create(&sandbox.dir(), &spec(worker(&sandbox, fault)));
+    let mut local = Local::new(2);
+    local.run(&campaign, &tasks(6), &mut |_| (), &Stop::new()).unwrap();
+    assert_eq!(pids(&sandbox, "starts").len(), 2);
+    local.run(&campaign, &[task(9)], &mut |_| (), &Stop::new()).unwrap();
+    assert_eq!(bits(&values(&campaign, 9)), bits(&task(9).parameters));
+    assert_eq!(campaign.outcome(9).unwrap().attempts(), 2);
+    assert_eq!(pids(&sandbox, "starts").len(), 3);
+}
