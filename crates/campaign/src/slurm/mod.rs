@@ -27,6 +27,7 @@ use std::time::Duration;
 
 pub use settings::{SlurmSettingError, SlurmSettings};
 
+use crate::attempt::no_workers;
 use crate::campaign::Campaign;
 use crate::error::ExecutorError;
 use crate::executor::{Event, Executor, Stop};
@@ -72,6 +73,9 @@ impl Executor for Slurm {
         watch: &mut dyn FnMut(Event),
         stop: &Stop,
     ) -> Result<(), ExecutorError> {
+        if let Some(worker) = campaign.spec().commands.iter().find(|command| command.call.worker) {
+            return Err(no_workers(worker));
+        }
         campaign.record_submitted(tasks)?;
         Session::begin(&self.cluster, campaign, tasks, watch, stop)?.run()
     }

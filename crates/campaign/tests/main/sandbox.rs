@@ -119,6 +119,17 @@ pub(crate) fn this_program(wrapper: &[&str], test: &str, dir: &Path) -> std::pro
     command
 }
 
+/// A driver in a process of its own, the ignored test `kills::driver`, once its runs have left two lines in `file`.
+pub(crate) fn running_driver(sandbox: &Sandbox, file: &str) -> std::process::Child {
+    let mut driver = this_program(&[], "kills::driver", &sandbox.dir());
+    let driver = driver.stdout(std::process::Stdio::null()).spawn().unwrap();
+    let start = std::time::Instant::now();
+    while sandbox.lines(file).len() < 2 && start.elapsed().as_secs() < 30 {
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    driver
+}
+
 /// The directory that [`this_program`] was given; none where the test was started by hand.
 pub(crate) fn given_dir() -> Option<PathBuf> {
     std::env::var_os("CAMPAIGN_TEST").map(PathBuf::from)

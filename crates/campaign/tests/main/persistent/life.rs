@@ -4,11 +4,12 @@ use std::fs;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use campaign::slurm::{Slurm, SlurmSettings};
 use campaign::{Campaign, Event, Executor, ExecutorError, Keep, Local, Stop, Worker, ask_worker};
 
 use super::{all_are_right, pids, retried, worker};
 use crate::sandbox::{
-    Sandbox, bits, create, fails, is_gone, rows, run, shell, spec, tasks, this_program, values,
+    Sandbox, bits, create, fails, is_gone, rows, run, running_driver, shell, spec, tasks, values,
 };
 
 #[test]
@@ -170,12 +171,7 @@ fn workers_of_a_killed_driver_are_ended_and_the_runs_are_made() {
     let mut command = worker(&sandbox, fault);
     command.call.timeout_s = 300.0;
     drop(create(&sandbox.dir(), &spec(command)));
-    let mut driver = this_program(&[], "kills::driver", &sandbox.dir());
-    let mut driver = driver.stdout(std::process::Stdio::null()).spawn().unwrap();
-    let begun = Instant::now();
-    while sandbox.lines("children").len() < 2 && begun.elapsed() < Duration::from_secs(30) {
-        std::thread::sleep(Duration::from_millis(10));
-    }
+    let mut driver = running_driver(&sandbox, "children");
     driver.kill().unwrap();
     driver.wait().unwrap();
     let left: Vec<i32> = [pids(&sandbox, "starts"), pids(&sandbox, "children")].concat();
@@ -201,12 +197,7 @@ fn workers_of_a_killed_driver_end_when_their_time_is_over() {
     let mut command = worker(&sandbox, "while :; do sleep 1; done");
     command.call.timeout_s = 3.0;
     drop(create(&sandbox.dir(), &spec(command)));
-    let mut driver = this_program(&[], "kills::driver", &sandbox.dir());
-    let mut driver = driver.stdout(std::process::Stdio::null()).spawn().unwrap();
-    let begun = Instant::now();
-    while sandbox.lines("requests").len() < 2 && begun.elapsed() < Duration::from_secs(30) {
-        std::thread::sleep(Duration::from_millis(10));
-    }
+    let mut driver = running_driver(&sandbox, "requests");
     driver.kill().unwrap();
     driver.wait().unwrap();
     let left = pids(&sandbox, "starts");
@@ -247,7 +238,11 @@ fn a_worker_has_no_placeholders_and_is_not_run_on_a_cluster() {
     campaign.record_submitted(&tasks(1)).unwrap();
     let element = Worker::open(campaign.dir()).unwrap();
     let error = element.run(0, &Stop::new()).unwrap_err().to_string();
-    assert!(error.contains("the worker of worker is only kept by local processes"), "{error}");
+    let mut slurm = Slurm::new(SlurmSettings::default(), vec!["program".into()]).unwrap();
+    let whole = slurm.run(&campaign, &tasks(1), &mut |_| (), &Stop::new()).unwrap_err();
+    for error in [error, whole.to_string()] {
+        assert!(error.contains("the worker of worker is only kept by local processes"), "{error}");
+    }
     spec.commands[0].call.argv.clear();
     assert_eq!(spec.check().unwrap_err().field, "commands[0].call.worker");
 }
