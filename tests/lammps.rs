@@ -10,8 +10,8 @@ use std::process::Command;
 
 use crate::sandbox::{Sandbox, root};
 
-/// The folder of the example, where LAMMPS is here.
-fn example() -> Option<PathBuf> {
+/// A folder of `experiments/external`, where LAMMPS is here.
+fn example(name: &str) -> Option<PathBuf> {
     let found =
         Command::new("lmp").arg("-help").output().is_ok_and(|output| output.status.success());
     if !found {
@@ -21,7 +21,7 @@ fn example() -> Option<PathBuf> {
         );
         eprintln!("skipped: LAMMPS (lmp) is not here; Debian: apt-get install lammps");
     }
-    found.then(|| root().join("experiments/external/lammps"))
+    found.then(|| root().join("experiments/external").join(name))
 }
 
 /// A bead that falls on a linear spring and dashpot, in closed form between impacts and in them.
@@ -158,7 +158,7 @@ fn chi_squared(drop: &Drop, folder: &Path) -> f64 {
 #[test]
 #[ignore = "needs LAMMPS"]
 fn lammps_gives_the_closed_form() {
-    let Some(folder) = example() else { return };
+    let Some(folder) = example("lammps") else { return };
     for (stiffness, restitution) in [(2e4, 0.85), (3.5e4, 0.78), (1.2e4, 0.94)] {
         let sandbox = Sandbox::new();
         let output = Command::new(folder.join("lammps-drop"))
@@ -186,7 +186,7 @@ fn lammps_gives_the_closed_form() {
 #[test]
 #[ignore = "needs LAMMPS"]
 fn lammps_is_calibrated_by_a_plan_and_agrees_with_quadrature_of_the_closed_form() {
-    let Some(folder) = example() else { return };
+    let Some(folder) = example("lammps") else { return };
     let sandbox = Sandbox::new();
     let plan = folder.join("plan.toml");
     sandbox.run_args(&["--plan", plan.to_str().expect("UTF-8"), "--out", "drop"]).succeeded();
@@ -228,4 +228,41 @@ fn lammps_is_calibrated_by_a_plan_and_agrees_with_quadrature_of_the_closed_form(
         assert!((number("mean") - mean).abs() < 0.75 * sd, "{name}");
         assert!((0.5..1.7).contains(&(number("sd") / sd)), "{name}");
     }
+}
+
+/// The plan in `experiments/external/lammps-pour`, with as many runs as a check has time for.
+#[test]
+#[ignore = "needs LAMMPS and its examples"]
+fn lammps_own_granular_example_is_calibrated_by_a_plan() {
+    let Some(folder) = example("lammps-pour") else { return };
+    let in_pour = std::env::var_os("IN_POUR")
+        .map_or_else(|| PathBuf::from("/usr/share/lammps/examples/pour/in.pour"), PathBuf::from);
+    if !in_pour.is_file() {
+        eprintln!(
+            "skipped: {} is not here; Debian: apt-get install lammps-examples",
+            in_pour.display()
+        );
+        return;
+    }
+    let sandbox = Sandbox::new();
+    for file in ["pour", "changes.sed", "energies.csv"] {
+        fs::copy(folder.join(file), sandbox.path().join(file)).expect("copied");
+    }
+    let plan = fs::read_to_string(folder.join("plan.toml")).expect("the plan");
+    let short = plan.replace("samples = 300", "samples = 120");
+    assert_ne!(short, plan);
+    sandbox.write("plan.toml", short);
+    sandbox.run("--plan plan.toml --quiet").succeeded();
+    let posterior = sandbox.posterior("results/lammps-pour");
+    assert_eq!(
+        posterior["failures"].as_array().map(Vec::len),
+        Some(0),
+        "{}",
+        posterior["failures"]
+    );
+    // The example's own friction, which the flow of another pour was made with.
+    let friction = &posterior["parameters"][1];
+    assert_eq!(friction["parameter"]["name"], "friction");
+    let median = friction["in_coordinate"]["median"].as_f64().expect("a number");
+    assert!((median - 0.5).abs() < 0.15, "friction {median}");
 }

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use super::{LINE_SH, line, line_plan, runs, status};
+use super::{Driver, LINE_SH, line, line_plan, runs, status};
 use crate::sandbox::Sandbox;
 
 /// The line, whose program fails while the file `down` is there.
@@ -46,7 +46,7 @@ fn after_an_outage_and_retries_the_result_is_that_of_a_quiet_run_to_the_bit() {
     mend(&sandbox);
     let unknown = sandbox.run("--resume results/line --retry-failed=oom");
     unknown.refused(&["--retry-failed", "oom", "exit code 3"]);
-    sandbox.run("--resume results/line --retry-failed=code --quiet").succeeded();
+    sandbox.run("--resume results/line --retry-failed=server --quiet").succeeded();
     assert_eq!(sandbox.posterior_bytes("results/line"), bytes);
 }
 
@@ -78,6 +78,33 @@ fn failures_that_were_counted_can_be_given_up_after_the_end_and_what_they_moved_
 }
 
 #[test]
+fn a_run_whose_failures_are_being_made_again_has_no_result() {
+    let quiet = line(24, "0");
+    let again = "timeout_s = 60\ntry_later = { pause_s = 0, retries = 0 }";
+    let plan = line_plan(24, "0").replace("timeout_s = 60", again);
+    quiet.write("line.toml", plan.as_str());
+    quiet.run("--plan line.toml --quiet").succeeded();
+    // A third fails; when these are made again, the program cannot be called.
+    let sandbox = unreliable(
+        24,
+        "n=$(wc -l < \"$RUNS\"); if [ $n -gt 24 ]; then exit 75; elif [ $((n % 3)) = 0 ]; then exit 4; fi",
+    );
+    sandbox.write("down", "");
+    sandbox.write("line.toml", plan.as_str());
+    sandbox.run("--plan line.toml --quiet").succeeded();
+    let with_failures = sandbox.posterior_bytes("results/line");
+    assert_eq!(sandbox.run("--resume results/line --retry-failed --quiet").code, 1);
+    assert_eq!(status(&sandbox, "results/line")["state"], "stopped");
+    let aside = sandbox.path().join("results/line/campaign/posterior.json.retried-1");
+    assert!(fs::read(aside).expect("the earlier result") == with_failures);
+    sandbox.run("inspect results/line").refused(&["no posterior yet", "--resume results/line"]);
+    mend(&sandbox);
+    sandbox.run("--resume results/line --quiet").succeeded();
+    assert_eq!(sandbox.posterior_bytes("results/line"), quiet.posterior_bytes("results/line"));
+    assert_eq!(status(&sandbox, "results/line")["state"], "done");
+}
+
+#[test]
 fn limits_may_change_on_resuming_and_hold_from_then_on() {
     let quiet = line(24, "0");
     let longer = line_plan(24, "0").replace("timeout_s = 60", "timeout_s = 50");
@@ -93,7 +120,9 @@ fn limits_may_change_on_resuming_and_hold_from_then_on() {
     sandbox.write("line.toml", &longer);
     let noted = sandbox.run("--resume results/line");
     assert!(noted.stderr.contains("limits on runs"), "{}", noted.stderr);
-    sandbox.run("--resume results/line --plan line.toml --retry-failed --quiet").succeeded();
+    sandbox
+        .run("--resume results/line --plan line.toml --retry-failed=timeout --quiet")
+        .succeeded();
     assert_eq!(sandbox.posterior_bytes("results/line"), quiet.posterior_bytes("results/line"));
     // They are kept: the plan in the folder is the one with the new limits.
     sandbox.run("--resume results/line --quiet").succeeded();
@@ -203,6 +232,25 @@ fn runs_of_a_program_that_was_replaced_for_a_while_are_made_again() {
     sandbox.run("--resume results/line --quiet").succeeded();
     let samples = |sandbox: &Sandbox| fs::read(sandbox.path().join("results/line/samples.csv"));
     assert!(samples(&sandbox).expect("samples") == samples(&quiet).expect("samples"));
+    // The same where the driver is killed before it looks, and the program is put back before the next one does.
+    let sandbox = line(24, "0");
+    let kills = replaces.replacen("\"$0\"; fi", "\"$0\"; kill -9 $PPID; fi", 1);
+    sandbox.write("wrong.sh", wrong);
+    sandbox.write("line.sh", kills.as_str());
+    // One after the other, so that the fourth run ends the driver, and a fifth is never made.
+    let plan = line_plan(24, "0").replace("parallel = 2", "parallel = 1");
+    sandbox.write("line.toml", plan.replace("samples = 24", "samples = 24\nbatch = 8"));
+    quiet.write("line.toml", plan.replace("samples = 24", "samples = 24\nbatch = 8"));
+    quiet.run("--plan line.toml --out results/batches --quiet").succeeded();
+    assert_eq!(Driver::start(&sandbox, "--plan line.toml --quiet").wait().0, None, "killed");
+    sandbox.write("line.sh", LINE_SH);
+    let again = sandbox.run("--resume results/line");
+    assert!(again.stderr.contains("line.sh has changed"), "{again:#?}");
+    sandbox.write("line.sh", kills.as_str());
+    let again = sandbox.run("--resume results/line");
+    assert!(again.succeeded().stderr.contains("runs are made again: a program"), "{again:#?}");
+    let batches = fs::read(quiet.path().join("results/batches/samples.csv"));
+    assert!(samples(&sandbox).expect("samples") == batches.expect("samples"));
 }
 
 #[test]
@@ -248,6 +296,9 @@ fn received_plans_and_folders_cannot_write_to_a_terminal_or_run_unasked() {
     assert!(!dry.succeeded().stdout.contains('\u{1b}'), "{:?}", dry.stdout);
     let ran = sandbox.run("--plan line.toml");
     assert!(!ran.succeeded().stdout.contains(['\u{1b}', '\u{7}']), "{:?}", ran.stdout);
+    sandbox.write("keys.toml", "\"a\\u001b]0;owned\\u0007b\" = 1\n");
+    let checked = sandbox.run("check keys.toml");
+    assert!(checked.code == 2 && !checked.stderr.contains(['\u{1b}', '\u{7}']), "{checked:?}");
     let record = sandbox.path().join("results/line/campaign/campaign.json");
     if std::os::unix::fs::chown(&record, Some(54321), None).is_ok() {
         let refused = ["another user (number 54321)", "runs its commands as you", "--accept-owner"];

@@ -297,3 +297,81 @@ fn a_run_in_the_layout_of_an_older_version_is_refused_with_a_sentence_and_left_a
     }
     assert_eq!(sandbox.snapshot(), before);
 }
+
+#[test]
+fn input_files_are_put_into_the_folder_of_every_run_and_a_change_is_noticed() {
+    let sandbox = line(24, "0");
+    sandbox.run("--plan line.toml --quiet").succeeded();
+    // The same line, by a program that reads an input file, a table that is linked and a folder that is copied.
+    sandbox.write("inputs/line.in", "# ${a} {a}\nslope={{a}}\nseed={{ seed }} run={{run}}\n");
+    sandbox.write("inputs/times.txt", "0 1 2 3 4\n");
+    sandbox.write(
+        "case/deep/program.awk",
+        "BEGIN { print \"t,y\" } { for (i = 1; i <= NF; i++) printf \"%d,%.17g\\n\", $i, a * $i }",
+    );
+    let reads = "set -eu; echo x >> \"$RUNS\"; grep -q '^# ${{a}} {{a}}$' line.in; . ./line.in; touch case/mine; \
+                 awk -v a=$slope -f case/deep/program.awk times.txt > out.csv";
+    let argv = format!("argv = [\"sh\", \"-c\", {reads:?}]");
+    let files =
+        "copy = [\"case\"]\nlink = [\"inputs/times.txt\"]\ntemplates = [\"inputs/line.in\"]";
+    let plan = line_plan(24, "0").replace(
+        "argv = [\"sh\", \"{plan_dir}/line.sh\", \"{a}\", \"0\"]",
+        &format!("{argv}\n{files}"),
+    );
+    sandbox.write("files.toml", plan.as_str());
+    let said = sandbox.run("--plan files.toml --dry-run");
+    assert!(said.succeeded().stdout.contains("filled in   inputs/line.in"), "{}", said.stdout);
+    sandbox.run("--plan files.toml --out results/files --quiet").succeeded();
+    let samples =
+        |run: &str| fs::read(sandbox.path().join("results").join(run).join("samples.csv"));
+    assert!(samples("files").expect("samples") == samples("line").expect("samples"));
+    assert!(!sandbox.path().join("case/mine").exists(), "runs have copies");
+
+    // Changed after the run: it is not taken up with both.
+    sandbox.write("case/deep/program.awk", "BEGIN { print 1 }");
+    sandbox.run("--resume results/files").refused(&["program.awk has changed since the run began"]);
+
+    for (what, by, words) in [
+        ("\"inputs/line.in\"", "\"inputs/lines.in\"", ["templates", "lines.in"]),
+        ("\"case\"", "\"case\", \"inputs/times.txt\"", ["times.txt", "each other's place"]),
+        ("\"case\"", "\"out.csv\"", ["out.csv", "leaves its result"]),
+        ("\"case\"", "\"parameters.json\"", ["parameters.json", "every run has"]),
+        ("\"case\"", "\"..\"", ["copy", "the name of a file or folder"]),
+        ("\"inputs/line.in\"", "\"inputs/times.txt\"", ["times.txt", "stands in copy or link"]),
+        ("\"inputs/line.in\"", "\"wrong.in\"", ["wrong.in, line 2", "{{aa}}"]),
+        ("\"inputs/line.in\"", "\"other.in\"", ["parameters.a", "no command uses"]),
+        ("\"inputs/line.in\"", "\"case\"", ["case", "a directory"]),
+    ] {
+        sandbox.write("out.csv", "t,y\n");
+        sandbox.write("parameters.json", "{}");
+        sandbox.write("wrong.in", "{{a}}\n{{aa}}\n");
+        sandbox.write("other.in", "{{run}}\n");
+        sandbox.write("wrong.toml", plan.replace(what, by));
+        sandbox.run("check wrong.toml").refused(&words);
+    }
+}
+
+#[test]
+fn the_weights_of_grain_learnings_own_files_are_its_own() {
+    let folder = root().join("experiments/external/grainlearning");
+    let sandbox = Sandbox::new();
+    for entry in fs::read_dir(&folder).expect("the folder").flatten() {
+        fs::copy(entry.path(), sandbox.path().join(entry.file_name())).expect("copied");
+    }
+    sandbox.run("--plan hyperbola.toml --quiet").succeeded();
+    let samples = sandbox.path().join("results/hyperbola/samples.csv");
+    let samples = fs::read_to_string(samples).expect("samples");
+    let mut rows = samples.lines().filter(|line| !line.starts_with('#'));
+    let weight = rows.next().and_then(|head| head.split(',').position(|column| column == "weight"));
+    let weight = weight.expect("a column of weights");
+    let ours: Vec<f64> = rows
+        .map(|row| row.split(',').nth(weight).expect("a weight").parse().expect("a number"))
+        .collect();
+    let theirs = fs::read_to_string(folder.join("hyperbola-weights.txt")).expect("its weights");
+    let theirs: Vec<f64> =
+        theirs.lines().skip(1).map(|line| line.parse().expect("a number")).collect();
+    assert_eq!((ours.len(), theirs.len()), (20, 20));
+    for (ours, theirs) in ours.iter().zip(&theirs) {
+        assert!((ours - theirs).abs() < 1e-10, "{ours} {theirs}");
+    }
+}

@@ -25,7 +25,7 @@ fn main() -> ExitCode {
             match &failure {
                 Failure::OutputClosed | Failure::InputReported => {}
                 Failure::Paused(how) => eprintln!("{}", terminal::plain(how)),
-                _ => eprintln!("error: {}", terminal::plain(&failure.to_string())),
+                _ => terminal::error(&failure.to_string()),
             }
             ExitCode::from(failure.code())
         }

@@ -99,6 +99,16 @@ impl Terminal {
     }
 }
 
+/// Prints a warning on standard error.
+pub(crate) fn warning(text: &str) {
+    eprintln!("warning: {}", plain(text));
+}
+
+/// Prints an error on standard error.
+pub(crate) fn error(text: &str) {
+    eprintln!("error: {}", plain(text));
+}
+
 /// Writes on standard output.
 pub(crate) fn write(bytes: &[u8]) -> Result<(), Failure> {
     let text = String::from_utf8_lossy(bytes);
@@ -159,6 +169,6 @@ impl Watch for Terminal {
     }
 
     fn warn(&self, message: &str) {
-        self.bar().suspend(|| eprintln!("warning: {}", plain(message)));
+        self.bar().suspend(|| warning(message));
     }
 }

@@ -11,18 +11,15 @@ use serde_json::{Map, Value, json};
 
 use crate::error::{CampaignError, ExecutorError};
 use crate::executor::Stop;
-use crate::folder::{last_attempt, task_folder};
+use crate::folder::{PARAMETERS, PROCESS, STDERR, STDOUT, last_attempt, task_folder};
+use crate::inputs;
 use crate::judge::{self, Verdict};
 use crate::outcome::{FailureKind, Outcome};
 use crate::persistent::Workers;
 use crate::process::{self, Ended};
 use crate::spec::{Call, CampaignSpec, CommandSpec, Keep, LostRuns};
-use crate::streams::{STDERR, STDOUT};
 use crate::task::Task;
 use crate::{machine, strays, streams, template};
-
-pub(crate) const PARAMETERS: &str = "parameters.json";
-pub(crate) const PROCESS: &str = "process.json";
 
 /// Pause before a run counts as lost or failed: what killed it may be about to stop this program too.
 const PAUSE: Duration = Duration::from_millis(100);
@@ -290,6 +287,12 @@ impl Runner<'_> {
             "parameters": names.zip(values).collect::<Map<_, _>>(),
         });
         write(&folder.join(PARAMETERS), format!("{parameters:#}\n").as_bytes())?;
+        for file in &self.spec.commands[task.command].call.files {
+            let value = |name: &str| self.value(task, &folder, name);
+            inputs::put(file, &folder, value).map_err(|error| {
+                CampaignError::io("put into the folder of a run", Path::new(&file.from), error)
+            })?;
+        }
         let process = serde_json::to_vec(&Process::this()).unwrap_or_default();
         write(&folder.join(PROCESS), &process)?;
         Ok(folder)

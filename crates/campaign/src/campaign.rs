@@ -13,7 +13,7 @@ use crate::error::{CampaignError, Damage, ExecutorError};
 use crate::folder::{self, ITERATIONS, OUTCOMES, RECORD, RESULTS, TASKS, WORK};
 use crate::lock::Lock;
 use crate::mend::{Given, Mended, mend};
-use crate::outcome::{FailureKind, Outcome};
+use crate::outcome::Outcome;
 use crate::record::{Record, ResultRecord};
 use crate::spec::CampaignSpec;
 use crate::state::State;
@@ -234,7 +234,7 @@ impl Campaign {
         Ok(())
     }
 
-    /// Gives up the outcomes of the failed runs that `given_up` chooses by their cause, and returns their numbers. The
+    /// Gives up the outcomes of the failed runs that `given_up` chooses, and returns their numbers. The
     /// tasks must then be submitted anew, from the first: they may be placed otherwise where later ones depended on those
     /// outcomes. What finished is used as far as its parameters are asked for again. The journals as they were stay as
     /// `tasks.jsonl.retried-1`, `results.jsonl.retried-1`.
@@ -244,7 +244,7 @@ impl Campaign {
     /// A failed write. Nothing is lost then.
     pub fn forget_failed(
         &self,
-        given_up: &dyn Fn(&FailureKind) -> bool,
+        given_up: &dyn Fn(&Outcome) -> bool,
     ) -> Result<Vec<u64>, CampaignError> {
         self.check_lock()?;
         self.state().forget_failed(&self.dir, given_up)

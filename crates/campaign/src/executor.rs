@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU8, Ordering};
 
 use crate::campaign::Campaign;
 use crate::error::ExecutorError;
+use crate::feed::Feed;
 use crate::outcome::FailureKind;
 use crate::task::Task;
 
@@ -26,6 +27,58 @@ pub trait Executor {
         watch: &mut dyn FnMut(Event),
         stop: &Stop,
     ) -> Result<(), ExecutorError>;
+
+    /// Runs what `feed` gives until nothing more is to be run: tasks that are placed while others run. Events and errors as in
+    /// [`run`](Self::run).
+    ///
+    /// Without an own implementation tasks that were given together are run to the last one before further ones are taken:
+    /// the same outcomes, with pauses.
+    ///
+    /// # Errors
+    ///
+    /// As [`run`](Self::run).
+    fn run_fed(
+        &mut self,
+        campaign: &Campaign,
+        feed: &Feed<'_>,
+        watch: &mut dyn FnMut(Event),
+        stop: &Stop,
+    ) -> Result<(), ExecutorError> {
+        while let Some(tasks) = feed.next()? {
+            self.run(campaign, &tasks, watch, stop)?;
+        }
+        Ok(())
+    }
+}
+
+impl Feed<'_> {
+    /// Lets an executor run what is given, until nothing more is to be run or the executor fails.
+    pub fn serve(&self, executor: &mut dyn Executor, watch: &mut dyn FnMut(Event), stop: &Stop) {
+        /// Ends the feed, also after a panic.
+        struct Leaving<'b, 'a>(&'b Feed<'a>);
+        impl Drop for Leaving<'_, '_> {
+            fn drop(&mut self) {
+                self.0.end();
+            }
+        }
+        let _leaving = Leaving(self);
+        if let Err(error) = executor.run_fed(self.campaign(), self, watch, stop) {
+            self.fail(error);
+        }
+    }
+}
+
+/// A feed stands in the place of the executor that it is taken by: tasks are given, and waited for.
+impl Executor for &Feed<'_> {
+    fn run(
+        &mut self,
+        _: &Campaign,
+        tasks: &[Task],
+        _: &mut dyn FnMut(Event),
+        _: &Stop,
+    ) -> Result<(), ExecutorError> {
+        self.wait(tasks)
+    }
 }
 
 /// An event while tasks are run.

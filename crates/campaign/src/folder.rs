@@ -24,6 +24,15 @@ pub(crate) const LOCK: &str = "lock";
 /// Job arrays submitted to Slurm.
 pub(crate) const SLURM: &str = "slurm";
 
+/// The parameters of a run, in its folder.
+pub(crate) const PARAMETERS: &str = "parameters.json";
+/// The process that makes an attempt at a run, in its folder.
+pub(crate) const PROCESS: &str = "process.json";
+/// What a run writes to its standard output, in its folder.
+pub(crate) const STDOUT: &str = "stdout";
+/// What a run writes to its standard error, in its folder.
+pub(crate) const STDERR: &str = "stderr";
+
 /// The number in `000012.json`.
 pub(crate) fn number_of(path: &Path) -> Option<u64> {
     let stem = path.file_name()?.to_str()?.strip_suffix(".json")?;

@@ -3,11 +3,12 @@
 use std::io;
 use std::path::Path;
 
+use crate::folder::STDERR;
 use crate::outcome::FailureKind;
 use crate::process::Ended;
 use crate::results::{self, Blame};
 use crate::spec::CommandSpec;
-use crate::streams::{STDERR, end_of};
+use crate::streams::end_of;
 
 /// What an attempt came to.
 #[derive(Debug)]

@@ -2,7 +2,7 @@
 //!
 //! A [`Campaign`] is a directory that holds what is run, every parameter set before its run starts, and every outcome; an
 //! [`Executor`] makes the runs: [`Local`] processes, a function on threads ([`InProcess`]), or a cluster
-//! ([`slurm::Slurm`]). After a crash the directory is opened again and only what is missing is run.
+//! ([`slurm::Slurm`]); [`Simulated`] is a cluster of simulated time. After a crash the directory is opened again and only what is missing is run.
 //!
 //! ```
 //! use std::collections::BTreeMap;
@@ -37,10 +37,12 @@ mod create;
 pub mod durable;
 mod error;
 mod executor;
+mod feed;
 mod files;
 mod folder;
 mod holder;
 mod in_process;
+pub mod inputs;
 mod journal;
 mod judge;
 mod leftover;
@@ -57,6 +59,7 @@ mod process;
 mod record;
 mod results;
 mod seal;
+mod simulated;
 pub mod slurm;
 mod spec;
 mod state;
@@ -72,12 +75,14 @@ pub use campaign::{Campaign, Collected};
 pub use contents::{Contents, contents};
 pub use error::{CampaignError, Damage, ExecutorError};
 pub use executor::{Event, Executor, Request, Stop};
+pub use feed::Feed;
 pub use folder::ANSWER;
 pub use holder::Holder;
 pub use in_process::{Fault, InProcess};
 pub use local::Local;
 pub use outcome::{FailureKind, Outcome};
 pub use persistent::ask_worker;
+pub use simulated::{Account, RunTimes, Simulated, SimulatedRun};
 pub use spec::{
     Call, CampaignSpec, CommandSpec, Interpolation, Keep, LostRuns, OutputSpec, ResultSpec,
     SpecError, TryLater,

@@ -1,12 +1,14 @@
 //! Runs as processes of this machine, a limited number at the same time.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::mpsc;
+use std::sync::{Mutex, PoisonError, mpsc};
+use std::time::Duration;
 
 use crate::attempt::{Ran, Runner};
 use crate::campaign::Campaign;
 use crate::error::ExecutorError;
 use crate::executor::{Event, Executor, Stop};
+use crate::feed::Feed;
 use crate::leftover;
 use crate::mailbox::Mailbox;
 use crate::outcome::FailureKind;
@@ -50,10 +52,13 @@ impl Local {
     }
 }
 
+/// Longest time until a thread without a task sees that there will be none.
+const GLANCE: Duration = Duration::from_millis(50);
+
 enum News {
     Started(u64),
     Retried(u64, FailureKind),
-    Ended(usize, Ran),
+    Ended(Task, Ran),
     /// Lost too often.
     GivenUp(u64, String, String),
     Gone(ExecutorError),
@@ -67,8 +72,19 @@ impl Executor for Local {
         watch: &mut dyn FnMut(Event),
         stop: &Stop,
     ) -> Result<(), ExecutorError> {
-        campaign.record_submitted(tasks)?;
-        let missing = campaign.missing(tasks);
+        match self.run_fed(campaign, &Feed::of(campaign, tasks)?, watch, stop) {
+            Err(ExecutorError::Interrupted { .. }) if campaign.missing(tasks).is_empty() => Ok(()),
+            ran => ran,
+        }
+    }
+
+    fn run_fed(
+        &mut self,
+        campaign: &Campaign,
+        feed: &Feed<'_>,
+        watch: &mut dyn FnMut(Event),
+        stop: &Stop,
+    ) -> Result<(), ExecutorError> {
         let runner = Runner {
             dir: campaign.dir(),
             spec: campaign.spec(),
@@ -76,31 +92,27 @@ impl Executor for Local {
             workers: None,
             alone: true,
         };
-        clear_up(campaign, &runner, watch);
-        if missing.is_empty() {
-            return Ok(());
+        if !campaign.is_new() && campaign.first_look() {
+            clean_up(campaign, &runner, watch);
         }
+        let Some(first) = feed.next()? else { return Ok(()) };
+        let slots = if feed.is_whole() { self.parallel.min(first.len()) } else { self.parallel };
         self.keep_workers(campaign);
         let runner = Runner { workers: self.workers.as_ref(), ..runner };
-        let next = AtomicUsize::new(0);
-        let (sender, receiver) = mpsc::channel();
-        // Asked for by the caller, or by a failure after which no further run makes sense.
-        let halt = stop.child();
         let watchdog = runner.workers.is_none().then(|| Watchdog::of_runs(campaign.spec()));
+        let (give, queue) = mpsc::channel();
+        let (sender, receiver) = mpsc::channel();
+        let (queue, open, halt) = (Mutex::new(queue), AtomicUsize::new(0), stop.child());
+        let hall = Hall { runner: &runner, feed, queue, open, halt };
         let made = std::thread::scope(|scope| {
-            for slot in 0..self.parallel.clamp(1, missing.len()) {
+            let hall = &hall;
+            for slot in 0..slots.max(1) {
                 let sender = sender.clone();
-                let (runner, missing, next, halt) = (&runner, &missing, &next, &halt);
-                let work = move || work(runner, missing, next, halt, &sender);
-                let started = std::thread::Builder::new().spawn_scoped(scope, work);
+                let started =
+                    std::thread::Builder::new().spawn_scoped(scope, move || hall.work(&sender));
                 match started {
                     Ok(_) => {}
-                    Err(error) if slot == 0 => {
-                        return Err(ExecutorError::CannotStart {
-                            program: "a thread of this program".into(),
-                            reason: error.to_string(),
-                        });
-                    }
+                    Err(error) if slot == 0 => return Err(no_thread(&error)),
                     Err(error) => {
                         watch(Event::Note(format!(
                             "only {slot} runs at a time: the system gives no further thread ({error})"
@@ -109,18 +121,16 @@ impl Executor for Local {
                     }
                 }
             }
-            drop(sender);
-            let stored = store_all(campaign, &runner, &missing, &receiver, watch, &halt);
-            if stored.is_err() {
-                halt.cancel();
+            let fetch = move || hall.fetch(first, &give, &sender);
+            if let Err(error) = std::thread::Builder::new().spawn_scoped(scope, fetch) {
+                hall.end();
+                return Err(no_thread(&error));
             }
-            stored
+            hall.store_all(&receiver, watch)
         });
         drop(watchdog);
-        let made = made.and_then(|()| {
-            let all = campaign.missing(tasks).is_empty();
-            if all { Ok(()) } else { Err(ExecutorError::Interrupted { detached: false }) }
-        });
+        let interrupted = || Err(ExecutorError::Interrupted { detached: false });
+        let made = made.and_then(|()| if stop.asked() { interrupted() } else { Ok(()) });
         if made.is_err() {
             self.workers = None;
         }
@@ -131,11 +141,13 @@ impl Executor for Local {
     }
 }
 
-/// Ends and removes what an earlier driver of the campaign has left, once.
-fn clear_up(campaign: &Campaign, runner: &Runner<'_>, watch: &mut dyn FnMut(Event)) {
-    if campaign.is_new() || !campaign.first_look() {
-        return;
-    }
+fn no_thread(error: &std::io::Error) -> ExecutorError {
+    let program = "a thread of this program".into();
+    ExecutorError::CannotStart { program, reason: error.to_string() }
+}
+
+/// Ends what a killed driver has left on this machine.
+fn clean_up(campaign: &Campaign, runner: &Runner<'_>, watch: &mut dyn FnMut(Event)) {
     let ended = leftover::end(campaign.id());
     if ended > 0 {
         watch(Event::Note(format!(
@@ -149,92 +161,136 @@ fn clear_up(campaign: &Campaign, runner: &Runner<'_>, watch: &mut dyn FnMut(Even
     }
 }
 
-/// Makes one run after the other until all are made, or no further one is to be made.
-fn work(
-    runner: &Runner<'_>,
-    tasks: &[Task],
-    next: &AtomicUsize,
-    halt: &Stop,
-    sender: &mpsc::Sender<News>,
-) {
-    // Nobody listens any more only where the caller has failed.
-    let tell = |news| drop(sender.send(news));
-    while !halt.asked() {
-        let place = next.fetch_add(1, Ordering::Relaxed);
-        let Some(task) = tasks.get(place) else { return };
-        tell(News::Started(task.number));
-        let lost = |kind: &FailureKind| tell(News::Retried(task.number, kind.clone()));
-        match runner.run(task, halt, lost) {
-            Ok(ran) => tell(News::Ended(place, ran)),
-            Err(ExecutorError::Interrupted { .. }) => return,
-            Err(ExecutorError::Lost { cause, detail, .. }) => {
-                tell(News::GivenUp(task.number, cause, detail));
-            }
-            Err(error) => return tell(News::Gone(error)),
-        }
-    }
+/// What the threads share.
+struct Hall<'a> {
+    runner: &'a Runner<'a>,
+    feed: &'a Feed<'a>,
+    queue: Mutex<mpsc::Receiver<Task>>,
+    /// Number of tasks in the queue and in work.
+    open: AtomicUsize,
+    /// Asked for by the caller, or by a failure after which no further run makes sense.
+    halt: Stop,
 }
 
-/// Stores what arrives, until every thread is done. After a failure what still arrives is stored, if
-/// it can be, and then the failure is returned.
-fn store_all(
-    campaign: &Campaign,
-    runner: &Runner<'_>,
-    tasks: &[Task],
-    receiver: &mpsc::Receiver<News>,
-    watch: &mut dyn FnMut(Event),
-    halt: &Stop,
-) -> Result<(), ExecutorError> {
-    let mut failure: Option<ExecutorError> = None;
-    let mut fail = |error: ExecutorError| {
-        halt.cancel();
-        failure.get_or_insert(error);
-    };
-    let (mut lost, mut first_lost) = (Vec::new(), None);
-    let mut mailbox = Mailbox::new(campaign);
-    let safe = |ended: Vec<(usize, Ran)>, watch: &mut dyn FnMut(Event)| {
-        for (place, ran) in ended {
-            let task = &tasks[place];
-            runner.tidy(task, &ran);
-            let failed = ran.outcome.failure().cloned();
-            watch(Event::Ended { number: task.number, failed });
+impl Hall<'_> {
+    /// No further run is made.
+    fn end(&self) {
+        self.halt.cancel();
+        self.feed.leave();
+    }
+
+    /// Takes tasks from the feed until there are none any more.
+    fn fetch(&self, first: Vec<Task>, give: &mpsc::Sender<Task>, sender: &mpsc::Sender<News>) {
+        let mut fetched = Some(first);
+        while let Some(tasks) = fetched {
+            self.open.fetch_add(tasks.len(), Ordering::SeqCst);
+            // Nobody listens any more only where no further run is made.
+            tasks.into_iter().for_each(|task| drop(give.send(task)));
+            fetched = self.feed.next().unwrap_or_else(|error| {
+                drop(sender.send(News::Gone(error.into())));
+                None
+            });
         }
-    };
-    while let Some(news) = mailbox.receive(receiver) {
-        let mut ended = Vec::new();
-        for news in news {
-            match news {
-                News::Started(number) => watch(Event::Started { number }),
-                News::Retried(number, kind) => watch(Event::Retried { number, kind }),
-                News::Ended(place, ran) => {
-                    ended.push((tasks[place].number, ran.outcome.clone(), (place, ran)));
-                }
-                News::GivenUp(number, cause, detail) => {
-                    lost.push(number);
-                    first_lost.get_or_insert((cause, detail));
-                    if lost.len() >= LOST_MOST {
-                        halt.cancel();
-                    }
-                }
-                News::Gone(error) => fail(error),
+        // Nobody waits for what is still in work.
+        self.halt.cancel();
+    }
+
+    /// The next task; none where no further run is to be made.
+    fn next(&self) -> Option<Task> {
+        let queue = self.queue.lock().unwrap_or_else(PoisonError::into_inner);
+        while !self.halt.asked() {
+            match queue.recv_timeout(GLANCE) {
+                Ok(task) => return Some(task),
+                Err(mpsc::RecvTimeoutError::Timeout) => {}
+                Err(mpsc::RecvTimeoutError::Disconnected) => return None,
             }
         }
-        let stored = mailbox.write(ended).and_then(|()| mailbox.flush_if_due());
-        match stored {
+        // Asked for by the caller: nothing more is taken from the feed.
+        self.feed.leave();
+        None
+    }
+
+    /// Makes one run after the other until all are made, or no further one is to be made.
+    fn work(&self, sender: &mpsc::Sender<News>) {
+        // Nobody listens any more only where the caller has failed.
+        let tell = |news| drop(sender.send(news));
+        while let Some(task) = self.next() {
+            let number = task.number;
+            tell(News::Started(number));
+            let lost = |kind: &FailureKind| tell(News::Retried(number, kind.clone()));
+            match self.runner.run(&task, &self.halt, lost) {
+                Ok(ran) => tell(News::Ended(task, ran)),
+                Err(ExecutorError::Interrupted { .. }) => {}
+                Err(ExecutorError::Lost { cause, detail, .. }) => {
+                    tell(News::GivenUp(number, cause, detail));
+                }
+                Err(error) => return tell(News::Gone(error)),
+            }
+        }
+    }
+
+    /// Stores what arrives, until every thread is done. After a failure what still arrives is stored, if
+    /// it can be, and then the failure is returned.
+    fn store_all(
+        &self,
+        receiver: &mpsc::Receiver<News>,
+        watch: &mut dyn FnMut(Event),
+    ) -> Result<(), ExecutorError> {
+        let mut failure: Option<ExecutorError> = None;
+        let mut fail = |error: ExecutorError| {
+            self.end();
+            failure.get_or_insert(error);
+        };
+        let (mut lost, mut first_lost) = (Vec::new(), None);
+        let campaign = self.feed.campaign();
+        let mut mailbox = Mailbox::new(campaign);
+        let safe = |ended: Vec<(Task, Ran)>, watch: &mut dyn FnMut(Event)| {
+            for (task, ran) in ended {
+                self.runner.tidy(&task, &ran);
+                let failed = ran.outcome.failure().cloned();
+                watch(Event::Ended { number: task.number, failed });
+            }
+        };
+        while let Some(news) = mailbox.receive(receiver) {
+            let mut ended = Vec::new();
+            for news in news {
+                match news {
+                    News::Started(number) => watch(Event::Started { number }),
+                    News::Retried(number, kind) => watch(Event::Retried { number, kind }),
+                    News::Ended(task, ran) => {
+                        self.open.fetch_sub(1, Ordering::SeqCst);
+                        ended.push((task.number, ran.outcome.clone(), (task, ran)));
+                    }
+                    News::GivenUp(number, cause, detail) => {
+                        self.open.fetch_sub(1, Ordering::SeqCst);
+                        lost.push(number);
+                        first_lost.get_or_insert((cause, detail));
+                    }
+                    News::Gone(error) => fail(error),
+                }
+            }
+            let stored = mailbox.write(ended).and_then(|()| mailbox.flush_if_due());
+            match stored {
+                Ok(ended) => safe(ended, watch),
+                Err(error) => fail(error.into()),
+            }
+            if let Some(outage) = campaign.outage() {
+                fail(outage);
+            }
+            self.feed.look();
+            let none_left = !lost.is_empty() && self.open.load(Ordering::SeqCst) == 0;
+            if none_left || lost.len() >= LOST_MOST {
+                self.end();
+            }
+        }
+        match mailbox.flush() {
             Ok(ended) => safe(ended, watch),
             Err(error) => fail(error.into()),
         }
-        if let Some(outage) = campaign.outage() {
-            fail(outage);
+        if let Some((cause, detail)) = first_lost {
+            lost.sort_unstable();
+            fail(ExecutorError::Lost { numbers: lost, cause, detail });
         }
+        failure.map_or(Ok(()), Err)
     }
-    match mailbox.flush() {
-        Ok(ended) => safe(ended, watch),
-        Err(error) => fail(error.into()),
-    }
-    if let Some((cause, detail)) = first_lost {
-        lost.sort_unstable();
-        fail(ExecutorError::Lost { numbers: lost, cause, detail });
-    }
-    failure.map_or(Ok(()), Err)
 }

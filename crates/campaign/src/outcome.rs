@@ -157,7 +157,7 @@ impl fmt::Display for FailureKind {
         match self {
             Self::ExitCode { code } => write!(f, "exit code {code}"),
             Self::Crashed { signal } => write!(f, "crashed with {}", signal_name(*signal)),
-            Self::Timeout { limit_s } => write!(f, "not finished after {limit_s} s"),
+            Self::Timeout { limit_s } => write!(f, "timeout: not finished after {limit_s} s"),
             Self::OutOfMemory => f.write_str("out of memory"),
             Self::Lost { signal: Some(signal) } => {
                 write!(f, "lost: killed from outside with {}", signal_name(*signal))

@@ -7,6 +7,8 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::folder::ANSWER;
+use crate::inputs::{self, InputFile};
 use crate::table::Format;
 use crate::template;
 
@@ -51,6 +53,9 @@ pub struct Call {
     /// folder of the run.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub worker: bool,
+    /// Files that are put into the working directory before the call.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub files: Vec<InputFile>,
     /// Environment variables set in addition to the driver's, with placeholders as in `argv`.
     pub environment: BTreeMap<String, String>,
     /// Time limit of one attempt \[s\], after which its whole process group is ended.
@@ -201,6 +206,7 @@ impl Call {
         Self {
             argv,
             worker: false,
+            files: Vec::new(),
             environment: BTreeMap::new(),
             timeout_s: 3600.0,
             retries: 2,
@@ -213,8 +219,17 @@ impl Call {
     /// Takes everything over that decides only on whether a run gets made, and not on its values: limits, retries,
     /// folders that stay.
     pub fn set_limits(&mut self, of: &Self) {
-        let Self { argv: _, worker: _, environment: _, timeout_s, retries, try_later, lost, keep } =
-            of;
+        let Self {
+            argv: _,
+            worker: _,
+            files: _,
+            environment: _,
+            timeout_s,
+            retries,
+            try_later,
+            lost,
+            keep,
+        } = of;
         (self.timeout_s, self.retries, self.lost, self.keep) = (*timeout_s, *retries, *lost, *keep);
         self.try_later.clone_from(try_later);
     }
@@ -226,6 +241,18 @@ impl CommandSpec {
     pub fn in_process(name: &str) -> Self {
         let call = Call { timeout_s: 1.0, retries: 0, keep: Keep::None, ..Call::new(Vec::new()) };
         Self { name: name.to_owned(), call, outputs: Vec::new() }
+    }
+
+    /// Checks that the input files have places of their own in the folder of a run.
+    ///
+    /// # Errors
+    ///
+    /// [`SpecError`] with the first that has none; its field is `files[0]`.
+    pub fn check_files(&self) -> Result<(), SpecError> {
+        let results = self.outputs.iter().map(|output| output.result.file.as_str());
+        let results = results.chain(self.call.worker.then_some(ANSWER));
+        inputs::check(&self.call.files, results)
+            .map_err(|(i, problem)| SpecError { field: format!("files[{i}]"), problem })
     }
 
     /// Number of values that one run gives: the observation points of all observables.
@@ -307,6 +334,10 @@ impl CampaignSpec {
             }
             self.check_template(field, value, call.worker)?;
         }
+        command.check_files().map_err(|error| SpecError {
+            field: format!("{place}.call.{}", error.field),
+            ..error
+        })?;
         for (i, output) in command.outputs.iter().enumerate() {
             check_output(&format!("{place}.outputs[{i}]"), output)?;
         }

@@ -10,7 +10,7 @@ use crate::error::{CampaignError, Damage, ExecutorError};
 use crate::folder::{ITERATIONS, RESULTS, TASKS};
 use crate::journal::{self, Journal};
 use crate::outage::Streak;
-use crate::outcome::{FailureKind, Outcome};
+use crate::outcome::Outcome;
 use crate::record::ResultRecord;
 use crate::spec::{CampaignSpec, CommandSpec};
 use crate::task::Task;
@@ -178,25 +178,24 @@ impl State {
     pub(crate) fn forget_failed(
         &mut self,
         dir: &Path,
-        given_up: &dyn Fn(&FailureKind) -> bool,
+        given_up: &dyn Fn(&Outcome) -> bool,
     ) -> Result<Vec<u64>, CampaignError> {
-        let failed =
-            |outcome: Option<&Outcome>| outcome.and_then(Outcome::failure).is_some_and(given_up);
+        let failed = |outcome: &Outcome| outcome.failure().is_some() && given_up(outcome);
         // Of the results, not of the tasks: a call that was cut off may have emptied those.
-        let failures = self.results.iter().filter(|(_, outcome)| failed(Some(outcome)));
+        let failures = self.results.iter().filter(|(_, outcome)| failed(outcome));
         let mut numbers: Vec<u64> = failures.map(|((number, _), _)| *number).collect();
         numbers.sort_unstable();
         numbers.dedup();
         if numbers.is_empty() {
             return Ok(numbers);
         }
-        let stored = self.stored_without(|result| failed(Some(&result.outcome)))?;
+        let stored = self.stored_without(|result| failed(&result.outcome))?;
         // In this order: tasks without a line are submitted again as they were, while failures are still there.
         self.tasks_journal.keep_as(GIVEN_UP)?;
         self.results_journal.keep_as(GIVEN_UP)?;
         self.tasks_journal.replace::<Task>(&[])?;
         self.results_journal.replace(&stored)?;
-        self.results.retain(|_, outcome| !failed(Some(outcome)));
+        self.results.retain(|_, outcome| !failed(outcome));
         self.streak = Streak::default();
         for outcome in self.results.values() {
             self.streak.add(outcome);

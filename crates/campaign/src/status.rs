@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use crate::attempt::{PROCESS, Process};
+use crate::attempt::Process;
 use crate::error::CampaignError;
-use crate::folder::{OUTCOMES, last_attempt, number_of, task_folder};
+use crate::folder::{OUTCOMES, PROCESS, last_attempt, number_of, task_folder};
 use crate::holder::Holder;
 use crate::lock::Lock;
 use crate::record::{Record, ResultRecord};

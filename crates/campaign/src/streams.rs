@@ -6,9 +6,6 @@ use std::path::Path;
 
 use crate::error::CampaignError;
 
-pub(crate) const STDOUT: &str = "stdout";
-pub(crate) const STDERR: &str = "stderr";
-
 /// Length of the start and the end of a captured stream that are kept of a failed run \[bytes\].
 const KEPT_START: u64 = 64 << 10;
 const KEPT_END: u64 = 256 << 10;

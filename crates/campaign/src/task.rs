@@ -49,6 +49,9 @@ impl CampaignSpec {
             if call.worker {
                 digest.add(b"worker");
             }
+            if !call.files.is_empty() {
+                digest.add(serde_json::to_string(&call.files).unwrap_or_default().as_bytes());
+            }
         }
         digest.finish()
     }

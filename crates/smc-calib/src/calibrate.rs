@@ -5,7 +5,7 @@ use crate::joint::{JointLikelihood, JointProblem};
 use crate::marginal::mean_and_sd;
 use crate::mixture::Proposal;
 use crate::pool::{Pool, effective_sample_size, exponentiate};
-use crate::sampler::{Sampler, record};
+use crate::sampler::{NextStage, Sampler, record};
 use crate::summary::{Run, summarise};
 use crate::target::CurveTarget;
 use crate::trust::khat_holds;
@@ -63,53 +63,35 @@ pub fn calibrate_joint(
         Noise::EssTarget { share } => Some(share),
         _ => None,
     };
-    let equal = equal_stages(settings);
+    let mut next = next_stage(settings, tuned);
     let mut stages: Vec<StageRecord> = Vec::new();
-    let mut stop = StopReason::BudgetSpent;
+    let mut stop = None;
     loop {
-        let i = stages.len();
-        let next = match tuned {
-            None => sampler.next(),
-            Some(_) if i == 0 => {
-                Some((equal[0], Proposal::prior(sampler.pool.d), equal.len() == 1))
-            }
-            Some(share) if i < equal.len() => {
-                Some((equal[i], sampler.refit_tuned(share), i + 1 == equal.len()))
-            }
-            Some(_) => None,
-        };
-        let Some((n, proposal, last)) = next else { break };
-        sampler.stage(n, proposal).map_err(|error| error.after(&stages))?;
+        if stop.is_none() {
+            sampler.place(&mut *next);
+        }
+        let Some(last) = sampler.take().map_err(|error| error.after(&stages))? else { break };
         // The share of failures among a handful of simulations says nothing yet.
         if sampler.pool.len() >= FEWEST_TO_JUDGE.min(settings.samples) {
             refuse_failures(&sampler.pool, settings)?;
         }
-        let record = stage_record(
-            &sampler,
-            problem,
-            tuned,
-            last,
-            stages.last().map_or(0, |s| s.failed_total),
-        );
-        let wish = if tuned.is_none() && i > 0 && !last {
-            reached(&record, &sampler, settings)
-        } else {
-            None
-        };
+        let failed_before = stages.last().map_or(0, |s| s.failed_total);
+        let record = stage_record(&sampler, problem, tuned, last, failed_before);
+        // Stages that were placed meanwhile are still taken.
+        if stop.is_none() && tuned.is_none() && !stages.is_empty() && !last {
+            stop = reached(&record, &sampler, settings);
+        }
         stages.push(record.record);
         let stopped = observer.stage(&stages[stages.len() - 1]).is_break();
-        if let Some(reason) = wish {
-            stop = reason;
-            break;
-        }
         if stopped && !last {
             if stages[stages.len() - 1].ess < 2.0 {
                 return Err(CalibrateError::Interrupted { stages });
             }
-            stop = StopReason::Interrupted;
+            stop = stop.or(Some(StopReason::Interrupted));
             break;
         }
     }
+    let stop = stop.unwrap_or(StopReason::BudgetSpent);
     let (raw, ln_scale) = final_weights(&sampler, tuned);
     if ln_scale == f64::NEG_INFINITY {
         return Err(CalibrateError::ZeroEvidence { simulations: sampler.pool.len() });
@@ -127,6 +109,21 @@ pub(crate) fn refuse_failures(pool: &Pool, settings: &Settings) -> Result<(), Ca
         });
     }
     Ok(())
+}
+
+type ChooseStage = dyn FnMut(&mut Sampler<'_>) -> Option<NextStage>;
+
+/// The stages of a run, one after the other; those of the tuned scheme are of equal size.
+fn next_stage(settings: &Settings, tuned: Option<f64>) -> Box<ChooseStage> {
+    let Some(share) = tuned else { return Box::new(|sampler| sampler.next()) };
+    let equal = equal_stages(settings);
+    Box::new(move |sampler| {
+        let stage = sampler.stages();
+        let n = *equal.get(stage)?;
+        let proposal =
+            if stage == 0 { Proposal::prior(sampler.pool.d) } else { sampler.refit_tuned(share) };
+        Some((n, proposal, stage + 1 == equal.len()))
+    })
 }
 
 /// Stages of the tuned scheme: as many samples in each iteration.

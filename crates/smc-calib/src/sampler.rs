@@ -10,6 +10,7 @@ use crate::stream::{Purpose, stream};
 use crate::target::Target;
 use crate::{CalibrateError, ComponentRecord, Counters, MixtureRecord, Settings};
 use rayon::prelude::*;
+use std::collections::VecDeque;
 use std::ops::Range;
 
 /// Least power of the likelihood that proposals are fitted to; the rest of their width is a factor on covariances. A bent
@@ -30,13 +31,27 @@ pub(crate) struct Frozen {
     pub ln_w: Vec<f64>,
 }
 
+/// Size and proposal of a stage, and whether it is the last one.
+pub(crate) type NextStage = (usize, Proposal, bool);
+
+/// A stage that was drawn, and whose simulations are not in the pool yet.
+struct Placed {
+    proposal: Proposal,
+    z: Vec<f64>,
+    replicates: Vec<u32>,
+    /// Power of the likelihood that its proposal was fitted to.
+    beta: f64,
+    last: bool,
+}
+
 /// The state of a run: all samples, all proposals.
 pub(crate) struct Sampler<'a> {
     pub(crate) target: &'a dyn Target,
     pub(crate) settings: &'a Settings,
     pub pool: Pool,
-    /// Number of draws and proposal of each stage.
+    /// Number of draws and proposal of each stage in the pool.
     pub proposals: Vec<(usize, Proposal)>,
+    placed: VecDeque<Placed>,
     pub counters: Counters,
     /// Power of the likelihood that the newest proposal was fitted to.
     pub beta: f64,
@@ -55,6 +70,7 @@ impl<'a> Sampler<'a> {
             settings,
             pool: Pool::new(target.dimension(), target.kept()),
             proposals: Vec::new(),
+            placed: VecDeque::new(),
             counters: Counters::default(),
             beta: 0.0,
             replicates,
@@ -77,14 +93,58 @@ impl<'a> Sampler<'a> {
             let first = n / 2;
             return if n < 16 { vec![n] } else { vec![first, n - first] };
         }
+        // With overlap the final stage begins later, so that it is placed from as many samples, and keeps a quarter of them.
+        let later = self.settings.overlap.div_ceil(each);
+        let stages = (stages + later).min((n - n.div_ceil(4)) / each).max(stages);
         let mut sizes = vec![each; stages];
         sizes.push(n - each * stages);
         sizes
     }
 
-    /// Draws and simulates one stage from `proposal`.
-    pub(crate) fn stage(&mut self, n: usize, proposal: Proposal) -> Result<(), CalibrateError> {
-        let stage = self.proposals.len();
+    /// Number of stages that were placed.
+    pub(crate) fn stages(&self) -> usize {
+        self.proposals.len() + self.placed.len()
+    }
+
+    /// Number of samples that were placed.
+    fn samples(&self) -> usize {
+        self.pool.len() + self.placed.iter().map(|placed| placed.replicates.len()).sum::<usize>()
+    }
+
+    /// Places stages as `next` gives them (size, proposal, whether it is the last one), as far as the pool allows: a stage is
+    /// placed from all stages that end [`Settings::overlap`] samples or more before its first, never from more, so that it
+    /// does not matter which simulations end first.
+    pub(crate) fn place(&mut self, next: &mut dyn FnMut(&mut Self) -> Option<NextStage>) {
+        let waits = |sampler: &Self| {
+            sampler.placed.front().is_some_and(|placed| {
+                let end = sampler.pool.len() + placed.replicates.len();
+                end + sampler.settings.overlap <= sampler.samples()
+            })
+        };
+        while !waits(self) {
+            let Some((n, proposal, last)) = next(self) else { return };
+            let (first, (z, replicates)) = (self.samples(), self.draw(n, &proposal));
+            if self.settings.overlap > 0 {
+                self.target.announce(first, &z);
+            }
+            self.placed.push_back(Placed { proposal, z, replicates, beta: self.beta, last });
+        }
+    }
+
+    /// Simulates the next of the stages that were placed, and adds it to the pool; whether it is the last one, none where no
+    /// stage was placed.
+    pub(crate) fn take(&mut self) -> Result<Option<bool>, CalibrateError> {
+        let Some(Placed { proposal, z, replicates, beta, last }) = self.placed.pop_front() else {
+            return Ok(None);
+        };
+        self.beta = beta;
+        self.simulate(proposal, &z, &replicates)?;
+        Ok(Some(last))
+    }
+
+    /// Draws of the next stage, in normal scores, and the sub-net of each.
+    fn draw(&self, n: usize, proposal: &Proposal) -> (Vec<f64>, Vec<u32>) {
+        let stage = self.stages();
         let (d, r) = (self.pool.d, self.replicates);
         let seed = self.settings.seed;
         let width = proposal.uniforms();
@@ -106,7 +166,7 @@ impl<'a> Sampler<'a> {
             replicates.resize(replicates.len() + block.len() / d, k as u32);
             z.extend(block);
         }
-        self.simulate(proposal, &z, &replicates)
+        (z, replicates)
     }
 
     /// Simulates given normal scores as a stage of draws from `proposal`.
@@ -158,6 +218,10 @@ impl<'a> Sampler<'a> {
     pub(crate) fn refit(&mut self, next_size: usize) -> Proposal {
         let s = self.settings;
         let d = self.pool.d;
+        if self.pool.len() == 0 {
+            self.beta = 0.0;
+            return Proposal::prior(d);
+        }
         let base = self.pool.ln_base();
         let wished = self.wished(next_size);
         self.beta = temper(&base, &self.pool.ln_l, wished);
@@ -170,7 +234,7 @@ impl<'a> Sampler<'a> {
             .map(|(b, l)| if l.is_finite() { b + power * l } else { f64::NEG_INFINITY })
             .collect();
         let (weights, _) = exponentiate(&ln);
-        let stage = self.proposals.len();
+        let stage = self.stages();
         let nu = s.degrees_of_freedom;
         let fit = Cloud::new(d, &self.pool.z, &weights, s.seed, stage)
             .map(|cloud| cloud.fit(s.max_components, s.seed, stage));
@@ -339,7 +403,7 @@ impl<'a> Sampler<'a> {
     pub(crate) fn refit_tuned(&mut self, share: f64) -> Proposal {
         let (weights, _) = exponentiate(&self.tuned_ln_weights(share));
         self.beta = 1.0;
-        let (d, s, stage) = (self.pool.d, self.settings, self.proposals.len());
+        let (d, s, stage) = (self.pool.d, self.settings, self.stages());
         let Some(cloud) = Cloud::new(d, &self.pool.z, &weights, s.seed, stage) else {
             return Proposal::prior(d);
         };
@@ -360,10 +424,10 @@ impl<'a> Sampler<'a> {
     ///
     /// Until tempering has reached the full likelihood, further adaptive stages come before the final one, as long as half
     /// of the remaining budget is left for it.
-    pub(crate) fn next(&mut self) -> Option<(usize, Proposal, bool)> {
+    pub(crate) fn next(&mut self) -> Option<NextStage> {
         let sizes = self.schedule();
-        let stage = self.proposals.len();
-        let left = self.settings.samples - self.pool.len();
+        let stage = self.stages();
+        let left = self.settings.samples - self.samples();
         if left == 0 {
             return None;
         }
@@ -389,10 +453,12 @@ impl<'a> Sampler<'a> {
 
     /// Runs all stages without an observer.
     pub(crate) fn run(&mut self) -> Result<(), CalibrateError> {
-        while let Some((n, proposal, _)) = self.next() {
-            self.stage(n, proposal)?;
+        loop {
+            self.place(&mut Self::next);
+            if self.take()?.is_none() {
+                return Ok(());
+            }
         }
-        Ok(())
     }
 }
 

@@ -47,6 +47,12 @@ pub struct Settings {
     /// 0 they are multiples of the number of sub-nets.
     #[serde(skip_serializing_if = "is_default")]
     pub batch: usize,
+    /// A stage is placed from all stages that end so many samples or more before its first one, and from no other. With 0 it
+    /// waits for all before it. With more, the longest simulations of a stage go on beside the next stages, where they are
+    /// unequally long and many go on at a time. The answer stays right whatever the order in which they end; proposals know
+    /// less. At most a quarter of the samples.
+    #[serde(skip_serializing_if = "is_default")]
+    pub overlap: usize,
     /// Place samples by a Gaussian process through the log likelihoods so far; weights stay those of the true
     /// likelihood. For budgets of up to a thousand simulations.
     #[serde(skip_serializing_if = "is_default")]
@@ -82,6 +88,7 @@ impl Default for Settings {
             draws: 4096,
             map_simulations: 400,
             batch: 0,
+            overlap: 0,
             surrogate: false,
             path: true,
         }
@@ -156,6 +163,9 @@ impl Settings {
         }
         if self.batch > 1 << 27 {
             return refuse("batch", self.batch as f64, "at most 2^27");
+        }
+        if self.overlap > self.samples / 4 {
+            return refuse("overlap", self.overlap as f64, "at most a quarter of samples");
         }
         if !within(self.max_failed_share, 0.0, 1.0) {
             return refuse("max_failed_share", self.max_failed_share, "between 0 and 1");

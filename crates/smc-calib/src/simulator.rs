@@ -24,6 +24,13 @@ pub trait Simulator: Sync {
     /// run.
     fn simulate(&self, theta: &[f64], out: &mut [f64]) -> Result<(), SimError>;
 
+    /// Tells that [`simulate_batch`](Self::simulate_batch) will be called for these samples, so that their simulations may
+    /// begin: a stage is announced while earlier ones are still to be asked for, where
+    /// [`Settings::overlap`](crate::Settings::overlap) is above 0, and only then. Stages are announced in order.
+    fn announce(&self, first: usize, thetas: &[f64]) {
+        let _ = (first, thetas);
+    }
+
     /// Runs the parameter sets of samples `first`, `first + 1`, .., given row by row in `thetas`, and fills
     /// `outputs` row by row; one result per row, in order.
     ///

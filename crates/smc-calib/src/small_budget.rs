@@ -214,7 +214,7 @@ impl Sampler<'_> {
             return None;
         }
         let stand_in = StandIn::new(self.target, &self.pool, weights)?;
-        let stage = self.proposals.len();
+        let stage = self.stages();
         let settings = Settings {
             samples: EVALUATIONS,
             iterations: 5,
@@ -225,6 +225,7 @@ impl Sampler<'_> {
             patches: 1,
             batch: 0,
             surrogate: false,
+            overlap: 0,
             ..self.settings.clone()
         };
         let mut inner = Sampler::new(&stand_in, &settings);

@@ -30,6 +30,11 @@ pub trait Target: Sync {
         None
     }
 
+    /// Tells that the log likelihoods of these samples will be asked for: see [`crate::Simulator::announce`].
+    fn announce(&self, first: usize, z: &[f64]) {
+        let _ = (first, z);
+    }
+
     /// Log likelihoods of samples `first`, `first + 1`, .. at normal scores `z`, row by row; fills `ln_l` and
     /// `kept`. Returns the failures and their places from `first`, in order; `ln_l` is minus infinity there.
     ///
@@ -156,6 +161,20 @@ impl<'a> CurveTarget<'a> {
         self.problem.parameters.iter().zip(z).map(|(p, z)| p.prior.from_z(*z)).collect()
     }
 
+    /// Parameters in SI of many points, row by row.
+    fn thetas(&self, z: &[f64]) -> Vec<f64> {
+        let d = self.problem.parameters.len();
+        let mut thetas = vec![0.0; z.len()];
+        thetas.par_chunks_mut(256 * d).zip(z.par_chunks(256 * d)).for_each(|(thetas, z)| {
+            for (thetas, z) in thetas.chunks_exact_mut(d).zip(z.chunks_exact(d)) {
+                for ((t, p), z) in thetas.iter_mut().zip(&self.problem.parameters).zip(z) {
+                    *t = p.prior.from_z(*z);
+                }
+            }
+        });
+        thetas
+    }
+
     /// Runs the simulator at normal scores; refuses outputs that are not finite.
     pub(crate) fn simulate(&self, z: &[f64], outputs: &mut [f64]) -> Result<(), SimError> {
         let mut small = [0.0; 16];
@@ -214,16 +233,8 @@ impl<'a> CurveTarget<'a> {
         z: &[f64],
         outputs: &mut [f64],
     ) -> Result<Vec<Result<(), SimError>>, SimError> {
-        let d = self.dimension();
-        let mut thetas = vec![0.0; z.len()];
-        thetas.par_chunks_mut(256 * d).zip(z.par_chunks(256 * d)).for_each(|(thetas, z)| {
-            for (thetas, z) in thetas.chunks_exact_mut(d).zip(z.chunks_exact(d)) {
-                for ((t, p), z) in thetas.iter_mut().zip(&self.problem.parameters).zip(z) {
-                    *t = p.prior.from_z(*z);
-                }
-            }
-        });
-        let rows = z.len() / d;
+        let thetas = self.thetas(z);
+        let rows = z.len() / self.dimension();
         let results = self.problem.simulator.simulate_batch(first, &thetas, outputs);
         if results.len() == rows {
             return Ok(results);
@@ -316,6 +327,10 @@ impl Target for CurveTarget<'_> {
 
     fn ln_likelihood_of(&self, kept: &[f64]) -> Option<f64> {
         (!self.thinned).then(|| self.likelihood.ln_joint(kept))
+    }
+
+    fn announce(&self, first: usize, z: &[f64]) {
+        self.problem.simulator.announce(first, &self.thetas(z));
     }
 
     fn ln_likelihood_batch(

@@ -1,8 +1,9 @@
 //! All experiments of a plan as one simulator: built-in ones are computed, programs are run by an executor.
 
+use std::collections::BTreeSet;
 use std::sync::{Mutex, PoisonError};
 
-use campaign::{Campaign, Event, Executor, ExecutorError, Outcome, Task};
+use campaign::{Campaign, Event, Executor, ExecutorError, Feed, Outcome, Task};
 use smc_calib::{SimError, Simulator};
 
 use crate::error::InputError;
@@ -10,14 +11,21 @@ use crate::pair::model::NeckGrowth;
 use crate::plan::{Plan, SimulatorPlan};
 use crate::watch::Watch;
 
+/// Looks at the programs of runs.
+type Look<'a> = dyn FnMut(&BTreeSet<u64>) -> Option<String> + Send + 'a;
+
 /// Where and by what the programs of a plan are run.
 pub(crate) struct Runner<'a> {
     /// Folder of the runs.
     pub(crate) campaign: &'a Campaign,
     /// Executor of the runs.
     pub(crate) executor: Box<dyn Executor + Send + 'a>,
-    /// Whether a program is another one than at the beginning, in words.
-    pub(crate) changed: Box<dyn FnMut() -> Option<String> + Send + 'a>,
+    /// Takes runs whose turn has not come, where those of several stages go on at a time.
+    pub(crate) ahead: Option<&'a Feed<'a>>,
+    /// Numbers of the runs that were given and since whose end the programs were not looked at.
+    pub(crate) unsure: BTreeSet<u64>,
+    /// Whether a program is another one than at the beginning, in words; asked with the runs of which that is not known yet.
+    pub(crate) changed: Box<Look<'a>>,
     /// Told of every run.
     pub(crate) on_event: Box<dyn FnMut(Event) + Send + 'a>,
 }
@@ -84,8 +92,8 @@ pub(crate) fn stored(
 }
 
 /// Refuses programs that are other ones than at the beginning.
-fn unchanged(changed: &mut dyn FnMut() -> Option<String>) -> Result<(), ExecutorError> {
-    changed().map_or(Ok(()), |change| {
+fn unchanged(change: Option<String>) -> Result<(), ExecutorError> {
+    change.map_or(Ok(()), |change| {
         Err(ExecutorError::Simulator(format!("{change}: runs of both would be mixed")))
     })
 }
@@ -170,14 +178,8 @@ impl<'a> Experiments<'a> {
         results
     }
 
-    /// Runs the programs of all rows that the built-in experiments did not refuse, and fills in their values.
-    fn programs(
-        &self,
-        runner: &Mutex<Runner<'_>>,
-        (first, thetas): (usize, &[f64]),
-        results: &mut [Result<(), SimError>],
-        outputs: &mut [f64],
-    ) {
+    /// The runs of programs of all rows that the built-in experiments did not refuse.
+    fn tasks(&self, first: usize, thetas: &[f64], results: &[Result<(), SimError>]) -> Vec<Task> {
         let commands = self.places().filter(|(_, model, _)| model.is_none());
         let mut tasks = Vec::new();
         for (command, (place, ..)) in commands.enumerate() {
@@ -189,18 +191,38 @@ impl<'a> Experiments<'a> {
             }));
         }
         tasks.sort_by_key(|task| task.number);
+        tasks
+    }
+
+    /// Runs the programs of all rows that the built-in experiments did not refuse, and fills in their values.
+    fn programs(
+        &self,
+        runner: &Mutex<Runner<'_>>,
+        (first, thetas): (usize, &[f64]),
+        results: &mut [Result<(), SimError>],
+        outputs: &mut [f64],
+    ) {
+        let tasks = self.tasks(first, thetas, results);
         let mut runner = runner.lock().unwrap_or_else(PoisonError::into_inner);
-        let Runner { campaign, executor, changed, on_event } = &mut *runner;
+        let Runner { campaign, executor, ahead, unsure, changed, on_event } = &mut *runner;
         // Before the runs, so that none is made by another program, and after them, as it may have been replaced meanwhile.
-        let made = unchanged(changed).and_then(|()| {
-            let new = tasks.iter().map(|task| task.number);
-            let new: Vec<u64> = new.filter(|number| campaign.outcome(*number).is_none()).collect();
+        let open = |number: &u64| campaign.outcome(*number).is_none();
+        unsure.extend(tasks.iter().map(|task| task.number).filter(open));
+        let made = unchanged(changed(unsure)).and_then(|()| {
             let ran = executor.run(campaign, &tasks, on_event, self.watch.stop());
-            match unchanged(changed) {
-                // Which of these runs the other program made is not known: all are made again.
-                Err(error) => campaign.forget(&new).map_err(ExecutorError::from).and(Err(error)),
-                Ok(()) => ran,
+            let left: BTreeSet<u64> = unsure.iter().copied().filter(open).collect();
+            unchanged(changed(&left)).map(|()| {
+                *unsure = left;
+                ran
+            })
+        });
+        let made = made.unwrap_or_else(|error| {
+            if let Some(feed) = ahead {
+                feed.finish();
             }
+            // Which of these runs the other program made is not known: all are made again.
+            let unsure: Vec<u64> = std::mem::take(unsure).into_iter().collect();
+            campaign.forget(&unsure).map_err(ExecutorError::from).and(Err(error))
         });
         if let Err(error) = made {
             *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
@@ -252,6 +274,23 @@ impl Simulator for Experiments<'_> {
                 .map_err(|error| self.of_experiment(place, error))?;
         }
         Ok(())
+    }
+
+    fn announce(&self, first: usize, thetas: &[f64]) {
+        let Some(runner) = &self.runner else { return };
+        let mut runner = runner.lock().unwrap_or_else(PoisonError::into_inner);
+        let Runner { campaign, ahead: Some(feed), unsure, changed, .. } = &mut *runner else {
+            return;
+        };
+        let rows = thetas.len() / self.parameters();
+        let results = self.built_in(thetas, &mut vec![0.0; rows * self.observables]);
+        // Before any run, as for a batch; a run that is not given here is given, and its errors said, with its batch.
+        let tasks = self.tasks(first, thetas, &results);
+        let new = tasks.iter().map(|task| task.number);
+        unsure.extend(new.filter(|number| campaign.outcome(*number).is_none()));
+        if changed(unsure).is_none() {
+            let _ = feed.give(&tasks);
+        }
     }
 
     fn simulate_batch(

@@ -41,7 +41,7 @@ pub(crate) struct CalibrateArgs {
     resume: Option<PathBuf>,
 
     /// With --resume: make failed runs once more, after what made them fail was mended; all of them, or those whose
-    /// cause contains these words ("exit code 3", as in calibrate status)
+    /// cause (as in calibrate status: "exit code 3", "timeout") or last words on stderr contain these words
     #[arg(long, value_name = "CAUSE", requires = "resume", num_args = 0..=1, require_equals = true, default_missing_value = "", help_heading = "What to calibrate")]
     retry_failed: Option<String>,
 
@@ -238,7 +238,7 @@ fn dry_run(args: &CalibrateArgs, planned: &Planned, out: &Path) -> Result<(), Fa
     };
     terminal::write(text.as_bytes())?;
     for warning in &planned.warnings {
-        eprintln!("warning: {warning}");
+        terminal::warning(warning);
     }
     Ok(())
 }

@@ -33,17 +33,17 @@ pub(crate) fn run(args: &CheckArgs) -> Result<(), Failure> {
                     terminal::write(text.as_bytes())?;
                 }
                 for warning in &understood.warnings {
-                    eprintln!("warning: {warning}");
+                    terminal::warning(warning);
                 }
             }
             Err(error) => {
                 right = false;
-                eprintln!("error: {error}");
+                terminal::error(&error.to_string());
             }
         }
     }
     for warning in together(&args.files) {
-        eprintln!("warning: {warning}");
+        terminal::warning(&warning);
     }
     if right { Ok(()) } else { Err(Failure::InputReported) }
 }

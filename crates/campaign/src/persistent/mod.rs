@@ -15,13 +15,13 @@ use serde_json::Value;
 
 use crate::error::{CampaignError, ExecutorError};
 use crate::executor::Stop;
-use crate::folder::{ANSWER, WORKERS};
+use crate::folder::{ANSWER, STDERR, WORKERS};
 use crate::judge::{self, Verdict};
 use crate::outcome::FailureKind;
 use crate::process::Ended;
 use crate::spec::{Call, CampaignSpec, CommandSpec};
 use crate::strays::{self, Watchdog};
-use crate::streams::{self, STDERR};
+use crate::streams;
 use crate::task::Task;
 use crate::template;
 

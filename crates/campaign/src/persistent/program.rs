@@ -8,8 +8,9 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
 use crate::executor::Stop;
+use crate::folder::STDERR;
 use crate::process::{Ended, Family, GLANCE, GRACE};
-use crate::streams::{self, STDERR};
+use crate::streams;
 
 /// Longest line of a worker \[bytes\].
 const LONGEST: u64 = 64 << 20;

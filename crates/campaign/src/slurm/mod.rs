@@ -31,6 +31,7 @@ use crate::attempt::no_workers;
 use crate::campaign::Campaign;
 use crate::error::ExecutorError;
 use crate::executor::{Event, Executor, Stop};
+use crate::feed::Feed;
 use crate::task::Task;
 use client::Client;
 use cluster::Cluster;
@@ -73,10 +74,19 @@ impl Executor for Slurm {
         watch: &mut dyn FnMut(Event),
         stop: &Stop,
     ) -> Result<(), ExecutorError> {
+        self.run_fed(campaign, &Feed::of(campaign, tasks)?, watch, stop)
+    }
+
+    fn run_fed(
+        &mut self,
+        campaign: &Campaign,
+        feed: &Feed<'_>,
+        watch: &mut dyn FnMut(Event),
+        stop: &Stop,
+    ) -> Result<(), ExecutorError> {
         if let Some(worker) = campaign.spec().commands.iter().find(|command| command.call.worker) {
             return Err(no_workers(worker));
         }
-        campaign.record_submitted(tasks)?;
-        Session::begin(&self.cluster, campaign, tasks, watch, stop)?.run()
+        Session::begin(&self.cluster, feed, watch, stop)?.run()
     }
 }

@@ -10,16 +10,18 @@ use super::submission::{self, LOSSES, Loss, Submission};
 use crate::campaign::Campaign;
 use crate::error::ExecutorError;
 use crate::executor::{Event, Request, Stop};
+use crate::feed::Feed;
 use crate::files;
 use crate::folder::SLURM;
 use crate::journal::Journal;
 use crate::spec::LostRuns;
-use crate::task::Task;
 
 /// A call of [`Slurm::run`](crate::Executor::run).
 pub(super) struct Session<'a> {
     pub(super) cluster: &'a Cluster,
     pub(super) campaign: &'a Campaign,
+    /// What is to be run.
+    feed: &'a Feed<'a>,
     pub(super) watch: &'a mut dyn FnMut(Event),
     pub(super) stop: &'a Stop,
     /// Runs without an outcome.
@@ -91,11 +93,11 @@ impl Clock {
 impl<'a> Session<'a> {
     pub(super) fn begin(
         cluster: &'a Cluster,
-        campaign: &'a Campaign,
-        tasks: &[Task],
+        feed: &'a Feed<'a>,
         watch: &'a mut dyn FnMut(Event),
         stop: &'a Stop,
     ) -> Result<Self, ExecutorError> {
+        let campaign = feed.campaign();
         let dir = campaign.dir();
         if dir.to_str().is_none_or(|dir| dir.contains(char::is_control)) {
             let words =
@@ -103,16 +105,6 @@ impl<'a> Session<'a> {
             return Err(ExecutorError::Scheduler(words));
         }
         let settings = &cluster.settings;
-        let mut open = BTreeMap::new();
-        for task in campaign.missing(tasks) {
-            let command = campaign.spec().commands.get(task.command);
-            let Some(call) = command.map(|command| &command.call) else { continue };
-            let fails_when_lost = call.lost == LostRuns::Fail;
-            let (retries, timeout_s) = (call.retries, call.timeout_s);
-            let run =
-                Run { retries, fails_when_lost, timeout_s, lost: 0, broken: 0, started: false };
-            open.insert(task.number, run);
-        }
         let folder = dir.join(SLURM);
         files::make_folder(&folder)?;
         let path = folder.join(LOSSES);
@@ -130,7 +122,8 @@ impl<'a> Session<'a> {
             campaign,
             watch,
             stop,
-            open,
+            feed,
+            open: BTreeMap::new(),
             jobs: Vec::new(),
             next_number,
             losses,
@@ -149,8 +142,25 @@ impl<'a> Session<'a> {
             submit: Clock::new(settings.poll_min_s, poll_max),
             said: BTreeSet::new(),
         };
+        session.admit()?;
         session.adopt(submissions, &lost);
         Ok(session)
+    }
+
+    /// Takes the tasks that were given since the last time; false where nothing more is to be run.
+    fn admit(&mut self) -> Result<bool, ExecutorError> {
+        let Some(tasks) = self.feed.now()? else { return Ok(false) };
+        for task in tasks {
+            let command = self.campaign.spec().commands.get(task.command);
+            let Some(call) = command.map(|command| &command.call) else { continue };
+            let fails_when_lost = call.lost == LostRuns::Fail;
+            let (retries, timeout_s) = (call.retries, call.timeout_s);
+            let run =
+                Run { retries, fails_when_lost, timeout_s, lost: 0, broken: 0, started: false };
+            self.open.insert(task.number, run);
+            self.submit.soon();
+        }
+        Ok(true)
     }
 
     /// Takes up what an earlier driver submitted, as far as its runs are still open.
@@ -178,8 +188,9 @@ impl<'a> Session<'a> {
             if self.look.is_due() {
                 self.collect()?;
             }
-            if self.open.is_empty() {
-                return Ok(());
+            if !self.admit()? {
+                // Nobody waits for what still runs.
+                return if self.open.is_empty() { Ok(()) } else { self.cancel() };
             }
             if let Some(outage) = self.campaign.outage() {
                 // The others wait for the same, or fail by it.

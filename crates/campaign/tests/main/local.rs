@@ -167,7 +167,7 @@ fn a_timeout_is_a_failure_and_ends_grandchildren() {
     run(&campaign, &[task(1)]);
     assert!(start.elapsed() < Duration::from_secs(10));
     let (kind, _, attempts) = failure(&campaign, 1);
-    assert_eq!((kind.to_string().as_str(), attempts), ("not finished after 0.3 s", 1));
+    assert_eq!((kind.to_string().as_str(), attempts), ("timeout: not finished after 0.3 s", 1));
     let pid = sandbox.lines("pid")[0].parse().unwrap();
     assert!(is_gone(pid));
 }

@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod damage;
+mod fed;
 mod full_disk;
 mod kills;
 mod local;

@@ -89,9 +89,12 @@ fn an_outage_stops_the_driver_and_its_failures_can_be_given_up() {
 
     fs::remove_file(down).unwrap();
     let (campaign, _) = Campaign::open(&sandbox.dir()).unwrap();
-    let other = campaign.forget_failed(&|kind| matches!(kind, FailureKind::OutOfMemory)).unwrap();
+    let other =
+        campaign.forget_failed(&|it| it.failure() == Some(&FailureKind::OutOfMemory)).unwrap();
     assert!(other.is_empty() && campaign.missing(&tasks(200)).len() as u64 == stopped);
-    let again = campaign.forget_failed(&|kind| *kind == FailureKind::ExitCode { code: 3 }).unwrap();
+    let again = campaign
+        .forget_failed(&|it| it.failure() == Some(&FailureKind::ExitCode { code: 3 }))
+        .unwrap();
     assert_eq!(again.len() as u64, *count);
     run(&campaign, &tasks(200));
     finished(&campaign, 200);

@@ -11,6 +11,7 @@ mod files;
 mod joint;
 mod modes;
 mod noise;
+mod overlap;
 mod priors;
 mod quadrature;
 mod references;

@@ -1,13 +1,14 @@
 //! Fingerprints of the programs of a plan, and of the files beside the plan that its commands name: whether they are those
 //! that the run began with.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{self, Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use campaign::CampaignSpec;
+use campaign::inputs::files_below;
+use campaign::{Campaign, CampaignSpec};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 
@@ -18,6 +19,9 @@ pub(super) const FILE: &str = "programs.json";
 
 /// Most of a file that is read, half of it from its start and half from its end \[bytes\].
 const MOST: u64 = 64 << 20;
+
+/// Most characters of the path of a file, as Linux has it.
+const LONGEST_NAME: usize = 4096;
 
 /// Fingerprint of each file, by its path: its length and a checksum.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -31,6 +35,9 @@ impl Fingerprints {
             files.extend(command.call.argv.first().and_then(|program| on_path(program)));
             for argument in &command.call.argv {
                 files.extend(named(argument, folder));
+            }
+            for file in &command.call.files {
+                files.extend(files_below(Path::new(&file.from)).unwrap_or_default());
             }
         }
         let prints = files.into_iter().filter_map(|file| {
@@ -60,18 +67,28 @@ pub(super) struct Guard<'a> {
     folder: PathBuf,
     before: Fingerprints,
     seen: Vec<Option<(u64, SystemTime)>>,
+    unchecked: Unchecked,
 }
 
 impl<'a> Guard<'a> {
-    pub(super) fn new(spec: &'a CampaignSpec, folder: &Path, before: Fingerprints) -> Self {
-        Self { spec, folder: folder.to_owned(), before, seen: Vec::new() }
+    pub(super) fn new(campaign: &'a Campaign, folder: &Path, before: Fingerprints) -> Self {
+        let (spec, folder, unchecked) =
+            (campaign.spec(), folder.to_owned(), Unchecked::of(campaign));
+        Self { spec, folder, before, seen: Vec::new(), unchecked }
     }
 
-    /// What has changed, in words.
-    pub(super) fn change(&mut self) -> Option<String> {
+    /// What has changed, in words; `unsure` are the runs of which it will not be known until the next look.
+    pub(super) fn change(&mut self, unsure: &BTreeSet<u64>) -> Option<String> {
+        let change = self.looked_at();
+        if change.is_none() {
+            self.unchecked.note(unsure);
+        }
+        change
+    }
+
+    fn looked_at(&mut self) -> Option<String> {
         let look = |file: &String| {
-            let there = std::fs::metadata(file).ok()?;
-            Some((there.len(), there.modified().ok()?))
+            Some((std::fs::metadata(file).ok()?.len(), last_change(Path::new(file))?))
         };
         let seen: Vec<_> = self.before.0.keys().map(look).collect();
         if seen == self.seen {
@@ -85,6 +102,52 @@ impl<'a> Guard<'a> {
     }
 }
 
+/// Runs that are being made, beside all others: their programs are looked at only once they have ended.
+pub(super) struct Unchecked(PathBuf);
+
+impl Unchecked {
+    /// Of the runs in a folder.
+    pub(super) fn of(campaign: &Campaign) -> Self {
+        Self(campaign.dir().join("unchecked.json"))
+    }
+
+    /// Notes the runs that are being made, after a look at their programs. Best effort, as all of this.
+    fn note(&self, numbers: &BTreeSet<u64>) {
+        let _ = if numbers.is_empty() {
+            std::fs::remove_file(&self.0)
+        } else {
+            std::fs::write(&self.0, serde_json::to_vec(numbers).unwrap_or_default())
+        };
+    }
+
+    /// The runs that a driver was making when it was killed, where a program or a file beside it was written after they
+    /// had begun: it may have been another one for a while.
+    pub(super) fn suspects(&self, programs: &Fingerprints) -> Vec<u64> {
+        let begun = std::fs::metadata(&self.0).and_then(|file| file.modified());
+        let (Ok(text), Ok(begun)) = (std::fs::read(&self.0), begun) else { return Vec::new() };
+        let written = programs.0.keys().filter_map(|file| last_change(Path::new(file)));
+        if written.max().is_some_and(|written| written >= begun) {
+            serde_json::from_slice(&text).unwrap_or_default()
+        } else {
+            Vec::new()
+        }
+    }
+}
+
+/// Time at which a file was last written or put into its place.
+fn last_change(file: &Path) -> Option<SystemTime> {
+    let there = std::fs::metadata(file).ok()?;
+    let written = there.modified().ok()?;
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt as _;
+        let (s, ns) = (u64::try_from(there.ctime()).ok()?, u32::try_from(there.ctime_nsec()).ok()?);
+        Some(written.max(SystemTime::UNIX_EPOCH + std::time::Duration::new(s, ns)))
+    }
+    #[cfg(not(unix))]
+    Some(written)
+}
+
 /// A program as the system finds it.
 fn on_path(program: &str) -> Option<PathBuf> {
     if program.contains('/') {
@@ -95,7 +158,7 @@ fn on_path(program: &str) -> Option<PathBuf> {
 }
 
 /// Files in `folder` that a text names by their whole path, also within a script or behind `--option=`, but not those that
-/// a script writes to (`> FILE`).
+/// a script writes to (`> FILE`). Names may hold blanks.
 fn named(text: &str, folder: &Path) -> Vec<PathBuf> {
     let Some(beginning) =
         folder.to_str().map(|folder| format!("{}/", folder.trim_end_matches('/')))
@@ -108,12 +171,14 @@ fn named(text: &str, folder: &Path) -> Vec<PathBuf> {
             .trim_end_matches(|c: char| c.is_whitespace() || "\"'".contains(c))
             .ends_with('>')
     };
-    let paths = text.match_indices(&beginning).map(|(at, _)| at).filter(read).map(|at| {
-        let behind = &text[at + beginning.len()..];
-        let length = behind.find(ends).unwrap_or(behind.len());
-        PathBuf::from(&text[at..at + beginning.len() + length])
+    let mentions = text.match_indices(&beginning).map(|(at, _)| at).filter(read);
+    let names = mentions.flat_map(|at| {
+        let longest = text[at..].char_indices().map(|(i, _)| i).nth(LONGEST_NAME);
+        let name = &text[at..at + longest.unwrap_or(text.len() - at)];
+        let lengths = name.match_indices(ends).map(|(length, _)| length).chain([name.len()]);
+        lengths.map(|length| PathBuf::from(&name[..length]))
     });
-    paths.filter(|path| path.is_file()).collect()
+    names.filter(|path| path.is_file()).collect()
 }
 
 fn fingerprint(path: &Path) -> io::Result<String> {
@@ -152,6 +217,12 @@ mod tests {
         std::fs::write(folder.join("log"), "a log").expect("written");
         let found = named(&script, folder);
         assert_eq!(found, [folder.join("run.sh"), folder.join("in.txt")]);
+        for name in ["my run.sh", "µ (1), it's.sh"] {
+            std::fs::write(folder.join(name), "three").expect("written");
+            assert_eq!(named(&path(name), folder), [folder.join(name)]);
+            let within = format!("sh \"{}\" 1.5", path(name));
+            assert_eq!(named(&within, folder), [folder.join(name)]);
+        }
         let mut command = campaign::CommandSpec::in_process("x");
         command.call.argv = vec!["sh".into(), "-c".into(), script];
         let spec = CampaignSpec { parameter_names: Vec::new(), commands: vec![command], seed: 1 };

@@ -1,5 +1,6 @@
 //! From a plan to a posterior and everything that is recorded of it.
 
+mod ahead;
 mod curves;
 mod fingerprints;
 mod neck_growth;
@@ -13,7 +14,7 @@ mod sensitivity;
 mod stopped;
 mod store;
 
-pub use run::{Finished, RunOptions, Timings, resume, run};
+pub use run::{Finished, RunOptions, Timings, resume, run, run_by};
 pub use sampling::Calibration;
 pub(crate) use sampling::sample;
 pub(crate) use store::{Stored, read_stored, refuse_older_layout, refused};

@@ -14,7 +14,8 @@ use campaign::{Campaign, Event, Executor, ExecutorError, Local, Outcome};
 use serde::Serialize;
 use smc_calib::Posterior;
 
-use super::fingerprints::{self, Guard};
+use super::ahead;
+use super::fingerprints::{self, Guard, Unchecked};
 use super::sampling::{Calibration, Stages, failure, sample};
 use super::store::{self, Stored, refused};
 use super::{other_kinetics, record, sensitivity, stopped};
@@ -35,7 +36,8 @@ pub struct RunOptions {
     pub threads: Option<usize>,
     /// The program and arguments that make given runs of a campaign, for jobs on a cluster: `calibrate run-task`.
     pub worker: Vec<String>,
-    /// On resuming: makes runs once more that failed by a cause whose words contain this text; empty for all failed runs.
+    /// On resuming: makes runs once more that failed by a cause, or with words on stderr, that contain this text; empty for
+    /// all failed runs.
     pub retry_failed: Option<String>,
     /// On resuming: goes on although the runs belong to another user, whose commands are run.
     pub accept_owner: bool,
@@ -107,7 +109,9 @@ pub fn run(
     let out = folder_of(&planned.plan, options);
     if planned.plan.commands().next().is_some() {
         let (campaign, stored) = store::create(&out, planned)?;
-        return Driver { dir: &out, campaign: &campaign, stored: &stored, watch }.drive(options);
+        let executor = executor(&stored.executor, options)?;
+        let driver = Driver { dir: &out, campaign: &campaign, stored: &stored, watch };
+        return driver.drive(executor, options);
     }
     let folder = RunFolder::prepare(&out, FILE_NAME)?;
     let threads = match planned.executor {
@@ -152,6 +156,22 @@ pub fn run(
     Ok(Finished { record, out, published, timings })
 }
 
+/// Same as [`run`] for a plan with programs, whose runs are made by this executor.
+///
+/// # Errors
+///
+/// [`Failure`] with the reason. Runs that had ended are in the folder.
+pub fn run_by(
+    planned: &Planned,
+    executor: Box<dyn Executor + Send + '_>,
+    options: &RunOptions,
+    watch: &dyn Watch,
+) -> Result<Finished, Failure> {
+    let out = folder_of(&planned.plan, options);
+    let (campaign, stored) = store::create(&out, planned)?;
+    Driver { dir: &out, campaign: &campaign, stored: &stored, watch }.drive(executor, options)
+}
+
 /// Goes on with the runs of programs in a folder. A plan that is given mends a damaged copy, and may name another
 /// executor.
 pub fn resume(
@@ -175,9 +195,8 @@ pub fn resume(
             dir.display()
         ));
     }
-    let given_up = |outcome: &Outcome| match (&options.retry_failed, outcome.failure()) {
-        (Some(cause), Some(kind)) => stopped::is_wanted(cause, &kind.to_string()),
-        _ => false,
+    let given_up = |outcome: &Outcome| {
+        options.retry_failed.as_ref().is_some_and(|words| stopped::is_wanted(words, outcome))
     };
     if let Some(cause) = &options.retry_failed {
         stopped::check_cause(&campaign, cause)?;
@@ -187,6 +206,16 @@ pub fn resume(
     let changed = store::check_programs(dir, &mut campaign, &stored, accepted, &given_up)?;
     if let Some(change) = changed {
         watch.note(&format!("{change}; the run goes on with it"));
+    }
+    if !options.accept_changes {
+        let suspects = Unchecked::of(&campaign).suspects(&store::began_with(&campaign));
+        let again = campaign.forget(&suspects).map_err(|error| refused(dir, error))?;
+        if again > 0 {
+            watch.note(&format!(
+                "{again} runs are made again: a program or a file beside it was written after they had begun, and the driver \
+                 was killed before it had looked"
+            ));
+        }
     }
     if let Some(cause) = &options.retry_failed {
         let again = stopped::retry_failed(dir, &campaign, cause)?;
@@ -199,7 +228,8 @@ pub fn resume(
              asks for the same parameter sets"
         ));
     }
-    Driver { dir, campaign: &campaign, stored: &stored, watch }.drive(options)
+    let executor = executor(&stored.executor, options)?;
+    Driver { dir, campaign: &campaign, stored: &stored, watch }.drive(executor, options)
 }
 
 /// A run goes on with the plan it began with; that the file has changed since is worth saying.
@@ -218,26 +248,39 @@ fn about_the_plan_file(stored: &Stored, watch: &dyn Watch) {
 }
 
 /// Runs the programs of a plan in its folder.
-struct Driver<'a> {
-    dir: &'a Path,
-    campaign: &'a Campaign,
-    stored: &'a Stored,
-    watch: &'a dyn Watch,
+pub(super) struct Driver<'a> {
+    pub(super) dir: &'a Path,
+    pub(super) campaign: &'a Campaign,
+    pub(super) stored: &'a Stored,
+    pub(super) watch: &'a dyn Watch,
 }
 
 impl Driver<'_> {
-    fn drive(&self, options: &RunOptions) -> Result<Finished, Failure> {
+    pub(super) fn drive(
+        &self,
+        executor: Box<dyn Executor + Send + '_>,
+        options: &RunOptions,
+    ) -> Result<Finished, Failure> {
+        let before = store::began_with(self.campaign);
+        let mut guard = Guard::new(self.campaign, self.stored.folder(), before);
+        let runner = Runner {
+            campaign: self.campaign,
+            executor,
+            ahead: None,
+            unsure: BTreeSet::new(),
+            on_event: Box::new(on_event(&self.stored.plan, self.watch)),
+            changed: Box::new(move |unsure| guard.change(unsure)),
+        };
+        if self.stored.plan.sampler.overlap == 0 {
+            return self.calibrate(runner, options);
+        }
+        ahead::beside(runner, self.watch.stop(), |runner| self.calibrate(runner, options))
+    }
+
+    fn calibrate(&self, runner: Runner<'_>, options: &RunOptions) -> Result<Finished, Failure> {
         let plan = &self.stored.plan;
         let begun = Instant::now();
         self.watch.begin(self.total() as u64, self.ended() as u64, "runs");
-        let before = store::began_with(self.campaign);
-        let mut guard = Guard::new(self.campaign.spec(), self.stored.folder(), before);
-        let runner = Runner {
-            campaign: self.campaign,
-            executor: executor(&self.stored.executor, options)?,
-            on_event: Box::new(on_event(plan, self.watch)),
-            changed: Box::new(move || guard.change()),
-        };
         let experiments = Experiments::new(plan, Some(runner), self.watch)?;
         let groups = plan.groups()?;
         let pool = pool(options.threads)?;

@@ -7,6 +7,8 @@ use campaign::{Campaign, ExecutorError, Outcome};
 
 use super::store::refused;
 use crate::error::{Failure, InputError, Mistake, RunError};
+use crate::output::CAMPAIGN;
+use crate::record::FILE_NAME;
 
 /// Number of failed runs by cause.
 fn causes(campaign: &Campaign) -> BTreeMap<String, u64> {
@@ -20,30 +22,46 @@ fn causes(campaign: &Campaign) -> BTreeMap<String, u64> {
     causes
 }
 
-/// Whether the words of a failure contain a cause that was asked for.
-pub(super) fn is_wanted(cause: &str, words: &str) -> bool {
-    words.to_lowercase().contains(&cause.to_lowercase())
+/// Whether an outcome is a failure whose cause, or what the run wrote to stderr last, contains the words asked for.
+pub(super) fn is_wanted(words: &str, outcome: &Outcome) -> bool {
+    let Outcome::Failed { kind, detail, .. } = outcome else { return false };
+    let words = words.to_lowercase();
+    [kind.to_string(), detail.clone()].iter().any(|said| said.to_lowercase().contains(&words))
 }
 
-/// Refuses a cause by which no run failed.
-pub(super) fn check_cause(campaign: &Campaign, cause: &str) -> Result<(), Failure> {
+/// Refuses words that no failed run has said.
+pub(super) fn check_cause(campaign: &Campaign, words: &str) -> Result<(), Failure> {
     let there = causes(campaign);
-    if there.is_empty() || there.keys().any(|words| is_wanted(cause, words)) {
+    let tasks = campaign.tasks();
+    let mut outcomes = tasks.iter().filter_map(|task| campaign.outcome(task.number));
+    if there.is_empty() || outcomes.any(|outcome| is_wanted(words, &outcome)) {
         return Ok(());
     }
     let counted = there.iter().map(|(words, count)| format!("{words} ({count} runs)"));
     Err(InputError::new("--retry-failed", Mistake::UnknownName)
-        .found(format_args!("no run that failed by \"{cause}\""))
-        .expected(format_args!("words of: {}", counted.collect::<Vec<_>>().join(", ")))
+        .found(format_args!("no run that failed by \"{words}\""))
+        .expected(format_args!(
+            "words of: {}; or of what they wrote to stderr last",
+            counted.collect::<Vec<_>>().join(", ")
+        ))
         .into())
 }
 
-/// Gives up the outcomes of runs that failed by a cause whose words contain `cause`, so that they are made once more;
-/// returns their number.
-pub(super) fn retry_failed(dir: &Path, campaign: &Campaign, cause: &str) -> Result<usize, Failure> {
-    let again = campaign
-        .forget_failed(&|kind| is_wanted(cause, &kind.to_string()))
-        .map_err(|error| refused(dir, error))?;
+/// Gives up the outcomes of runs that failed with these words, so that they are made once more; returns their number.
+/// A result that had counted them is put aside: the run has none until they are made.
+pub(super) fn retry_failed(dir: &Path, campaign: &Campaign, words: &str) -> Result<usize, Failure> {
+    let wanted = |outcome: &Outcome| is_wanted(words, outcome);
+    let (result, runs) = (dir.join(FILE_NAME), dir.join(CAMPAIGN));
+    let tasks = campaign.tasks();
+    let mut outcomes = tasks.iter().filter_map(|task| campaign.outcome(task.number));
+    if outcomes.any(|outcome| wanted(&outcome)) && result.is_file() {
+        let name = |k: u32| runs.join(format!("{FILE_NAME}.retried-{k}"));
+        let aside = (1..).map(name).find(|path| !path.exists());
+        aside.map_or(Ok(()), |aside| std::fs::rename(&result, aside)).map_err(|error| {
+            RunError::new(format_args!("{}: cannot be put aside: {error}", result.display()))
+        })?;
+    }
+    let again = campaign.forget_failed(&wanted).map_err(|error| refused(dir, error))?;
     Ok(again.len())
 }
 

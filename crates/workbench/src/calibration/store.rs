@@ -3,9 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use campaign::{
-    Call, Campaign, CampaignError, CampaignSpec, CommandSpec, Damage, Outcome, OutputSpec,
-};
+use campaign::{Call, Campaign, CampaignError, CampaignSpec, Damage, Outcome};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -91,15 +89,7 @@ impl Stored {
                 .iter()
                 .map(|(name, value)| Ok((name.clone(), fill(value)?)))
                 .collect::<Result<BTreeMap<_, _>, InputError>>()?;
-            let outputs = experiment.observables.iter().filter_map(|observable| {
-                let result = observable.result.clone()?;
-                Some(OutputSpec { result, at: observable.control.clone() })
-            });
-            Ok(CommandSpec {
-                name: experiment.name.clone(),
-                call: Call { argv, environment, ..call.clone() },
-                outputs: outputs.collect(),
-            })
+            Ok(experiment.command(folder, Call { argv, environment, ..call.clone() }))
         };
         let commands = self
             .plan

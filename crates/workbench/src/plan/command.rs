@@ -5,6 +5,7 @@ use std::path::Path;
 
 use campaign::{Call, Keep, LostRuns, TryLater};
 
+use super::input_files::input_files;
 use super::template::{self, TemplateError};
 use crate::error::{InputError, Mistake, nearest};
 use crate::input::toml_fields::Fields;
@@ -26,6 +27,7 @@ pub(super) fn command(
             .expected("the program and its arguments")
             .help("argv = [\"sh\", \"{plan_dir}/simulate.sh\", \"{stiffness}\"]")
     })?;
+    let files = input_files(folder, fields, parameters)?;
     let environment_table = fields.table("environment")?;
     let timeout_s = fields.positive("timeout_s", "s")?.map_or(TIMEOUT_S, |at| at.value);
     let retries = fields.whole("retries", 0, 100)?.map_or(RETRIES, |at| at.value as u32);
@@ -68,6 +70,7 @@ pub(super) fn command(
     Ok(Call {
         argv: argv.value.into_iter().map(str::to_owned).collect(),
         worker,
+        files,
         environment,
         timeout_s,
         retries,

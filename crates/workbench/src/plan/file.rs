@@ -7,6 +7,7 @@ use smc_calib::{Noise, Parameter};
 
 use super::command::command;
 use super::executor::executor;
+use super::input_files::check_places;
 use super::observable::observable;
 use super::pair_file::{check_all_used, check_priors, check_radii, pair};
 use super::sampler::sampler;
@@ -140,7 +141,7 @@ fn experiments(
         experiments.push(experiment);
     }
     check_radii(fields, &own, &experiments)?;
-    check_all_used(tables, &experiments)?;
+    check_all_used(folder, tables, &experiments)?;
     let observables = experiments.iter().flat_map(|experiment| &experiment.observables);
     let tuned = |noise: &Noise| matches!(noise, Noise::EssTarget { .. });
     if observables.clone().count() > 1 && observables.clone().any(|o| tuned(&o.noise)) {
@@ -200,11 +201,13 @@ fn experiment(
             observable(folder, at.value, table, worker)
         })
         .collect::<Result<_, _>>()?;
-    Ok(ExperimentPlan {
+    let experiment = ExperimentPlan {
         name: name.to_owned(),
-        simulator: SimulatorPlan::Command(call),
+        simulator: SimulatorPlan::Command(call.clone()),
         observables,
-    })
+    };
+    check_places(&simulator, &experiment.command(folder, call))?;
+    Ok(experiment)
 }
 
 fn check_word(fields: &Fields<'_>, at: At<&str>, what: &str) -> Result<(), InputError> {

@@ -7,6 +7,7 @@
 mod command;
 mod executor;
 mod file;
+mod input_files;
 mod observable;
 mod pair;
 mod pair_file;

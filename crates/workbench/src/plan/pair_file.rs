@@ -3,9 +3,11 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use campaign::template::{Piece, pieces};
 use dem_core::{Kinetics, SolverKind};
 use smc_calib::{Noise, Parameter};
 
+use super::input_files::templates_name;
 use super::observable::{checked, noise, window};
 use super::pair::{CONTACT_RATIO, PairModel, pair_experiment};
 use super::types::{ExperimentPlan, PairPlan, SimulatorPlan, SolverPlan};
@@ -227,6 +229,7 @@ pub(super) fn check_radii(
 
 /// A parameter that no experiment uses is most likely misspelt. A command gets all in its parameter file.
 pub(super) fn check_all_used(
+    folder: &Path,
     tables: &[(At<&str>, Fields<'_>)],
     experiments: &[ExperimentPlan],
 ) -> Result<(), InputError> {
@@ -234,13 +237,13 @@ pub(super) fn check_all_used(
     for (at, table) in tables {
         let used = pairs(experiments)
             .any(|(_, pair)| ParameterName::ALL.iter().any(|m| pair.calibrated(*m) == at.value));
-        if !used && !commands_name(experiments, at.value) {
+        if !used && !commands_name(folder, experiments, at.value) {
             if commands {
                 return Err(table
                     .table_error(Mistake::UnknownName)
                     .found("a parameter that no command uses")
                     .expected(format_args!(
-                        "{{{0}}} or {{parameters}} in argv or environment",
+                        "{{{0}}} or {{parameters}} in argv or environment, or {{{{{0}}}}} in a template",
                         at.value
                     ))
                     .help("a parameter that changes nothing costs runs; leave it out"));
@@ -256,16 +259,19 @@ pub(super) fn check_all_used(
     Ok(())
 }
 
-/// Whether a command has a placeholder for a parameter, or for the file with all of them, or is a worker, which gets all.
-fn commands_name(experiments: &[ExperimentPlan], parameter: &str) -> bool {
-    let names = [format!("{{{parameter}}}"), "{parameters}".to_owned()];
+/// Whether a command, or a template of its input files, has a placeholder for a parameter, or for the file with all of them.
+/// A worker gets all parameters.
+fn commands_name(folder: &Path, experiments: &[ExperimentPlan], parameter: &str) -> bool {
+    let names = |text: &String| {
+        let pieces = pieces(text).unwrap_or_default();
+        [parameter, "parameters"].iter().any(|name| pieces.contains(&Piece::Name(name)))
+    };
     experiments.iter().any(|experiment| match &experiment.simulator {
         SimulatorPlan::Command(call) if call.worker => true,
-        SimulatorPlan::Command(call) => call
-            .argv
-            .iter()
-            .chain(call.environment.values())
-            .any(|text| names.iter().any(|name| text.contains(name))),
+        SimulatorPlan::Command(call) => {
+            call.argv.iter().chain(call.environment.values()).any(names)
+                || templates_name(folder, &call.files, parameter)
+        }
         SimulatorPlan::Builtin(_) => false,
     })
 }

@@ -30,9 +30,11 @@ pub(super) fn sampler(
     let samples = fields.whole("samples", least, *SAMPLES.end() as u64)?;
     let mut settings =
         Settings::for_budget(samples.as_ref().map_or(default_samples, |at| at.value as usize));
-    let counts: [(_, &mut usize, _, _); 7] = [
+    let most_overlap = settings.samples as u64 / 4;
+    let counts: [(_, &mut usize, _, _); 8] = [
         ("iterations", &mut settings.iterations, 1, 1000),
         ("batch", &mut settings.batch, 0, 10_000),
+        ("overlap", &mut settings.overlap, 0, most_overlap),
         ("map_simulations", &mut settings.map_simulations, 0, 1 << 27),
         ("replicates", &mut settings.replicates, 1, 256),
         ("max_components", &mut settings.max_components, 1, 64),

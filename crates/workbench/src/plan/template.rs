@@ -5,6 +5,9 @@ use campaign::template::{Piece, Unbalanced, pieces};
 /// Placeholders that every command has, beside the parameters.
 pub(crate) const RESERVED: [&str; 4] = ["parameters", "run", "seed", "plan_dir"];
 
+/// Placeholders that every template of an input file has.
+pub(crate) const IN_FILES: [&str; 3] = ["parameters", "run", "seed"];
+
 /// Mistake in a template.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum TemplateError {

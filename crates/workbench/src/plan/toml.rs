@@ -143,6 +143,7 @@ fn sampler(settings: &Settings) -> String {
     lines!(
         iterations,
         batch,
+        overlap,
         map_simulations,
         replicates,
         max_components,

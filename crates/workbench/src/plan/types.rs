@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use campaign::slurm::SlurmSettings;
-use campaign::{Call, ResultSpec};
+use campaign::{Call, CommandSpec, OutputSpec, ResultSpec};
 use dem_core::{Kinetics, PairScene, PairSpec, Powder, SolverKind, SolverSettings};
 use serde::{Deserialize, Serialize};
 use smc_calib::{
@@ -230,6 +230,21 @@ pub(super) fn is_word(name: &str) -> bool {
     let begins = name.starts_with(|c: char| c.is_ascii_alphabetic());
     let rest = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
     begins && rest && name.len() <= 64
+}
+
+impl ExperimentPlan {
+    /// The command of a program, whose input files begin at `folder`.
+    pub(crate) fn command(&self, folder: &Path, mut call: Call) -> CommandSpec {
+        for file in &mut call.files {
+            let from = folder.join(&file.from);
+            file.from = std::path::absolute(&from).unwrap_or(from).display().to_string();
+        }
+        let outputs = self.observables.iter().filter_map(|observable| {
+            let result = observable.result.clone()?;
+            Some(OutputSpec { result, at: observable.control.clone() })
+        });
+        CommandSpec { name: self.name.clone(), call, outputs: outputs.collect() }
+    }
 }
 
 impl ObservablePlan {

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use campaign::inputs::Put;
 use campaign::{ANSWER, Format, Interpolation};
 use smc_calib::{DistanceScale, FixedSigma, Noise, PriorSpec};
 
@@ -93,6 +94,15 @@ fn experiment_lines(experiment: &ExperimentPlan) -> Vec<String> {
         SimulatorPlan::Command(call) => {
             let kind = if call.worker { "worker " } else { "command" };
             lines.push(format!("  {kind}     {}", call.argv.join(" ")));
+            for (put, by) in
+                [("copied", Put::Copy), ("linked", Put::Link), ("filled in", Put::Fill)]
+            {
+                let files = call.files.iter().filter(|file| file.by == by);
+                let files: Vec<&str> = files.map(|file| file.from.as_str()).collect();
+                if !files.is_empty() {
+                    lines.push(format!("  {put:<11} {}", files.join(", ")));
+                }
+            }
             lines.push(format!(
                 "  limits      {} s per run, {} retries of a lost run",
                 call.timeout_s, call.retries

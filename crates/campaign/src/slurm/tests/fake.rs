@@ -12,6 +12,7 @@ use super::super::{Slurm, SlurmSettings};
 use crate::campaign::Campaign;
 use crate::error::ExecutorError;
 use crate::executor::{Event, Executor as _, Stop};
+use crate::feed::Feed;
 use crate::folder::OUTCOMES;
 use crate::outcome::{FailureKind, Outcome};
 use crate::record::ResultRecord;
@@ -107,10 +108,33 @@ impl Fake {
         put(&self.programs, program, script);
     }
 
-    pub(super) fn run(&mut self) -> Result<(), ExecutorError> {
+    fn slurm(&self) -> Slurm {
         let worker = vec!["/opt/it's here/worker".into(), "run-task".into()];
         let mut slurm = Slurm::new(self.settings.clone(), worker).expect("settings");
         slurm.cluster.client.programs = Some(self.programs.clone());
+        slurm
+    }
+
+    /// Runs tasks that are given batch after batch, each once the one before the last has ended.
+    pub(super) fn run_fed(&mut self, batch: usize) -> Result<(), ExecutorError> {
+        let mut slurm = self.slurm();
+        let Self { campaign, tasks, events, stop, .. } = self;
+        let feed = Feed::new(campaign);
+        thread::scope(|scope| {
+            scope.spawn(|| feed.serve(&mut slurm, &mut |event| events.push(event), stop));
+            let batches: Vec<&[Task]> = tasks.chunks(batch).collect();
+            feed.give(batches[0])?;
+            let waited = (0..batches.len()).try_for_each(|k| {
+                batches.get(k + 1).map_or(Ok(()), |next| feed.give(next))?;
+                feed.wait(batches[k])
+            });
+            feed.close();
+            waited
+        })
+    }
+
+    pub(super) fn run(&mut self) -> Result<(), ExecutorError> {
+        let mut slurm = self.slurm();
         let Self { campaign, tasks, events, stop, .. } = self;
         slurm.run(campaign, tasks, &mut |event| events.push(event), stop)
     }
@@ -119,6 +143,15 @@ impl Fake {
     pub(super) fn run_with(
         &mut self,
         cluster: impl FnOnce(&Cluster) + Send,
+    ) -> Result<(), ExecutorError> {
+        self.beside(cluster, Self::run)
+    }
+
+    /// Does something while another thread does what happens meanwhile on the cluster.
+    pub(super) fn beside(
+        &mut self,
+        cluster: impl FnOnce(&Cluster) + Send,
+        run: impl FnOnce(&mut Self) -> Result<(), ExecutorError>,
     ) -> Result<(), ExecutorError> {
         let cluster_side = Cluster {
             dir: self.campaign.dir().to_path_buf(),
@@ -129,7 +162,7 @@ impl Fake {
         };
         thread::scope(|scope| {
             scope.spawn(move || cluster(&cluster_side));
-            self.run()
+            run(self)
         })
     }
 

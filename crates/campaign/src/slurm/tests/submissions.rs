@@ -188,3 +188,23 @@ fn job_names_follow_from_the_directory_and_can_be_asked_for() {
     assert!(name.chars().all(|c| c.is_ascii_alphanumeric() || "-_".contains(c)), "{name}");
     assert_ne!(name, submission::job_name(&Fake::new(1, 0).campaign, 12), "another directory");
 }
+
+#[test]
+fn tasks_that_are_given_while_others_run_are_submitted_beside_them() {
+    let mut fake = Fake::new(6, 0);
+    let cluster = |cluster: &super::fake::Cluster| {
+        // Both first batches are there before anything has ended; the straggler 1 holds up the third.
+        cluster.await_submissions(1);
+        cluster.publish(&[2, 3, 4]);
+        sleep_ms(300);
+        let before = cluster.submitted();
+        cluster.publish(&[1]);
+        cluster.await_submissions(before + 1);
+        cluster.publish(&[5, 6]);
+    };
+    fake.beside(cluster, |fake| fake.run_fed(2)).expect("all ended");
+    let runs = |submission: &submission::Submission| submission.elements.concat();
+    let mut submitted: Vec<Vec<u64>> = fake.submissions().iter().map(runs).collect();
+    assert_eq!(submitted.pop(), Some(vec![5, 6]));
+    assert_eq!(submitted.concat(), [1, 2, 3, 4]);
+}

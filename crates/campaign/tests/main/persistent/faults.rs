@@ -86,7 +86,7 @@ fn a_fault_that_comes_again_by_a_new_worker_is_the_runs_own_failure() {
     let cases = [
         ("exit 3", "exit code 3"),
         ("kill -SEGV $$", "crashed with signal 11 (SIGSEGV)"),
-        ("sleep 300", "not finished after 1 s"),
+        ("sleep 300", "timeout: not finished after 1 s"),
         ("echo nonsense", "the worker's answer: not JSON"),
         ("exit 0", "the worker's answer: none before its end"),
         ("printf '{{'; exit 0", "the worker's answer: cut off"),

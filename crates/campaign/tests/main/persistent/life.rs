@@ -4,8 +4,11 @@ use std::fs;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use campaign::inputs::{InputFile, Put};
 use campaign::slurm::{Slurm, SlurmSettings};
-use campaign::{Campaign, Event, Executor, ExecutorError, Keep, Local, Stop, Worker, ask_worker};
+use campaign::{
+    ANSWER, Campaign, Event, Executor, ExecutorError, Keep, Local, Stop, Worker, ask_worker,
+};
 
 use super::{all_are_right, pids, retried, worker};
 use crate::sandbox::{
@@ -209,7 +212,11 @@ fn workers_of_a_killed_driver_end_when_their_time_is_over() {
 #[test]
 fn a_worker_may_write_files_to_the_folder_of_the_run_and_several_have_their_own() {
     let sandbox = Sandbox::new();
-    let mut by_file = worker(&sandbox, "printf 'x\\n%s\\n%s\\n' $a $b > \"$folder/out.csv\"");
+    // Its input file is filled in for each run.
+    let mut by_file = worker(&sandbox, "cp \"$folder/in.txt\" \"$folder/out.csv\"");
+    fs::write(sandbox.file("in.txt"), "x\n{{a}}\n{{b}}\n").unwrap();
+    let from = sandbox.file("in.txt").display().to_string();
+    by_file.call.files = vec![InputFile { from, to: "in.txt".into(), by: Put::Fill }];
     by_file.outputs = vec![rows("out.csv", "x", 2)];
     let mut spec = spec(worker(&sandbox, ":"));
     spec.commands.push(by_file);
@@ -243,6 +250,13 @@ fn a_worker_has_no_placeholders_and_is_not_run_on_a_cluster() {
     for error in [error, whole.to_string()] {
         assert!(error.contains("the worker of worker is only kept by local processes"), "{error}");
     }
+    let from = "/etc/hostname".to_owned();
+    let answer = InputFile { from, to: ANSWER.into(), by: Put::Link };
+    let mut wrong = spec.clone();
+    wrong.commands[0].outputs = vec![rows("out.csv", "x", 2)];
+    wrong.commands[0].call.files.push(answer);
+    let error = wrong.check().unwrap_err();
+    assert_eq!(error.field, "commands[0].call.files[0]", "an answer would go through the link");
     spec.commands[0].call.argv.clear();
     assert_eq!(spec.check().unwrap_err().field, "commands[0].call.worker");
 }
