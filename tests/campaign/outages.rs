@@ -78,6 +78,62 @@ fn failures_that_were_counted_can_be_given_up_after_the_end_and_what_they_moved_
 }
 
 #[test]
+fn what_was_placed_with_failures_can_be_kept_and_all_runs_count() {
+    let samples = 256;
+    let quiet = line(samples, "0");
+    quiet.run("--plan line.toml --quiet").succeeded();
+    let sandbox = unreliable(
+        samples,
+        "n=$(wc -l < \"$RUNS\"); if [ $n -le 90 ] && [ $((n % 3)) = 0 ]; then exit $((3 + n % 2)); fi",
+    );
+    sandbox.write("down", "");
+    sandbox.write("line.toml", line_plan(samples, "0").replace("parallel = 2", "parallel = 1"));
+    sandbox.run("--plan line.toml --quiet").succeeded();
+    mend(&sandbox);
+    // First those of one cause, then the others.
+    let made = runs(&sandbox);
+    for (cause, again) in [("3", 15), ("4", 15)] {
+        let cause = format!("--retry-failed=exit code {cause}");
+        let ran = sandbox.run_args(&["--resume", "results/line", &cause, "--keep-placed"]);
+        let said = format!("{again} failed runs are made once more");
+        assert!(ran.succeeded().stderr.contains(&said), "{ran:?}");
+        assert!(!ran.stderr.contains("placed again"), "{ran:?}");
+    }
+    assert_eq!(runs(&sandbox), made + 30, "no other run was made");
+    let bytes = sandbox.posterior_bytes("results/line");
+    let (found, exact) = (sandbox.posterior("results/line"), quiet.posterior("results/line"));
+    assert_eq!(found["failures"].as_array().map(Vec::len), Some(0));
+    assert_ne!(bytes, quiet.posterior_bytes("results/line"), "its stages were placed otherwise");
+    let of = |posterior: &serde_json::Value, what: &str| {
+        posterior["parameters"][0]["in_coordinate"][what].as_f64().expect("a number")
+    };
+    let (sd, off) = (of(&exact, "sd"), of(&found, "mean") - of(&exact, "mean"));
+    assert!(off.abs() < 0.1 * sd, "{off} of {sd}");
+    let evidence =
+        |posterior: &serde_json::Value| posterior["log_evidence"]["value"].as_f64().expect("ln Z");
+    assert!((evidence(&found) - evidence(&exact)).abs() < 0.1);
+    // Taken up once more, exported, and taken up after a kill: the same.
+    sandbox.run("--resume results/line --quiet").succeeded();
+    assert!(sandbox.posterior_bytes("results/line") == bytes);
+    sandbox.run("export results/line").succeeded();
+    let weights = |name: &str| {
+        let text = fs::read_to_string(sandbox.path().join("results/line").join(name)).expect(name);
+        let mut rows = text.lines().filter(|line| !line.starts_with('#')).map(str::to_owned);
+        let head = rows.next().expect("a head");
+        let place = head.split(',').position(|column| column == "weight").expect("weights");
+        rows.map(|row| row.split(',').nth(place).expect("a weight").to_owned()).collect::<Vec<_>>()
+    };
+    assert_eq!(weights("export/samples.csv"), weights("samples.csv"));
+    assert_eq!(runs(&sandbox), made + 30);
+    // Where it is no longer known what had been given up, the runs are placed as if nothing had failed.
+    sandbox.write("results/line/campaign/given-up.json", "[");
+    let again = sandbox.run("--resume results/line");
+    assert!(again.succeeded().stderr.contains("runs are placed again"), "{again:?}");
+    assert_eq!(sandbox.posterior_bytes("results/line"), quiet.posterior_bytes("results/line"));
+    sandbox.run("--resume results/line --keep-placed").refused(&["--retry-failed"]);
+}
+
+#[test]
 fn a_run_whose_failures_are_being_made_again_has_no_result() {
     let quiet = line(24, "0");
     let again = "timeout_s = 60\ntry_later = { pause_s = 0, retries = 0 }";

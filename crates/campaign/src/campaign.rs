@@ -250,6 +250,17 @@ impl Campaign {
         self.state().forget_failed(&self.dir, given_up)
     }
 
+    /// Gives up where tasks were placed: they must be submitted anew, from the first. Results are used as far as their
+    /// parameters are asked for again. The journal as it was stays as `tasks.jsonl.retried-1`.
+    ///
+    /// # Errors
+    ///
+    /// A failed write. Nothing is lost then.
+    pub fn place_again(&self) -> Result<(), CampaignError> {
+        self.check_lock()?;
+        self.state().place_again(&self.dir)
+    }
+
     /// Gives up the outcomes of some tasks, and returns how many had one: they are made again. What there was stays on the
     /// disk as `results.jsonl.retried-1`.
     ///

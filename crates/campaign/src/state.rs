@@ -191,9 +191,8 @@ impl State {
         }
         let stored = self.stored_without(|result| failed(&result.outcome))?;
         // In this order: tasks without a line are submitted again as they were, while failures are still there.
-        self.tasks_journal.keep_as(GIVEN_UP)?;
+        self.place_again(dir)?;
         self.results_journal.keep_as(GIVEN_UP)?;
-        self.tasks_journal.replace::<Task>(&[])?;
         self.results_journal.replace(&stored)?;
         self.results.retain(|_, outcome| !failed(outcome));
         self.streak = Streak::default();
@@ -201,12 +200,20 @@ impl State {
             self.streak.add(outcome);
             self.streak.end();
         }
+        Ok(numbers)
+    }
+
+    /// Gives up where tasks were placed: they are submitted anew, and results are found again by their parameters. What there
+    /// was stays on the disk beside the journal.
+    pub(crate) fn place_again(&mut self, dir: &Path) -> Result<(), CampaignError> {
+        self.tasks_journal.keep_as(GIVEN_UP)?;
+        self.tasks_journal.replace::<Task>(&[])?;
         self.earlier = std::mem::take(&mut self.tasks);
         // The caller makes them anew, perhaps fewer.
         for k in std::mem::take(&mut self.iterations).into_keys() {
             let _ = std::fs::remove_file(iteration_file(dir, k));
         }
-        Ok(numbers)
+        Ok(())
     }
 
     /// Gives up the outcomes of some tasks, which are made again. The journal as it was stays beside it.

@@ -71,12 +71,12 @@ pub fn calibrate_joint(
             sampler.place(&mut *next);
         }
         let Some(last) = sampler.take().map_err(|error| error.after(&stages))? else { break };
+        sampler.revise().map_err(|error| error.after(&stages))?;
         // The share of failures among a handful of simulations says nothing yet.
         if sampler.pool.len() >= FEWEST_TO_JUDGE.min(settings.samples) {
             refuse_failures(&sampler.pool, settings)?;
         }
-        let failed_before = stages.last().map_or(0, |s| s.failed_total);
-        let record = stage_record(&sampler, problem, tuned, last, failed_before);
+        let record = stage_record(&sampler, problem, tuned, last);
         // Stages that were placed meanwhile are still taken.
         if stop.is_none() && tuned.is_none() && !stages.is_empty() && !last {
             stop = reached(&record, &sampler, settings);
@@ -101,9 +101,10 @@ pub fn calibrate_joint(
 
 /// Ends a run in which too large a share of the simulations failed.
 pub(crate) fn refuse_failures(pool: &Pool, settings: &Settings) -> Result<(), CalibrateError> {
-    if pool.failed as f64 > settings.max_failed_share * pool.len() as f64 {
+    let failed = pool.failed_from(0);
+    if failed as f64 > settings.max_failed_share * pool.len() as f64 {
         return Err(CalibrateError::TooManyFailures {
-            failed: pool.failed,
+            failed,
             simulations: pool.len(),
             commonest: pool.failures().first().map_or_else(String::new, |f| f.cause.clone()),
         });
@@ -152,7 +153,6 @@ pub(crate) fn stage_record(
     problem: &JointProblem<'_>,
     tuned: Option<f64>,
     last: bool,
-    failed_before: usize,
 ) -> Staged {
     let pool = &sampler.pool;
     let (raw, ln_scale) = final_weights(sampler, tuned);
@@ -163,8 +163,8 @@ pub(crate) fn stage_record(
         last,
         simulations: *simulations,
         total: pool.len(),
-        failed: pool.failed - failed_before,
-        failed_total: pool.failed,
+        failed: pool.failed_from(pool.len() - simulations),
+        failed_total: pool.failed_from(0),
         beta: sampler.beta,
         ess: effective_sample_size(&raw),
         log_evidence: f64::MIN,

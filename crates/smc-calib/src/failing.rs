@@ -43,7 +43,7 @@ pub(crate) fn failing(
 ) -> Option<Failing> {
     let (pool, evidence) = (&sampler.pool, evidence?);
     let failed: Vec<bool> = pool.ln_l.iter().map(|l| !l.is_finite()).collect();
-    let (count, n) = (pool.failed, pool.len());
+    let (count, n) = (pool.failed_from(0), pool.len());
     if count == 0 || count == n {
         return None;
     }

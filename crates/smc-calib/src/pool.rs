@@ -33,9 +33,8 @@ pub(crate) struct Pool {
     prior_count: f64,
     /// Log of the mixture of all proposals over the prior.
     pub ln_mixture_over_prior: Vec<f64>,
-    /// Number of failures by cause.
-    failures: BTreeMap<String, usize>,
-    pub failed: usize,
+    /// Causes of failure by sample.
+    causes: BTreeMap<usize, String>,
     pub component_densities: usize,
 }
 
@@ -53,8 +52,7 @@ impl Pool {
             student: Vec::new(),
             prior_count: 0.0,
             ln_mixture_over_prior: Vec::new(),
-            failures: BTreeMap::new(),
-            failed: 0,
+            causes: BTreeMap::new(),
             component_densities: 0,
         }
     }
@@ -99,9 +97,8 @@ impl Pool {
             if !e.is_recoverable() {
                 return Err(e);
             }
-            self.failed += 1;
             self.ln_l[old + at] = f64::NEG_INFINITY;
-            *self.failures.entry(e.cause().to_owned()).or_insert(0) += 1;
+            self.causes.insert(old + at, e.cause().to_owned());
         }
 
         // The new proposal at the old samples; all proposals at the new ones.
@@ -136,6 +133,30 @@ impl Pool {
         Ok(())
     }
 
+    /// Takes a sample's new answer in place of the one that it had.
+    ///
+    /// # Errors
+    /// As [`extend`](Self::extend).
+    pub(crate) fn simulate_again(&mut self, target: &dyn Target, i: usize) -> Result<(), SimError> {
+        let (d, width) = (self.d, self.kept_width);
+        let (z, kept) = (&self.z[i * d..(i + 1) * d], &mut self.kept[i * width..(i + 1) * width]);
+        let errors = target.ln_likelihood_batch(i, z, &mut self.ln_l[i..=i], kept);
+        self.causes.remove(&i);
+        for (_, e) in errors {
+            if !e.is_recoverable() {
+                return Err(e);
+            }
+            self.ln_l[i] = f64::NEG_INFINITY;
+            self.causes.insert(i, e.cause().to_owned());
+        }
+        Ok(())
+    }
+
+    /// Number of failures from sample `first` on.
+    pub(crate) fn failed_from(&self, first: usize) -> usize {
+        self.causes.range(first..).count()
+    }
+
     /// Log density of the prior at sample i.
     pub(crate) fn ln_prior(&self, i: usize) -> f64 {
         self.ln_prior[i]
@@ -148,10 +169,13 @@ impl Pool {
 
     /// Failures by cause, commonest first, ties by name.
     pub(crate) fn failures(&self) -> Vec<Failure> {
-        let mut list: Vec<Failure> = self
-            .failures
-            .iter()
-            .map(|(cause, count)| Failure { cause: cause.clone(), count: *count })
+        let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+        for cause in self.causes.values() {
+            *counts.entry(cause).or_insert(0) += 1;
+        }
+        let mut list: Vec<Failure> = counts
+            .into_iter()
+            .map(|(cause, count)| Failure { cause: cause.to_owned(), count })
             .collect();
         list.sort_by(|a, b| b.count.cmp(&a.count).then_with(|| a.cause.cmp(&b.cause)));
         list

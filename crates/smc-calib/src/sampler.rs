@@ -142,6 +142,16 @@ impl<'a> Sampler<'a> {
         Ok(Some(last))
     }
 
+    /// Takes over the answers that have changed since they were given.
+    pub(crate) fn revise(&mut self) -> Result<(), CalibrateError> {
+        let samples = self.pool.len();
+        for i in self.target.revised(samples).into_iter().filter(|i| *i < samples) {
+            let again = self.pool.simulate_again(self.target, i);
+            again.map_err(|error| CalibrateError::ended_by(error, samples))?;
+        }
+        Ok(())
+    }
+
     /// Draws of the next stage, in normal scores, and the sub-net of each.
     fn draw(&self, n: usize, proposal: &Proposal) -> (Vec<f64>, Vec<u32>) {
         let stage = self.stages();

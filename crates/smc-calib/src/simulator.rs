@@ -31,6 +31,15 @@ pub trait Simulator: Sync {
         let _ = (first, thetas);
     }
 
+    /// The samples whose answers have changed since they were given, now that so many samples are in: the sampler asks for them
+    /// again, and goes on with the new answers. What had been placed by the old ones stays.
+    ///
+    /// It is asked after each stage.
+    fn revised(&self, samples: usize) -> Vec<usize> {
+        let _ = samples;
+        Vec::new()
+    }
+
     /// Runs the parameter sets of samples `first`, `first + 1`, .., given row by row in `thetas`, and fills
     /// `outputs` row by row; one result per row, in order.
     ///

@@ -35,6 +35,12 @@ pub trait Target: Sync {
         let _ = (first, z);
     }
 
+    /// The samples whose answers have changed; see [`crate::Simulator::revised`].
+    fn revised(&self, samples: usize) -> Vec<usize> {
+        let _ = samples;
+        Vec::new()
+    }
+
     /// Log likelihoods of samples `first`, `first + 1`, .. at normal scores `z`, row by row; fills `ln_l` and
     /// `kept`. Returns the failures and their places from `first`, in order; `ln_l` is minus infinity there.
     ///
@@ -327,6 +333,10 @@ impl Target for CurveTarget<'_> {
 
     fn ln_likelihood_of(&self, kept: &[f64]) -> Option<f64> {
         (!self.thinned).then(|| self.likelihood.ln_joint(kept))
+    }
+
+    fn revised(&self, samples: usize) -> Vec<usize> {
+        self.problem.simulator.revised(samples)
     }
 
     fn announce(&self, first: usize, z: &[f64]) {

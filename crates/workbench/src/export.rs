@@ -11,13 +11,14 @@ use smc_calib::{Likelihood, Observer, Posterior, Sample, SimError, Simulator, St
 
 use crate::calibration::{Stored, read_stored, refuse_older_layout, refused, sample};
 use crate::error::{Failure, InputError, Mistake};
+use crate::given_up::{self, Counting, GivenUp};
 use crate::input::sample_table;
 use crate::output::{self, CAMPAIGN};
 use crate::pair::model::NeckGrowth;
-use crate::plan::Plan;
+use crate::plan::{Plan, run_number, sample_of};
 use crate::record::FILE_NAME;
 use crate::report::quoted;
-use crate::simulator::{cause, models, run_number, sample_of, stored};
+use crate::simulator::{cause, models, stored};
 
 /// Tables that were written.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -55,7 +56,7 @@ pub fn export(dir: &Path, out: Option<&Path>) -> Result<Exported, Failure> {
             .found(format_args!("{} ({error})", out.display()))
             .expected("a folder for the tables")
     })?;
-    let replay = Replay::new(&stored, &contents)?;
+    let replay = Replay::new(&stored, &contents, given_up::read(&dir.join(CAMPAIGN)))?;
     let posterior = replay.posterior();
     let samples = samples(&replay, posterior.as_ref());
     let sets: Vec<&[f64]> = samples.iter().map(|sample| sample.theta).collect();
@@ -78,6 +79,7 @@ struct Replay<'a> {
     models: Vec<Option<NeckGrowth>>,
     tasks: HashMap<u64, &'a Task>,
     outcomes: &'a HashMap<u64, Outcome>,
+    counting: Counting,
 }
 
 /// Fate of a sample.
@@ -91,12 +93,13 @@ enum Simulated {
 }
 
 impl<'a> Replay<'a> {
-    fn new(stored: &'a Stored, contents: &'a Contents) -> Result<Self, Failure> {
+    fn new(stored: &'a Stored, contents: &'a Contents, given_up: GivenUp) -> Result<Self, Failure> {
         Ok(Self {
             stored,
             models: models(&stored.plan)?,
             tasks: contents.tasks.iter().map(|task| (task.number, task)).collect(),
             outcomes: &contents.outcomes,
+            counting: Counting::new(given_up),
         })
     }
 
@@ -105,20 +108,24 @@ impl<'a> Replay<'a> {
         let mut values = Vec::new();
         let mut missing = false;
         for (place, (model, experiment)) in self.models.iter().zip(&plan.experiments).enumerate() {
-            let found =
-                match model {
-                    Some(model) => {
-                        let mut own = vec![0.0; experiment.width()];
-                        let simulated = model.simulate(theta, &mut own);
-                        Some(simulated.map(|()| own).map_err(|error| {
+            let found = match model {
+                Some(model) => {
+                    let mut own = vec![0.0; experiment.width()];
+                    let simulated = model.simulate(theta, &mut own);
+                    Some(
+                        simulated.map(|()| own).map_err(|error| {
                             SimError::recoverable(cause(plan, place, error.cause()))
-                        }))
+                        }),
+                    )
+                }
+                None => {
+                    let number = run_number(plan, sample, place);
+                    match self.counting.cause(number) {
+                        Some(words) => Some(Err(SimError::recoverable(cause(plan, place, words)))),
+                        None => stored(plan, place, self.outcomes.get(&number).cloned()),
                     }
-                    None => {
-                        let outcome = self.outcomes.get(&run_number(plan, sample, place));
-                        stored(plan, place, outcome.cloned())
-                    }
-                };
+                }
+            };
             match found {
                 Some(Ok(own)) => values.extend(own),
                 Some(Err(error)) => return Simulated::Failed(error.cause().to_owned()),
@@ -136,6 +143,8 @@ impl<'a> Replay<'a> {
         if let Ok(posterior) = all {
             return Some(posterior);
         }
+        // From the beginning.
+        self.counting.reach(&self.stored.plan, 0);
         let mut again = StopAfter { stages: complete.seen, seen: 0 };
         if again.stages == 0 {
             return None;
@@ -164,6 +173,10 @@ impl Simulator for Replay<'_> {
 
     fn observables(&self) -> usize {
         self.stored.plan.observations()
+    }
+
+    fn revised(&self, samples: usize) -> Vec<usize> {
+        self.counting.reach(&self.stored.plan, samples)
     }
 
     fn simulate(&self, _: &[f64], _: &mut [f64]) -> Result<(), SimError> {

@@ -7,6 +7,7 @@ pub mod compare;
 pub mod densify;
 pub mod error;
 pub mod export;
+mod given_up;
 pub mod input;
 pub mod number;
 pub mod output;

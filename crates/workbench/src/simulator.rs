@@ -7,8 +7,9 @@ use campaign::{Campaign, Event, Executor, ExecutorError, Feed, Outcome, Task};
 use smc_calib::{SimError, Simulator};
 
 use crate::error::InputError;
+use crate::given_up::Counting;
 use crate::pair::model::NeckGrowth;
-use crate::plan::{Plan, SimulatorPlan};
+use crate::plan::{Plan, SimulatorPlan, run_number};
 use crate::watch::Watch;
 
 /// Looks at the programs of runs.
@@ -26,6 +27,8 @@ pub(crate) struct Runner<'a> {
     pub(crate) unsure: BTreeSet<u64>,
     /// Whether a program is another one than at the beginning, in words; asked with the runs of which that is not known yet.
     pub(crate) changed: Box<Look<'a>>,
+    /// Failures that count until all that was placed with them is in.
+    pub(crate) given_up: Counting,
     /// Told of every run.
     pub(crate) on_event: Box<dyn FnMut(Event) + Send + 'a>,
 }
@@ -52,17 +55,6 @@ pub(crate) fn models(plan: &Plan) -> Result<Vec<Option<NeckGrowth>>, InputError>
             SimulatorPlan::Command(_) => Ok(None),
         })
         .collect()
-}
-
-/// Number of the run of one experiment at one sample, both counted from 0; runs count from 1.
-pub(crate) fn run_number(plan: &Plan, sample: usize, experiment: usize) -> u64 {
-    (sample * plan.experiments.len() + experiment) as u64 + 1
-}
-
-/// Sample and experiment of a run.
-pub(crate) fn sample_of(plan: &Plan, number: u64) -> (usize, usize) {
-    let place = usize::try_from(number.saturating_sub(1)).unwrap_or(usize::MAX);
-    (place / plan.experiments.len(), place % plan.experiments.len())
 }
 
 /// A cause of failure, with the name of its experiment where there are several.
@@ -204,7 +196,8 @@ impl<'a> Experiments<'a> {
     ) {
         let tasks = self.tasks(first, thetas, results);
         let mut runner = runner.lock().unwrap_or_else(PoisonError::into_inner);
-        let Runner { campaign, executor, ahead, unsure, changed, on_event } = &mut *runner;
+        let Runner { campaign, executor, ahead, unsure, changed, given_up, on_event } =
+            &mut *runner;
         // Before the runs, so that none is made by another program, and after them, as it may have been replaced meanwhile.
         let open = |number: &u64| campaign.outcome(*number).is_none();
         unsure.extend(tasks.iter().map(|task| task.number).filter(open));
@@ -232,8 +225,12 @@ impl<'a> Experiments<'a> {
         let rows = outputs.chunks_exact_mut(self.observables).zip(results).enumerate();
         for (row, (out, result)) in rows.filter(|(_, (_, result))| result.is_ok()) {
             for (place, _, range) in self.places().filter(|(_, model, _)| model.is_none()) {
-                let outcome = campaign.outcome(run_number(self.plan, first + row, place));
-                match stored(self.plan, place, outcome) {
+                let number = run_number(self.plan, first + row, place);
+                if let Some(words) = given_up.cause(number) {
+                    *result = Err(SimError::recoverable(cause(self.plan, place, words)));
+                    break;
+                }
+                match stored(self.plan, place, campaign.outcome(number)) {
                     Some(Ok(values)) => out[range].copy_from_slice(&values),
                     Some(Err(error)) => {
                         *result = Err(error);
@@ -274,6 +271,12 @@ impl Simulator for Experiments<'_> {
                 .map_err(|error| self.of_experiment(place, error))?;
         }
         Ok(())
+    }
+
+    fn revised(&self, samples: usize) -> Vec<usize> {
+        let Some(runner) = &self.runner else { return Vec::new() };
+        let runner = runner.lock().unwrap_or_else(PoisonError::into_inner);
+        runner.given_up.reach(self.plan, samples)
     }
 
     fn announce(&self, first: usize, thetas: &[f64]) {

@@ -45,6 +45,11 @@ pub(crate) struct CalibrateArgs {
     #[arg(long, value_name = "CAUSE", requires = "resume", num_args = 0..=1, require_equals = true, default_missing_value = "", help_heading = "What to calibrate")]
     retry_failed: Option<String>,
 
+    /// With --retry-failed: keep the runs that were placed while those had counted as failed, and use all of them. Without it
+    /// they are placed again, and the result is that of a run in which nothing had failed, to the bit
+    #[arg(long, requires = "retry_failed", help_heading = "What to calibrate")]
+    keep_placed: bool,
+
     /// With --resume: go on although a program, or a file beside the plan that its command names, has changed since the
     /// run began
     #[arg(long, requires = "resume", help_heading = "What to calibrate")]
@@ -194,6 +199,7 @@ pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
         accept_owner: args.accept_owner,
         accept_changes: args.accept_changes,
         retry_failed: args.retry_failed.clone(),
+        keep_placed: args.keep_placed,
         without_other_kinetics: args.no_other_kinetics,
     };
     let finished = match (&args.resume, &planned) {

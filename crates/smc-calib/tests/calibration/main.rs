@@ -15,6 +15,7 @@ mod overlap;
 mod priors;
 mod quadrature;
 mod references;
+mod revised;
 mod small_budget;
 mod stress;
 mod support;

@@ -22,7 +22,7 @@ pub(super) fn beside<T>(
     stop: &Stop,
     work: impl FnOnce(Runner<'_>) -> Result<T, Failure>,
 ) -> Result<T, Failure> {
-    let Runner { campaign, mut executor, changed, mut on_event, .. } = runner;
+    let Runner { campaign, mut executor, changed, given_up, mut on_event, .. } = runner;
     let feed = Feed::new(campaign);
     std::thread::scope(|scope| {
         let feed = &feed;
@@ -33,6 +33,6 @@ pub(super) fn beside<T>(
         })?;
         let (ahead, unsure) = (Some(feed), BTreeSet::new());
         let (executor, on_event) = (Box::new(feed), Box::new(|_| ()));
-        work(Runner { campaign, executor, ahead, unsure, changed, on_event })
+        work(Runner { campaign, executor, ahead, unsure, changed, given_up, on_event })
     })
 }

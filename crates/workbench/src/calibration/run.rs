@@ -20,11 +20,12 @@ use super::sampling::{Calibration, Stages, failure, sample};
 use super::store::{self, Stored, refused};
 use super::{other_kinetics, record, sensitivity, stopped};
 use crate::error::{Failure, InputError, Mistake, RunError};
+use crate::given_up::{self, Counting};
 use crate::output::{Published, RunFolder, Staging, make_room, pool, pretty};
-use crate::plan::{ExecutorPlan, Plan, Planned};
+use crate::plan::{ExecutorPlan, Plan, Planned, sample_of};
 use crate::record::{FILE_NAME, Record};
 use crate::report;
-use crate::simulator::{Experiments, Runner, sample_of};
+use crate::simulator::{Experiments, Runner};
 use crate::watch::{Unwatched, Watch};
 
 /// How a run is made; no part of its result.
@@ -39,6 +40,8 @@ pub struct RunOptions {
     /// On resuming: makes runs once more that failed by a cause, or with words on stderr, that contain this text; empty for
     /// all failed runs.
     pub retry_failed: Option<String>,
+    /// With `retry_failed`: keeps the runs that were placed while those had counted as failed, and uses all of them.
+    pub keep_placed: bool,
     /// On resuming: goes on although the runs belong to another user, whose commands are run.
     pub accept_owner: bool,
     /// On resuming: goes on although a program, or a file that its command names, is not the one that the run began with.
@@ -207,6 +210,10 @@ pub fn resume(
     if let Some(change) = changed {
         watch.note(&format!("{change}; the run goes on with it"));
     }
+    if damage.iter().any(|damage| damage.file.ends_with(given_up::FILE)) {
+        // Without it the sampler places other runs than were made.
+        campaign.place_again().map_err(|error| refused(dir, error))?;
+    }
     if !options.accept_changes {
         let suspects = Unchecked::of(&campaign).suspects(&store::began_with(&campaign));
         let again = campaign.forget(&suspects).map_err(|error| refused(dir, error))?;
@@ -218,7 +225,8 @@ pub fn resume(
         }
     }
     if let Some(cause) = &options.retry_failed {
-        let again = stopped::retry_failed(dir, &campaign, cause)?;
+        let again =
+            stopped::retry_failed(dir, &mut campaign, &stored.plan, (cause, options.keep_placed))?;
         watch.note(&format!("{again} failed runs are made once more"));
     }
     let (began, version) = (&stored.plan.version, env!("CARGO_PKG_VERSION"));
@@ -270,6 +278,7 @@ impl Driver<'_> {
             unsure: BTreeSet::new(),
             on_event: Box::new(on_event(&self.stored.plan, self.watch)),
             changed: Box::new(move |unsure| guard.change(unsure)),
+            given_up: Counting::new(store::given_up(self.campaign)),
         };
         if self.stored.plan.sampler.overlap == 0 {
             return self.calibrate(runner, options);

@@ -5,9 +5,11 @@ use std::path::Path;
 
 use campaign::{Campaign, ExecutorError, Outcome};
 
-use super::store::refused;
+use super::store::{self, refused};
 use crate::error::{Failure, InputError, Mistake, RunError};
-use crate::output::CAMPAIGN;
+use crate::given_up::{self, GivenUp};
+use crate::output::{CAMPAIGN, pretty};
+use crate::plan::{Plan, sample_of};
 use crate::record::FILE_NAME;
 
 /// Number of failed runs by cause.
@@ -47,21 +49,52 @@ pub(super) fn check_cause(campaign: &Campaign, words: &str) -> Result<(), Failur
         .into())
 }
 
-/// Gives up the outcomes of runs that failed with these words, so that they are made once more; returns their number.
-/// A result that had counted them is put aside: the run has none until they are made.
-pub(super) fn retry_failed(dir: &Path, campaign: &Campaign, words: &str) -> Result<usize, Failure> {
-    let wanted = |outcome: &Outcome| is_wanted(words, outcome);
-    let (result, runs) = (dir.join(FILE_NAME), dir.join(CAMPAIGN));
+/// Gives up the outcomes of runs that failed with these words, so that they are made once more; returns their number. With
+/// `keep_placed` the runs that were placed with them stay. A result that had counted them is put aside: the run has none until
+/// they are made.
+pub(super) fn retry_failed(
+    dir: &Path,
+    campaign: &mut Campaign,
+    plan: &Plan,
+    (words, keep_placed): (&str, bool),
+) -> Result<usize, Failure> {
+    let refused = |error| refused(dir, error);
+    let mut wanted = BTreeMap::new();
     let tasks = campaign.tasks();
-    let mut outcomes = tasks.iter().filter_map(|task| campaign.outcome(task.number));
-    if outcomes.any(|outcome| wanted(&outcome)) && result.is_file() {
+    for task in &tasks {
+        let outcome = campaign.outcome(task.number);
+        if let Some(outcome) = outcome.filter(|outcome| is_wanted(words, outcome)) {
+            let cause = outcome.failure().map_or_else(String::new, ToString::to_string);
+            wanted.insert(task.number, cause);
+        }
+    }
+    let (result, runs) = (dir.join(FILE_NAME), dir.join(CAMPAIGN));
+    if !wanted.is_empty() && result.is_file() {
         let name = |k: u32| runs.join(format!("{FILE_NAME}.retried-{k}"));
         let aside = (1..).map(name).find(|path| !path.exists());
         aside.map_or(Ok(()), |aside| std::fs::rename(&result, aside)).map_err(|error| {
             RunError::new(format_args!("{}: cannot be put aside: {error}", result.display()))
         })?;
     }
-    let again = campaign.forget_failed(&wanted).map_err(|error| refused(dir, error))?;
+    let before = store::given_up(campaign);
+    // The sets of a design are placed by nothing.
+    if keep_placed && plan.design.is_none() {
+        if wanted.is_empty() {
+            return Ok(0);
+        }
+        let again: Vec<u64> = wanted.keys().copied().collect();
+        let placed = tasks.last().map_or(0, |last| sample_of(plan, last.number).0 + 1);
+        let mut now = before;
+        now.add(placed, wanted);
+        // First: a failure that is still there counts as one in any case.
+        campaign.replace_extra(given_up::FILE, pretty(&now)?.as_bytes()).map_err(refused)?;
+        return campaign.forget(&again).map_err(refused);
+    }
+    let again = campaign.forget_failed(&|outcome| is_wanted(words, outcome)).map_err(refused)?;
+    if !before.is_empty() && !again.is_empty() {
+        let none = pretty(&GivenUp::default())?;
+        campaign.replace_extra(given_up::FILE, none.as_bytes()).map_err(refused)?;
+    }
     Ok(again.len())
 }
 

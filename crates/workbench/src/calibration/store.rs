@@ -9,6 +9,7 @@ use serde_json::Value;
 
 use super::fingerprints::{self, Fingerprints};
 use crate::error::{Failure, InputError, Mistake, RunError};
+use crate::given_up::{self, GivenUp};
 use crate::output::{CAMPAIGN, pretty};
 use crate::plan::{ExecutorPlan, ExperimentPlan, Plan, Planned, with_folder};
 
@@ -243,6 +244,12 @@ pub(super) fn open(
 /// The programs that the runs in a folder were begun with; none where that is not known.
 pub(super) fn began_with(campaign: &Campaign) -> Fingerprints {
     let stored = campaign.extra(fingerprints::FILE);
+    stored.and_then(|text| serde_json::from_slice(text).ok()).unwrap_or_default()
+}
+
+/// The failures of a run that were given up while what they had placed was kept.
+pub(super) fn given_up(campaign: &Campaign) -> GivenUp {
+    let stored = campaign.extra(given_up::FILE);
     stored.and_then(|text| serde_json::from_slice(text).ok()).unwrap_or_default()
 }
 

@@ -23,5 +23,6 @@ pub use types::{
     Design, ExecutorPlan, ExperimentPlan, ObservablePlan, PairPlan, Plan, Planned, SAMPLES,
     SimulatorPlan, SolverPlan,
 };
+pub(crate) use types::{run_number, sample_of};
 pub(crate) use words::short;
 pub use words::{Understood, dry_run, noise_in_words, prior_in_words, understood};

@@ -423,3 +423,14 @@ impl ExecutorPlan {
         }
     }
 }
+
+/// Number of the run of one experiment at one sample, both counted from 0; runs count from 1.
+pub(crate) fn run_number(plan: &Plan, sample: usize, experiment: usize) -> u64 {
+    (sample * plan.experiments.len() + experiment) as u64 + 1
+}
+
+/// Sample and experiment of a run.
+pub(crate) fn sample_of(plan: &Plan, number: u64) -> (usize, usize) {
+    let place = usize::try_from(number.saturating_sub(1)).unwrap_or(usize::MAX);
+    (place / plan.experiments.len(), place % plan.experiments.len())
+}
