@@ -76,6 +76,19 @@ fn a_worker_gives_the_posterior_of_the_command_to_the_bit_for_any_number_of_slot
 }
 
 #[test]
+fn workers_make_the_runs_of_stages_that_overlap() {
+    let overlapped = |plan: String| plan.replace("[sampler]\n", "[sampler]\noverlap = 8\n");
+    let command = super::line(48, "0");
+    command.write("line.toml", overlapped(super::line_plan(48, "0")));
+    command.run("--plan line.toml --quiet").succeeded();
+    let sandbox = line(48);
+    sandbox.write("line.toml", overlapped(line_plan(48)));
+    sandbox.run("--plan line.toml --quiet").succeeded();
+    assert!(samples(&sandbox) == samples(&command));
+    assert!((1..=2).contains(&starts(&sandbox)), "{} starts", starts(&sandbox));
+}
+
+#[test]
 fn a_plan_with_a_worker_is_told_in_words_and_its_mistakes_are_named() {
     let sandbox = line(24);
     let checked = sandbox.run("check line.toml");
