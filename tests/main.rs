@@ -20,6 +20,7 @@ mod predict;
 mod readme;
 mod scenes;
 mod simulate;
+mod spring;
 mod table3;
 mod validate;
 mod work_counters;

@@ -5,6 +5,7 @@ mod outages;
 mod runs;
 mod slurm;
 mod storm;
+mod workers;
 
 use std::fs;
 use std::io::Read as _;

@@ -8,8 +8,8 @@ use rustix::process::Signal;
 
 use super::interruptions::Random;
 use super::runs::walk;
-use super::{Driver, line, line_plan, status};
-use crate::sandbox::root;
+use super::{Driver, line, line_plan, status, workers};
+use crate::sandbox::{Sandbox, root};
 
 /// y = a t, by a program that meets a fault in about a third of its attempts. $SEED and the number of the attempt say which.
 const SCRIPT: &str = r#"#!/bin/sh
@@ -30,10 +30,71 @@ esac
 awk -v a="$1" 'BEGIN { print "t,y"; for (t = 0; t <= 4; t++) printf "%d,%.17g\n", t, a * t }' > out.csv
 "#;
 
-/// A plan of so many runs, whose storm `seed` says.
-fn plan(samples: usize, seed: u64) -> String {
-    line_plan(samples, "0")
-        .replace("timeout_s = 60", "timeout_s = 60\ntry_later = { pause_s = 0.01 }")
+/// The same by a worker, which may also be broken from its start on, and talk nonsense.
+const FAULTS: &str = r#"fault=$(awk -v s="$SEED" -v n="$(wc -l < "$RUNS")" 'BEGIN { srand(s * 100003 + n); rand(); print int(100 * rand()) }')
+case $fault in
+[0-3]) kill -KILL $$ ;;
+4|5) echo nonsense; continue ;;
+6|7) printf '{"id": %s, "values"' "$id"; exit 0 ;;
+8|9|10) echo "cannot write: No space left on device" >&2; exit 1 ;;
+11|12) echo "{"id": $id, "failure": {"code": 75}}"; continue ;;
+13|14) echo "{"id": $id, "failure": {"code": 3, "message": "license server down"}}"; continue ;;
+15|16) exit 3 ;;
+17) sleep 30 ;;
+18|19) setsid sleep 30 & ;;
+20) head -c 30000000 /dev/zero >&2 ;;
+21) head -c 70000000 /dev/zero | tr '\0' y; continue ;;
+22|23) id=$((id + 1)) ;;
+24) rm -r "$folder" ;;
+25) exec >&- ;;
+esac
+"#;
+
+/// What one worker after the other meets at its start.
+const STARTS: &str = r#"echo start >> "$RUNS.starts"
+case $(awk -v s="$SEED" -v n="$(wc -l < "$RUNS.starts")" 'BEGIN { srand(s * 100019 + n); rand(); print int(100 * rand()) }') in
+[0-3]) kill -KILL $$ ;;
+[4-6]) exit 75 ;;
+7) echo "no module" >&2; exit 1 ;;
+8) echo Loading ;;
+esac
+"#;
+
+/// Simulators of a storm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Kind {
+    Command,
+    Worker,
+}
+
+impl Kind {
+    /// A sandbox with a quiet plan of so many runs, whose storm `seed` says.
+    fn quiet(self, samples: usize, seed: u64) -> Sandbox {
+        let sandbox = match self {
+            Self::Command => line(samples, "0"),
+            Self::Worker => workers::line(samples),
+        };
+        let text = match self {
+            Self::Command => line_plan(samples, "0"),
+            Self::Worker => workers::line_plan(samples).replace("timeout_s = 60", "timeout_s = 5"),
+        };
+        sandbox.write("line.toml", plan(&text, seed));
+        sandbox
+    }
+
+    /// Makes its simulator one that meets faults.
+    fn make_stormy(self, sandbox: &Sandbox) {
+        match self {
+            Self::Command => sandbox.write("line.sh", SCRIPT),
+            Self::Worker => sandbox.write("worker.sh", workers::script(STARTS, FAULTS)),
+        };
+    }
+}
+
+/// A plan whose storm `seed` says.
+fn plan(text: &str, seed: u64) -> String {
+    text.replace("timeout_s = 60", "timeout_s = 60\ntry_later = { pause_s = 0.01 }")
+        .replace("timeout_s = 5\n", "timeout_s = 5\ntry_later = { pause_s = 0.01 }\n")
         .replace("RUNS =", &format!("SEED = \"{seed}\", RUNS ="))
 }
 
@@ -49,15 +110,13 @@ enum Blow {
 }
 
 /// Drives a plan through a storm to its end; returns the number of drivers that it took.
-fn storm(samples: usize, seed: u64) -> usize {
-    let quiet = line(samples, "0");
-    quiet.write("line.toml", plan(samples, seed));
+fn storm(kind: Kind, samples: usize, seed: u64) -> usize {
+    let quiet = kind.quiet(samples, seed);
     quiet.run("--plan line.toml --quiet").succeeded();
     let bytes = quiet.posterior_bytes("results/line");
 
-    let sandbox = line(samples, "0");
-    sandbox.write("line.toml", plan(samples, seed));
-    sandbox.write("line.sh", SCRIPT);
+    let sandbox = kind.quiet(samples, seed);
+    kind.make_stormy(&sandbox);
     let mut random = Random(seed);
     let (mut dir, mut copies, mut drivers) = ("run".to_owned(), 0, 0);
     let begun = Instant::now();
@@ -127,12 +186,21 @@ fn storm(samples: usize, seed: u64) -> usize {
 #[test]
 fn a_storm_ends_in_the_bits_of_a_quiet_run() {
     for seed in [1, 2] {
-        let drivers = storm(40, seed);
+        let drivers = storm(Kind::Command, 40, seed);
         assert!(drivers > 1, "no storm at all");
     }
 }
 
-/// `cargo test -p calibrate --test e2e hundred_storms -- --ignored --nocapture`; STORMS and SEED say how many, from which.
+#[test]
+fn a_storm_over_workers_ends_in_the_bits_of_a_quiet_run() {
+    for seed in [1, 2] {
+        let drivers = storm(Kind::Worker, 40, seed);
+        assert!(drivers > 1, "no storm at all");
+    }
+}
+
+/// `cargo test -p calibrate --test e2e hundred_storms -- --ignored --nocapture`; STORMS and SEED say how many, from which,
+/// RUNS of how many runs each, and KIND=worker takes workers.
 #[test]
 #[ignore = "takes an hour or so"]
 fn a_hundred_storms_over_two_hundred_runs_end_in_the_bits_of_a_quiet_run() {
@@ -140,9 +208,12 @@ fn a_hundred_storms_over_two_hundred_runs_end_in_the_bits_of_a_quiet_run() {
         std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
     };
     let (storms, first) = (number("STORMS", 100), number("SEED", 1));
+    let runs = number("RUNS", 200) as usize;
+    let worker = std::env::var("KIND").is_ok_and(|kind| kind == "worker");
+    let kind = if worker { Kind::Worker } else { Kind::Command };
     for seed in first..first + storms {
         let begun = Instant::now();
-        let drivers = storm(200, seed);
+        let drivers = storm(kind, runs, seed);
         eprintln!("storm {seed}: {drivers} drivers, {:.0} s", begun.elapsed().as_secs_f64());
     }
 }

@@ -89,7 +89,7 @@ fn drive(
         .map(|number| Task { number, command: 0, parameters: vec![0.1 * number as f64] })
         .collect();
     let mut executor: Box<dyn Executor> = match executor {
-        "local" => Box::new(Local { parallel: 8 }),
+        "local" => Box::new(Local::new(8)),
         _ => {
             let settings = std::env::var("SLURM_SETTINGS").unwrap_or_else(|_| "{}".into());
             let settings: SlurmSettings = serde_json::from_str(&settings)?;

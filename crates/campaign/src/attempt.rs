@@ -15,6 +15,7 @@ use crate::folder::{PARAMETERS, PROCESS, STDERR, STDOUT, last_attempt, task_fold
 use crate::inputs;
 use crate::judge::{self, Verdict};
 use crate::outcome::{FailureKind, Outcome};
+use crate::persistent::Workers;
 use crate::process::{self, Ended};
 use crate::spec::{Call, CampaignSpec, CommandSpec, Keep, LostRuns};
 use crate::task::Task;
@@ -56,6 +57,8 @@ pub(crate) struct Runner<'a> {
     pub(crate) spec: &'a CampaignSpec,
     /// Value of [`MARK`](strays::MARK) in the processes.
     pub(crate) mark: Option<&'a str>,
+    /// Workers of the commands that have some; only a driver on its own machine keeps them.
+    pub(crate) workers: Option<&'a Workers>,
     /// Whether no other process can be making attempts, so that those that are there were abandoned.
     pub(crate) alone: bool,
 }
@@ -144,7 +147,7 @@ impl Runner<'_> {
             let folder = self.begin(task)?;
             folders.push(folder.clone());
             let start = Instant::now();
-            let verdict = match self.attempt(command, task, &folder, stop) {
+            let verdict = match self.attempt(command, task, &folder, (stop, tries.cut)) {
                 Ok(verdict) => verdict,
                 Err(error) => {
                     self.discard(command, task, &folders);
@@ -187,14 +190,20 @@ impl Runner<'_> {
         Err(ExecutorError::Interrupted { detached: false })
     }
 
-    /// Calls the command once, and says what came of it.
+    /// Calls the command once, and says what came of it; a worker must be `new` where an earlier one is suspected.
     fn attempt(
         &self,
         command: &CommandSpec,
         task: &Task,
         folder: &Path,
-        stop: &Stop,
+        (stop, new): (&Stop, bool),
     ) -> Result<Verdict, ExecutorError> {
+        if command.call.worker {
+            let ask = |workers: &Workers| workers.ask(self.spec, task, folder, (stop, new));
+            let asked = self.workers.map(ask);
+            let _ = fs::remove_file(folder.join(PROCESS));
+            return asked.unwrap_or_else(|| Err(no_workers(command)));
+        }
         let mut disk_was_full = false;
         let ended = self.call(command, task, folder, stop, &mut || {
             disk_was_full |= judge::disk_is_full(folder);
@@ -309,28 +318,13 @@ impl Runner<'_> {
             .envs(spec.call.environment.iter().map(|(name, value)| (name, fill(value))))
             .stdin(Stdio::null())
             .stdout(stream(STDOUT)?)
-            .stderr(stream(STDERR)?)
-            .env(strays::ATTEMPT, folder);
-        if let Some(mark) = self.mark {
-            command.env(strays::MARK, mark);
-            if let Some(driver) = machine::process_name(std::process::id()) {
-                command.env(strays::DRIVER, driver);
-            }
-        }
+            .stderr(stream(STDERR)?);
+        strays::mark(&mut command, folder, self.mark);
         let limit = Duration::try_from_secs_f64(spec.call.timeout_s).unwrap_or(Duration::MAX);
         match process::run(&mut command, limit, stop, glance) {
             Ok(ended) => Ok(Some(ended)),
             Err(error) if judge::is_shortage(&error) || !folder.is_dir() => Ok(None),
-            Err(error) => {
-                let reason = match error.kind() {
-                    io::ErrorKind::NotFound => {
-                        "there is no such program (or not the interpreter that it names)".to_owned()
-                    }
-                    io::ErrorKind::PermissionDenied => "it is not executable".to_owned(),
-                    _ => error.to_string(),
-                };
-                Err(ExecutorError::CannotStart { program, reason })
-            }
+            Err(error) => Err(ExecutorError::cannot_start(program, &error)),
         }
     }
 
@@ -357,6 +351,14 @@ fn abandoned(folder: &Path) -> Vec<PathBuf> {
         Err(_) => true,
     });
     left.collect()
+}
+
+/// Where no workers are kept, their commands cannot be run.
+pub(crate) fn no_workers(command: &CommandSpec) -> ExecutorError {
+    ExecutorError::CannotStart {
+        program: command.call.argv.first().cloned().unwrap_or_default(),
+        reason: format!("the worker of {} is only kept by local processes", command.name),
+    }
 }
 
 fn wait(pause: Duration, stop: &Stop) {

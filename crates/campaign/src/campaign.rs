@@ -39,6 +39,7 @@ pub struct Collected {
 /// outcomes/         outcomes of workers on other machines, until they are collected
 /// iterations/       the caller's records
 /// work/             working directories of the runs: work/000012/attempt-1
+/// workers/          working directories of the workers, while they are there
 /// slurm/            submissions to Slurm
 /// ```
 ///

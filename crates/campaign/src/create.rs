@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 
 use crate::durable::TEMPORARY;
 use crate::error::CampaignError;
-use crate::folder::{ITERATIONS, LOCK, OUTCOMES, RECORD, RESULTS, SLURM, TASKS, WORK};
+use crate::folder::{ITERATIONS, LOCK, OUTCOMES, RECORD, RESULTS, SLURM, TASKS, WORK, WORKERS};
 
 /// Checks the names of the caller's files: plain, and none that the campaign uses itself.
 pub(crate) fn check_names<T>(extra: &BTreeMap<String, T>) -> Result<(), CampaignError> {
-    let ours = [RECORD, TASKS, RESULTS, OUTCOMES, ITERATIONS, WORK, LOCK, SLURM];
+    let ours = [RECORD, TASKS, RESULTS, OUTCOMES, ITERATIONS, WORK, WORKERS, LOCK, SLURM];
     for name in extra.keys() {
         let plain = !name.contains(['/', '\\', '\0']) && !name.starts_with('.') && !name.is_empty();
         if !plain || ours.contains(&name.as_str()) {

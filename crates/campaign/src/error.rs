@@ -214,6 +214,20 @@ pub enum ExecutorError {
     Campaign(#[from] CampaignError),
 }
 
+impl ExecutorError {
+    /// A program that the system does not start.
+    pub(crate) fn cannot_start(program: String, error: &io::Error) -> Self {
+        let reason = match error.kind() {
+            io::ErrorKind::NotFound => {
+                "there is no such program (or not the interpreter that it names)".to_owned()
+            }
+            io::ErrorKind::PermissionDenied => "it is not executable".to_owned(),
+            _ => error.to_string(),
+        };
+        Self::CannotStart { program, reason }
+    }
+}
+
 /// The end of a stderr behind a message.
 fn quoted(detail: &str) -> String {
     if detail.is_empty() { String::new() } else { format!("; it said:\n{detail}") }

@@ -15,6 +15,10 @@ pub(crate) const OUTCOMES: &str = "outcomes";
 pub(crate) const ITERATIONS: &str = "iterations";
 /// Working directories of the runs.
 pub(crate) const WORK: &str = "work";
+/// Folders of the workers that are there.
+pub(crate) const WORKERS: &str = "workers";
+/// The values that a worker answered with, in the folder of an attempt.
+pub const ANSWER: &str = "answer.json";
 /// The file that is locked while a driver has the directory.
 pub(crate) const LOCK: &str = "lock";
 /// Job arrays submitted to Slurm.

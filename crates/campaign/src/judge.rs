@@ -65,6 +65,16 @@ pub(crate) fn judge(
         None => "the system had no room for another process".to_owned(),
         Some(_) => said(),
     };
+    blame(kind, detail, folder, disk_was_full)
+}
+
+/// Puts a failure down to the run, or to the disk where there are signs of that.
+pub(crate) fn blame(
+    kind: FailureKind,
+    detail: String,
+    folder: &Path,
+    disk_was_full: bool,
+) -> Verdict {
     if kind.is_lost() {
         Verdict::Lost(kind, detail)
     } else if disk_was_full || tells_of_the_disk(&detail) || !folder.is_dir() {

@@ -54,6 +54,7 @@ mod mend;
 pub mod numbers;
 mod outage;
 mod outcome;
+mod persistent;
 mod process;
 mod record;
 mod results;
@@ -75,10 +76,12 @@ pub use contents::{Contents, contents};
 pub use error::{CampaignError, Damage, ExecutorError};
 pub use executor::{Event, Executor, Request, Stop};
 pub use feed::Feed;
+pub use folder::ANSWER;
 pub use holder::Holder;
 pub use in_process::{Fault, InProcess};
 pub use local::Local;
 pub use outcome::{FailureKind, Outcome};
+pub use persistent::ask_worker;
 pub use simulated::{Account, RunTimes, Simulated, SimulatedRun};
 pub use spec::{
     Call, CampaignSpec, CommandSpec, Interpolation, Keep, LostRuns, OutputSpec, ResultSpec,

@@ -12,6 +12,7 @@ use crate::feed::Feed;
 use crate::leftover;
 use crate::mailbox::Mailbox;
 use crate::outcome::FailureKind;
+use crate::persistent::Workers;
 use crate::strays::{self, Watchdog};
 use crate::task::Task;
 
@@ -24,10 +25,31 @@ const LOST_MOST: usize = 12;
 ///
 /// Before the first run in a directory that was opened again, it ends the processes that a killed
 /// driver of this directory has left on this machine.
-#[derive(Debug, Clone, PartialEq, Eq)]
+///
+/// Workers ([`Call::worker`](crate::Call::worker)) stay from one call of [`run`](Executor::run) to the next, as many per
+/// command as there are runs at the same time. They are ended with this, or when a call has an error.
+#[derive(Debug)]
 pub struct Local {
-    /// Number of runs at the same time, at least 1.
-    pub parallel: usize,
+    parallel: usize,
+    workers: Option<Workers>,
+}
+
+impl Local {
+    /// An executor of so many runs at the same time, at least 1.
+    #[must_use]
+    pub fn new(parallel: usize) -> Self {
+        Self { parallel, workers: None }
+    }
+
+    /// Has workers ready for the campaign where one of its commands needs them.
+    fn keep_workers(&mut self, campaign: &Campaign) {
+        let (dir, id, spec) = (campaign.dir(), campaign.id(), campaign.spec());
+        if !self.workers.as_ref().is_some_and(|workers| workers.are_of(dir, id)) {
+            self.workers = None;
+            let needed = spec.commands.iter().any(|command| command.call.worker);
+            self.workers = needed.then(|| Workers::new(dir, id, spec));
+        }
+    }
 }
 
 /// Longest time until a thread without a task sees that there will be none.
@@ -67,6 +89,7 @@ impl Executor for Local {
             dir: campaign.dir(),
             spec: campaign.spec(),
             mark: Some(campaign.id()),
+            workers: None,
             alone: true,
         };
         if !campaign.is_new() && campaign.first_look() {
@@ -74,8 +97,9 @@ impl Executor for Local {
         }
         let Some(first) = feed.next()? else { return Ok(()) };
         let slots = if feed.is_whole() { self.parallel.min(first.len()) } else { self.parallel };
-        let longest = campaign.spec().commands.iter().map(|command| command.call.timeout_s);
-        let watchdog = Watchdog::start(longest.fold(0.0, f64::max));
+        self.keep_workers(campaign);
+        let runner = Runner { workers: self.workers.as_ref(), ..runner };
+        let watchdog = runner.workers.is_none().then(|| Watchdog::of_runs(campaign.spec()));
         let (give, queue) = mpsc::channel();
         let (sender, receiver) = mpsc::channel();
         let (queue, open, halt) = (Mutex::new(queue), AtomicUsize::new(0), stop.child());
@@ -105,9 +129,15 @@ impl Executor for Local {
             hall.store_all(&receiver, watch)
         });
         drop(watchdog);
-        strays::end_all();
-        made?;
-        if stop.asked() { Err(ExecutorError::Interrupted { detached: false }) } else { Ok(()) }
+        let interrupted = || Err(ExecutorError::Interrupted { detached: false });
+        let made = made.and_then(|()| if stop.asked() { interrupted() } else { Ok(()) });
+        if made.is_err() {
+            self.workers = None;
+        }
+        if self.workers.is_none() {
+            strays::end_all();
+        }
+        made
     }
 }
 

@@ -132,6 +132,11 @@ pub enum FailureKind {
         /// The control column, or the value column where there is no control.
         column: String,
     },
+    /// A worker did not answer as it must.
+    BadAnswer {
+        /// What is wrong with the answer.
+        problem: String,
+    },
     /// A simulator in this process refused these parameters.
     Simulator {
         /// Its words.
@@ -171,6 +176,7 @@ impl fmt::Display for FailureKind {
             Self::NoMatch { file, column } => {
                 write!(f, "{column} in {file} has no row at an observation point")
             }
+            Self::BadAnswer { problem } => write!(f, "the worker's answer: {problem}"),
             Self::Simulator { cause } => f.write_str(cause),
         }
     }

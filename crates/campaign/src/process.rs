@@ -1,6 +1,7 @@
 //! A process and everything that it starts, with a time limit.
 
 use std::io;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus};
 use std::time::{Duration, Instant};
 
@@ -9,10 +10,10 @@ use crate::executor::Stop;
 use crate::strays;
 
 /// Time after which processes that were asked to end are killed.
-const GRACE: Duration = Duration::from_secs(2);
+pub(crate) const GRACE: Duration = Duration::from_secs(2);
 
 /// Time between two looks at the stop flag.
-const GLANCE: Duration = Duration::from_millis(50);
+pub(crate) const GLANCE: Duration = Duration::from_millis(50);
 
 /// How a process ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,6 +28,75 @@ pub(crate) enum Ended {
     Stopped,
 }
 
+/// A process in a group of its own, with everything that it starts.
+#[derive(Debug)]
+pub(crate) struct Family {
+    child: Child,
+    waiter: Waiter,
+    /// What its members carry as [their attempt](crate::strays::ATTEMPT): the working directory.
+    folder: Option<PathBuf>,
+}
+
+impl Family {
+    pub(crate) fn start(command: &mut Command) -> io::Result<Self> {
+        #[cfg(unix)]
+        {
+            use std::os::unix::process::CommandExt as _;
+            command.process_group(0);
+        }
+        #[cfg(target_os = "linux")]
+        strays::adopt();
+        let child = command.spawn()?;
+        let waiter = Waiter::new(&child);
+        Ok(Self { child, waiter, folder: command.get_current_dir().map(Path::to_owned) })
+    }
+
+    /// The process that was started.
+    pub(crate) fn child(&mut self) -> &mut Child {
+        &mut self.child
+    }
+
+    /// Waits for at most `patience`; whether the process has ended by itself.
+    pub(crate) fn wait(&mut self, patience: Duration) -> io::Result<bool> {
+        let begun = Instant::now();
+        loop {
+            let left = patience.saturating_sub(begun.elapsed());
+            if self.waiter.wait(&mut self.child, left)? {
+                return Ok(true);
+            }
+            if begun.elapsed() >= patience {
+                return Ok(false);
+            }
+        }
+    }
+
+    /// How a process that [has ended](Self::wait) did; what is left of its group is killed.
+    pub(crate) fn ended(&mut self) -> io::Result<Ended> {
+        // The group's number is not given away before the child is waited for.
+        signal(&mut self.child, Strength::Kill);
+        Ok(ended(self.child.wait()?))
+    }
+
+    /// Asks the whole group to end, and kills what is left of it after the grace.
+    pub(crate) fn end(&mut self) -> io::Result<()> {
+        end(&mut self.child, &self.waiter)
+    }
+
+    /// Kills the group, where the process cannot be waited for.
+    pub(crate) fn kill(&mut self) {
+        signal(&mut self.child, Strength::Kill);
+    }
+
+    /// Ends, on Linux, what has left the group and carries the working directory as its attempt. To be called once the
+    /// group was ended.
+    pub(crate) fn end_strays(&self) {
+        #[cfg(target_os = "linux")]
+        if let Some(attempt) = &self.folder {
+            strays::end_of_attempt(rustix::process::Pid::from_child(&self.child), attempt);
+        }
+    }
+}
+
 /// Starts `command` in a process group of its own and waits for it; `glance` is called every [`GLANCE`] meanwhile. Whatever
 /// is left of the group afterwards is killed; so is, on Linux, what has left the group and carries the command's working
 /// directory as [its attempt](crate::strays::ATTEMPT).
@@ -36,41 +106,27 @@ pub(crate) fn run(
     stop: &Stop,
     glance: &mut dyn FnMut(),
 ) -> io::Result<Ended> {
-    #[cfg(unix)]
-    {
-        use std::os::unix::process::CommandExt as _;
-        command.process_group(0);
-    }
-    #[cfg(target_os = "linux")]
-    strays::adopt();
     let started = Instant::now();
-    let mut child = command.spawn()?;
-    let ended = watch_over(&mut child, started, limit, stop, glance).inspect_err(|_| {
-        // It cannot be waited for, so it must not go on either.
-        signal(&mut child, Strength::Kill);
-    });
-    #[cfg(target_os = "linux")]
-    if let Some(attempt) = command.get_current_dir() {
-        strays::end_of_attempt(rustix::process::Pid::from_child(&child), attempt);
-    }
+    let mut family = Family::start(command)?;
+    // What cannot be waited for must not go on either.
+    let ended =
+        watch_over(&mut family, started, limit, stop, glance).inspect_err(|_| family.kill());
+    family.end_strays();
     ended
 }
 
 fn watch_over(
-    child: &mut Child,
+    family: &mut Family,
     started: Instant,
     limit: Duration,
     stop: &Stop,
     glance: &mut dyn FnMut(),
 ) -> io::Result<Ended> {
-    let waiter = Waiter::new(child);
     loop {
         let elapsed = started.elapsed();
         let patience = limit.saturating_sub(elapsed).min(GLANCE);
-        if waiter.wait(child, patience)? {
-            // The group's number is not given away before the child is waited for.
-            signal(child, Strength::Kill);
-            return Ok(ended(child.wait()?));
+        if family.wait(patience)? {
+            return family.ended();
         }
         let why = if stop.asked() {
             Ended::Stopped
@@ -80,7 +136,7 @@ fn watch_over(
             glance();
             continue;
         };
-        end(child, &waiter)?;
+        family.end()?;
         return Ok(why);
     }
 }
@@ -177,6 +233,7 @@ fn others_are_left(_child: &Child) -> bool {
 }
 
 /// Waits for the end of a process without taking its status, so that its number stays its own.
+#[derive(Debug)]
 struct Waiter {
     #[cfg(target_os = "linux")]
     pidfd: Option<std::os::fd::OwnedFd>,

@@ -7,6 +7,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::folder::ANSWER;
 use crate::inputs::{self, InputFile};
 use crate::table::Format;
 use crate::template;
@@ -47,6 +48,11 @@ pub struct Call {
     /// parameter, `{parameters}` for the path of the JSON file with all of them, `{run}` for the number of the run,
     /// `{seed}` for its seed (1 to 900 000 000), `{{` and `}}` for braces.
     pub argv: Vec<String>,
+    /// Whether the program stays and is asked for one run after the other, by lines of JSON on its stdin and stdout
+    /// (docs/worker-protocol.md); it has no placeholders then, and no result but its answer and what it writes to the
+    /// folder of the run.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub worker: bool,
     /// Files that are put into the working directory before the call.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub files: Vec<InputFile>,
@@ -199,6 +205,7 @@ impl Call {
     pub fn new(argv: Vec<String>) -> Self {
         Self {
             argv,
+            worker: false,
             files: Vec::new(),
             environment: BTreeMap::new(),
             timeout_s: 3600.0,
@@ -212,8 +219,17 @@ impl Call {
     /// Takes everything over that decides only on whether a run gets made, and not on its values: limits, retries,
     /// folders that stay.
     pub fn set_limits(&mut self, of: &Self) {
-        let Self { argv: _, files: _, environment: _, timeout_s, retries, try_later, lost, keep } =
-            of;
+        let Self {
+            argv: _,
+            worker: _,
+            files: _,
+            environment: _,
+            timeout_s,
+            retries,
+            try_later,
+            lost,
+            keep,
+        } = of;
         (self.timeout_s, self.retries, self.lost, self.keep) = (*timeout_s, *retries, *lost, *keep);
         self.try_later.clone_from(try_later);
     }
@@ -234,6 +250,7 @@ impl CommandSpec {
     /// [`SpecError`] with the first that has none; its field is `files[0]`.
     pub fn check_files(&self) -> Result<(), SpecError> {
         let results = self.outputs.iter().map(|output| output.result.file.as_str());
+        let results = results.chain(self.call.worker.then_some(ANSWER));
         inputs::check(&self.call.files, results)
             .map_err(|(i, problem)| SpecError { field: format!("files[{i}]"), problem })
     }
@@ -289,7 +306,10 @@ impl CampaignSpec {
             ..error
         })?;
         for (i, argument) in call.argv.iter().enumerate() {
-            self.check_template(format!("{place}.call.argv[{i}]"), argument)?;
+            self.check_template(format!("{place}.call.argv[{i}]"), argument, call.worker)?;
+        }
+        if call.worker && call.argv.is_empty() {
+            return wrong(format!("{place}.call.worker"), "it has no program".into());
         }
         if let Some(program) = call.argv.first() {
             let field = || format!("{place}.call.argv[0]");
@@ -312,7 +332,7 @@ impl CampaignSpec {
             if name.is_empty() || name.contains(['=', '\0']) {
                 return wrong(field, "not the name of an environment variable".into());
             }
-            self.check_template(field, value)?;
+            self.check_template(field, value, call.worker)?;
         }
         command.check_files().map_err(|error| SpecError {
             field: format!("{place}.call.{}", error.field),
@@ -324,9 +344,15 @@ impl CampaignSpec {
         Ok(())
     }
 
-    fn check_template(&self, field: String, text: &str) -> Result<(), SpecError> {
+    fn check_template(&self, field: String, text: &str, worker: bool) -> Result<(), SpecError> {
         if text.contains('\0') {
             return wrong(field, "holds a NUL byte".into());
+        }
+        if worker && let Some(name) = template::first_name(text) {
+            let problem = format!(
+                "{{{name}}} is of one run, and a worker makes many; it gets it with every request"
+            );
+            return wrong(field, problem);
         }
         match template::check(text, &self.parameter_names) {
             Ok(()) => Ok(()),

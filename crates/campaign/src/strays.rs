@@ -3,6 +3,12 @@
 //! On Linux this process adopts what its runs leave (it is a child subreaper), so that such processes are found among its
 //! own children, by the attempt that they carry in their environment. Elsewhere only the process group of a run is ended.
 
+use std::path::Path;
+use std::process::Command;
+
+use crate::machine;
+use crate::spec::CampaignSpec;
+
 /// Environment variable of every process that a driver starts on its own machine, by which they are found after a crash of
 /// the driver.
 pub(crate) const MARK: &str = "CAMPAIGN_RUNS";
@@ -12,6 +18,17 @@ pub(crate) const DRIVER: &str = "CAMPAIGN_DRIVER";
 
 /// Environment variable with the folder of the attempt that a process belongs to.
 pub(crate) const ATTEMPT: &str = "CAMPAIGN_ATTEMPT";
+
+/// Marks what `command` starts: by the folder of its attempt, and, where `campaign` is given, by that and this driver.
+pub(crate) fn mark(command: &mut Command, attempt: &Path, campaign: Option<&str>) {
+    command.env(ATTEMPT, attempt);
+    if let Some(campaign) = campaign {
+        command.env(MARK, campaign);
+        if let Some(driver) = machine::process_name(std::process::id()) {
+            command.env(DRIVER, driver);
+        }
+    }
+}
 
 #[cfg(target_os = "linux")]
 mod linux {
@@ -116,6 +133,7 @@ pub(crate) use linux::{adopt, end_all, end_of_attempt};
 pub(crate) fn end_all() {}
 
 /// A process that outlives a killed driver, and ends the driver's runs once their time is over. Best effort.
+#[derive(Debug)]
 pub(crate) struct Watchdog {
     #[cfg(target_os = "linux")]
     child: Option<std::process::Child>,
@@ -135,14 +153,20 @@ done 2>/dev/null
 "#;
 
 impl Watchdog {
+    /// Starts it for the runs of a driver.
+    pub(crate) fn of_runs(spec: &CampaignSpec) -> Self {
+        let longest_s = spec.commands.iter().map(|command| command.call.timeout_s);
+        Self::start(longest_s.fold(0.0, f64::max))
+    }
+
     /// Starts it for runs of at most `longest_s` seconds.
-    pub(crate) fn start(longest_s: f64) -> Self {
+    fn start(longest_s: f64) -> Self {
         #[cfg(target_os = "linux")]
         {
             use std::os::unix::process::CommandExt as _;
-            use std::process::{Command, Stdio};
+            use std::process::Stdio;
 
-            let child = crate::machine::process_name(std::process::id()).and_then(|driver| {
+            let child = machine::process_name(std::process::id()).and_then(|driver| {
                 Command::new("sh")
                     .args(["-c", SCRIPT, "watchdog"])
                     .args([&longest_s.ceil().to_string(), DRIVER, &driver])

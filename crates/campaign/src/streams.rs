@@ -24,12 +24,19 @@ const RESERVE_BYTES: u64 = 4 << 10;
 pub(crate) fn create(path: &Path) -> Result<File, CampaignError> {
     let failed = |error| CampaignError::io("written", path, error);
     let file = OpenOptions::new().append(true).create_new(true).open(path).map_err(failed)?;
+    reserve(&file);
+    Ok(file)
+}
+
+/// Takes room for a stream.
+pub(crate) fn reserve(file: &File) {
     #[cfg(any(target_os = "linux", target_os = "android"))]
     {
         use rustix::fs::{FallocateFlags, fallocate};
-        let _ = fallocate(&file, FallocateFlags::KEEP_SIZE, 0, RESERVE_BYTES);
+        let _ = fallocate(file, FallocateFlags::KEEP_SIZE, 0, RESERVE_BYTES);
     }
-    Ok(file)
+    #[cfg(not(any(target_os = "linux", target_os = "android")))]
+    let _ = file;
 }
 
 /// Cuts the middle out of a stream that grew too long while its run goes on. What is written at that very moment may be

@@ -46,6 +46,9 @@ impl CampaignSpec {
             let call = &command.call;
             let what = (&self.parameter_names, &call.argv, &call.environment, &command.outputs);
             digest.add(serde_json::to_string(&what).unwrap_or_default().as_bytes());
+            if call.worker {
+                digest.add(b"worker");
+            }
             if !call.files.is_empty() {
                 digest.add(serde_json::to_string(&call.files).unwrap_or_default().as_bytes());
             }

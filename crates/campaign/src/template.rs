@@ -67,6 +67,14 @@ pub(crate) fn check(text: &str, parameters: &[String]) -> Result<(), String> {
     Ok(())
 }
 
+/// The first placeholder of `text`, if there is one.
+pub(crate) fn first_name(text: &str) -> Option<&str> {
+    pieces(text).ok()?.into_iter().find_map(|piece| match piece {
+        Piece::Name(name) => Some(name),
+        Piece::Text(_) | Piece::Brace(_) => None,
+    })
+}
+
 /// Replaces the placeholders by their values; unknown ones, which [`check`] refuses, stay.
 pub(crate) fn fill(text: &str, value: impl Fn(&str) -> Option<String>) -> String {
     let Ok(pieces) = pieces(text) else { return text.to_owned() };

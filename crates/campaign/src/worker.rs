@@ -55,7 +55,8 @@ impl Worker {
         if let Some(outcome) = published(&path, &fingerprint)? {
             return Ok(outcome);
         }
-        let runner = Runner { dir: &self.dir, spec: &self.record.spec, mark: None, alone: false };
+        let (dir, spec) = (&self.dir, &self.record.spec);
+        let runner = Runner { dir, spec, mark: None, workers: None, alone: false };
         let ran = runner.run(&task, stop, |_| ())?;
         self.publish(&path, &task, &ran.outcome)?;
         runner.tidy(&task, &ran);

@@ -1,5 +1,5 @@
 //! Cost of a run beside the simulator: runs of a command that only leaves one number, started bare, through the
-//! campaign's folder, and as a plan through `calibrate`.
+//! campaign's folder, and as a plan through `calibrate`; and of a worker that answers with it, alone and through the folder.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -8,8 +8,8 @@ use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use campaign::{
-    Call, Campaign, CampaignSpec, CommandSpec, Executor, Format, Interpolation, Local, OutputSpec,
-    ResultSpec, Stop, Task,
+    ANSWER, Call, Campaign, CampaignSpec, CommandSpec, Executor, Format, Interpolation, Local,
+    OutputSpec, ResultSpec, Stop, Task, ask_worker,
 };
 use workbench::error::{Failure, RunError};
 use workbench::number::significant;
@@ -20,37 +20,63 @@ use crate::timing::{Clock, Timing};
 
 /// Only builtins of the shell, so that one run is one process.
 const SCRIPT: &str = r"printf 't,y\n1,%s\n' $0 > out.csv";
+/// The same as a worker.
+const WORKER: &str = r#"
+import json, sys
+for line in sys.stdin:
+    request = json.loads(line)
+    answer = {{"protocol": 1}}
+    if "id" in request:
+        answer = {{"id": request["id"], "values": {{"y": [request["parameters"]["a"]]}}}}
+    print(json.dumps(answer), flush=True)
+"#;
 const ROUNDS: usize = 3;
+/// Exchanges with a worker for each run: they are short beside the scatter of its start.
+const EXCHANGES: usize = 50;
 
 const TEXT: &str = "\
 A command that leaves one number (`sh`, builtins only), so many runs, in turn, the median of three rounds. *bare*: the command started by
 as many threads. *campaign*: the same through the run folder, with its journal and checksums, by the local executor. *plan*: the same as a
-plan through `calibrate` beside this program, with sampler and report.
+plan through `calibrate` beside this program, with sampler and report. *Python, bare*: `python3 -c pass` started by as many threads. *exchange*: one worker in Python
+that answers with the number, asked for one run after the other, without a folder; its start is not counted. *worker*: such workers through the run folder, as many as runs at a time.
 ";
+
+/// What is timed in each round.
+const WAYS: [&str; 6] = ["bare", "campaign", "plan", "Python, bare", "exchange", "worker"];
 
 pub(crate) fn run(args: &OverheadArgs, out: &Path) -> Result<(), Failure> {
     let report = Report::begin(out, "overhead")?;
     let folder = tempfile::tempdir().map_err(RunError::new)?;
-    let mut walls_s: [Vec<f64>; 3] = Default::default();
+    let mut walls_s: [Vec<f64>; WAYS.len()] = Default::default();
+    let python = Command::new("python3").arg("--version").output().is_ok();
+    let tasks: Vec<Task> = (0..args.runs as u64)
+        .map(|number| Task { number, command: 0, parameters: vec![0.1 * number as f64] })
+        .collect();
     for round in 1..=ROUNDS {
         let dir = folder.path().join(round.to_string());
         fs::create_dir(&dir).map_err(RunError::new)?;
-        walls_s[0].push(bare(args, &dir)?);
-        walls_s[1].push(campaign(args, &dir.join("campaign"))?);
+        walls_s[0].push(bare(args, &["sh", "-c", SCRIPT, "0.5"], &dir)?);
+        walls_s[1].push(campaign(args, &command(), &tasks, &dir.join("campaign"))?);
         walls_s[2].extend(plan(args, &dir)?);
+        if python {
+            walls_s[3].push(bare(args, &["python3", "-c", "pass"], &dir)?);
+            walls_s[4].push(exchange(&tasks, &dir)?);
+            walls_s[5].push(campaign(args, &worker(), &tasks, &dir.join("workers"))?);
+        }
     }
     let mut table = Table::new(&["way", "wall time per run [ms]", "beside the bare command [ms]"]);
     let per_run_ms =
         |walls_s: &[f64]| 1e3 * Timing::of(walls_s.to_vec()).median_s / args.runs as f64;
     let bare_ms = per_run_ms(&walls_s[0]);
-    for (way, walls_s) in ["bare", "campaign", "plan"].into_iter().zip(&walls_s) {
-        let cells = if walls_s.is_empty() {
-            ["calibrate is not built".to_owned(), "–".to_owned()]
+    for (place, (way, walls_s)) in WAYS.into_iter().zip(&walls_s).enumerate() {
+        let [time, beside] = if walls_s.is_empty() {
+            ["not here".to_owned(), "–".to_owned()]
         } else {
             let ms = per_run_ms(walls_s);
-            [significant(ms, 3), significant(ms - bare_ms, 3)]
+            let beside = significant(ms - bare_ms, 3);
+            [significant(ms, 3), if place < 3 { beside } else { "–".to_owned() }]
         };
-        table.push([vec![way.to_owned()], cells.into()].concat());
+        table.push(vec![way.to_owned(), time, beside]);
     }
     report.table(&table)?;
     let text =
@@ -59,12 +85,12 @@ pub(crate) fn run(args: &OverheadArgs, out: &Path) -> Result<(), Failure> {
 }
 
 /// The command started as simply as possible on as many threads; wall time \[s\].
-fn bare(args: &OverheadArgs, dir: &Path) -> Result<f64, RunError> {
+fn bare(args: &OverheadArgs, argv: &[&str], dir: &Path) -> Result<f64, RunError> {
     let next = AtomicUsize::new(0);
     let start = || -> std::io::Result<()> {
         while next.fetch_add(1, Ordering::Relaxed) < args.runs {
-            let mut command = Command::new("sh");
-            command.args(["-c", SCRIPT, "0.5"]).current_dir(dir);
+            let mut command = Command::new(argv[0]);
+            command.args(&argv[1..]).current_dir(dir);
             command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).status()?;
         }
         Ok(())
@@ -80,17 +106,18 @@ fn bare(args: &OverheadArgs, dir: &Path) -> Result<f64, RunError> {
 }
 
 /// The same through a campaign's folder; wall time \[s\].
-fn campaign(args: &OverheadArgs, dir: &Path) -> Result<f64, RunError> {
-    let spec = spec();
-    let campaign = Campaign::create(dir, &spec, &BTreeMap::new()).map_err(RunError::new)?;
-    let tasks: Vec<Task> = (0..args.runs as u64)
-        .map(|number| Task { number, command: 0, parameters: vec![0.1 * number as f64] })
-        .collect();
-    let mut local = Local { parallel: args.parallel };
+fn campaign(
+    args: &OverheadArgs,
+    spec: &CampaignSpec,
+    tasks: &[Task],
+    dir: &Path,
+) -> Result<f64, RunError> {
+    let campaign = Campaign::create(dir, spec, &BTreeMap::new()).map_err(RunError::new)?;
+    let mut local = Local::new(args.parallel);
     let (wall_s, ran) =
-        Clock::Wall.measure(|| local.run(&campaign, &tasks, &mut |_| (), &Stop::new()));
+        Clock::Wall.measure(|| local.run(&campaign, tasks, &mut |_| (), &Stop::new()));
     ran.map_err(RunError::new)?;
-    for task in &tasks {
+    for task in tasks {
         let outcome = campaign.outcome(task.number);
         if outcome.as_ref().and_then(|outcome| outcome.values()) != Some(&task.parameters) {
             return Err(RunError::new(format_args!("run {}: {outcome:?}", task.number)));
@@ -99,12 +126,40 @@ fn campaign(args: &OverheadArgs, dir: &Path) -> Result<f64, RunError> {
     Ok(wall_s)
 }
 
-fn spec() -> CampaignSpec {
+/// One worker that is asked for one run after the other, without a folder; wall time \[s\].
+fn exchange(tasks: &[Task], dir: &Path) -> Result<f64, RunError> {
+    let asked = |tasks: &[Task], name: &str| -> Result<f64, RunError> {
+        let folder = dir.join(name);
+        fs::create_dir(&folder).map_err(RunError::new)?;
+        let (wall_s, answers) = Clock::Wall.measure(|| ask_worker(&worker(), tasks, &folder));
+        for (task, answer) in tasks.iter().zip(answers.map_err(RunError::new)?) {
+            if answer["y"][0].as_f64() != task.parameters.first().copied() {
+                return Err(RunError::new(format_args!("run {}: {answer}", task.number)));
+            }
+        }
+        Ok(wall_s)
+    };
+    // The start, and the end, are those of a worker that is asked once.
+    let all = vec![tasks; EXCHANGES].concat();
+    let often = asked(&all, "asked")? - asked(&tasks[..1], "started")?;
+    Ok(often / EXCHANGES as f64)
+}
+
+fn command() -> CampaignSpec {
     let argv = ["sh", "-c", SCRIPT, "{a}"].map(str::to_owned).to_vec();
-    let call = Call { timeout_s: 60.0, retries: 0, ..Call::new(argv) };
+    spec(Call::new(argv), "out.csv", Format::Csv)
+}
+
+fn worker() -> CampaignSpec {
+    let argv = ["python3", "-c", WORKER].map(str::to_owned).to_vec();
+    spec(Call { worker: true, ..Call::new(argv) }, ANSWER, Format::Json)
+}
+
+fn spec(call: Call, file: &str, format: Format) -> CampaignSpec {
+    let call = Call { timeout_s: 60.0, retries: 0, ..call };
     let result = ResultSpec {
-        file: "out.csv".into(),
-        format: Format::Csv,
+        file: file.into(),
+        format,
         control: None,
         value: "y".into(),
         interpolate: Interpolation::Refuse,

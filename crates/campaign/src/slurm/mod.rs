@@ -27,6 +27,7 @@ use std::time::Duration;
 
 pub use settings::{SlurmSettingError, SlurmSettings};
 
+use crate::attempt::no_workers;
 use crate::campaign::Campaign;
 use crate::error::ExecutorError;
 use crate::executor::{Event, Executor, Stop};
@@ -78,11 +79,14 @@ impl Executor for Slurm {
 
     fn run_fed(
         &mut self,
-        _: &Campaign,
+        campaign: &Campaign,
         feed: &Feed<'_>,
         watch: &mut dyn FnMut(Event),
         stop: &Stop,
     ) -> Result<(), ExecutorError> {
+        if let Some(worker) = campaign.spec().commands.iter().find(|command| command.call.worker) {
+            return Err(no_workers(worker));
+        }
         Session::begin(&self.cluster, feed, watch, stop)?.run()
     }
 }

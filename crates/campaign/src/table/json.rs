@@ -30,12 +30,14 @@ impl Json {
     }
 }
 
+/// A value in JSON, with null for NaN and infinities: Python writes them, and JSON does not have them.
+pub(crate) fn parse(text: &str) -> Result<Value, String> {
+    serde_json::from_str(text)
+        .or_else(|error| serde_json::from_str(&without_nan(text)).map_err(|_| error.to_string()))
+}
+
 fn json(text: &str) -> Result<Json, String> {
-    let parsed = serde_json::from_str(text).or_else(|error| {
-        // Python writes NaN and Infinity, which JSON does not have.
-        serde_json::from_str(&without_nan(text)).map_err(|_| error.to_string())
-    });
-    match parsed? {
+    match parse(text)? {
         Value::Object(object) => {
             let mut names = Vec::new();
             let mut columns = Vec::new();

@@ -24,6 +24,7 @@ use serde::{Deserialize, Serialize};
 
 pub use error::TableError;
 use json::Json;
+pub(crate) use json::parse as parse_json;
 use lines::{Lines, SEPARATORS, Split};
 
 /// How a table is written.

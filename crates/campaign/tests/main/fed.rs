@@ -82,7 +82,7 @@ fn what_is_placed_does_not_depend_on_the_executor_or_on_the_order_in_which_runs_
     for seed in 1..20 {
         assert_eq!(given(&mut simulated(1 + seed as usize, seed)), first, "seed {seed}");
     }
-    assert_eq!(given(&mut Local { parallel: 3 }), first);
+    assert_eq!(given(&mut Local::new(3)), first);
     let threads =
         InProcess::new(2, |task: &Task| Ok(vec![task.parameters[0] + task.parameters[1]]));
     assert_eq!(given(&mut threads.unwrap()), first);
@@ -95,7 +95,7 @@ fn a_straggler_does_not_hold_up_the_batches_after_the_next() {
     let script = "if [ $3 = 0 ]; then while ! [ -e ../../../../ended ]; do sleep 0.02; done; fi; \
                   printf 'x\\n1\\n' > out.csv; if [ $3 = 10 ]; then touch ../../../../ended; fi";
     let campaign = create(&sandbox.dir(), &spec(shell(script)));
-    let (given, events) = feed_to(&mut Local { parallel: 2 }, &campaign, &Stop::new());
+    let (given, events) = feed_to(&mut Local::new(2), &campaign, &Stop::new());
     assert_eq!(given.unwrap().len(), 40);
     let at = |number| {
         let end = Event::Ended { number, failed: None };
@@ -112,7 +112,7 @@ fn whoever_waits_is_told_why_the_executor_stopped() {
         let mut command = shell(script);
         command.call.retries = 0;
         let campaign = create(&sandbox.dir(), &spec(command));
-        let (given, _) = feed_to(&mut Local { parallel: 2 }, &campaign, &Stop::new());
+        let (given, _) = feed_to(&mut Local::new(2), &campaign, &Stop::new());
         let error = given.unwrap_err().to_string();
         assert!(error.contains(words), "{error}");
     }
@@ -141,7 +141,7 @@ fn what_nobody_waits_for_any_more_is_ended() {
     let feed = Feed::new(&campaign);
     let begun = Instant::now();
     std::thread::scope(|scope| {
-        scope.spawn(|| feed.serve(&mut Local { parallel: 2 }, &mut |_| (), &Stop::new()));
+        scope.spawn(|| feed.serve(&mut Local::new(2), &mut |_| (), &Stop::new()));
         scope.spawn(|| feed.wait(&tasks(4)));
         std::thread::sleep(Duration::from_millis(300));
         feed.close();

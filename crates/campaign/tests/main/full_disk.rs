@@ -119,7 +119,7 @@ fn a_program_that_fails_on_a_full_disk_is_not_a_failed_run() {
     let dir = disk.folder.path().join("campaign");
     let big = "dd if=/dev/zero of=big bs=1k count=4000 2>/dev/null || exit 1";
     let campaign = create(&dir, &spec(shell(&format!("{big}; printf 'x\\n%s\\n' $1 > out.csv"))));
-    let mut local = campaign::Local { parallel: 1 };
+    let mut local = campaign::Local::new(1);
     let error = local.run(&campaign, &tasks(2), &mut |_| (), &Stop::new()).unwrap_err();
     let full = matches!(&error, ExecutorError::Campaign(error) if error.is_disk_full());
     assert!(full, "{error}");

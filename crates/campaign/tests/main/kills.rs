@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 use campaign::{Campaign, CampaignSpec, status};
 
 use crate::sandbox::{
-    Sandbox, bits, create, given_dir, is_gone, run, shell, spec, task, tasks, this_program, values,
+    Sandbox, bits, create, given_dir, is_gone, run, running_driver, shell, spec, task, tasks,
+    this_program, values,
 };
 
 const TASKS: u64 = 50;
@@ -100,12 +101,7 @@ fn runs_of_a_killed_driver_end_when_their_time_is_over() {
     let mut command = shell(&format!("echo $$ >> {}; sleep 300", pids.display()));
     command.call.timeout_s = 3.0;
     drop(create(&sandbox.dir(), &spec(command)));
-    let mut driver = this_program(&[], "kills::driver", &sandbox.dir());
-    let mut driver = driver.stdout(std::process::Stdio::null()).spawn().unwrap();
-    let start = Instant::now();
-    while sandbox.lines("pids").len() < 2 && start.elapsed() < Duration::from_secs(30) {
-        std::thread::sleep(Duration::from_millis(10));
-    }
+    let mut driver = running_driver(&sandbox, "pids");
     driver.kill().unwrap();
     driver.wait().unwrap();
     let pids: Vec<i32> = sandbox.lines("pids").iter().map(|pid| pid.parse().unwrap()).collect();
@@ -125,12 +121,7 @@ fn what_a_killed_driver_left_running_is_ended_before_it_is_run_again() {
         go.display()
     );
     drop(create(&sandbox.dir(), &spec(shell(&script))));
-    let mut driver = this_program(&[], "kills::driver", &sandbox.dir());
-    let mut driver = driver.stdout(std::process::Stdio::null()).spawn().unwrap();
-    let start = Instant::now();
-    while sandbox.lines("pids").len() < 2 && start.elapsed() < Duration::from_secs(30) {
-        std::thread::sleep(Duration::from_millis(10));
-    }
+    let mut driver = running_driver(&sandbox, "pids");
     let running = status(&sandbox.dir()).unwrap();
     assert_eq!((running.submitted, running.running, running.queued), (10, 2, 8));
     assert_eq!(running.driver.unwrap().unwrap().pid, driver.id());

@@ -247,7 +247,7 @@ fn a_program_that_is_not_there_is_no_outcome_and_can_be_mended() {
     let mut command = shell("");
     command.call.argv = vec![program.to_str().unwrap().into(), "{a}".into()];
     let campaign = create(&sandbox.dir(), &spec(command));
-    let mut local = Local { parallel: 2 };
+    let mut local = Local::new(2);
     let error = local.run(&campaign, &tasks(4), &mut |_| (), &Stop::new()).unwrap_err();
     assert!(matches!(error, ExecutorError::CannotStart { .. }), "{error}");
     assert!(error.to_string().contains("there is no such program"), "{error}");
@@ -284,7 +284,7 @@ fn cancel_ends_the_runs_at_once_and_keeps_what_had_finished() {
             stop.cancel();
         }
     };
-    let result = Local { parallel: 2 }.run(&campaign, &tasks(8), &mut watch, &stop);
+    let result = Local::new(2).run(&campaign, &tasks(8), &mut watch, &stop);
     assert!(matches!(result, Err(ExecutorError::Interrupted { detached: false })), "{result:?}");
     assert!(asked.elapsed() < Duration::from_secs(3), "{:?}", asked.elapsed());
     let missing = campaign.missing(&tasks(8));
@@ -306,7 +306,7 @@ fn no_more_runs_than_allowed_at_the_same_time() {
     let log = sandbox.file("log");
     let script = format!("echo + >> {0}; sleep 0.1; echo - >> {0}; {ECHO}", log.display());
     let campaign = create(&sandbox.dir(), &spec(shell(&script)));
-    Local { parallel: 3 }.run(&campaign, &tasks(12), &mut |_| (), &Stop::new()).unwrap();
+    Local::new(3).run(&campaign, &tasks(12), &mut |_| (), &Stop::new()).unwrap();
     let (mut now, mut most) = (0, 0);
     for line in sandbox.lines("log") {
         now += if line == "+" { 1 } else { -1 };

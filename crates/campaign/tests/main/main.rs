@@ -9,6 +9,7 @@ mod full_disk;
 mod kills;
 mod local;
 mod outages;
+mod persistent;
 mod sandbox;
 mod status;
 mod store;

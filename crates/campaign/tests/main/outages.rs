@@ -186,7 +186,7 @@ fn driver() {
     let Some(dir) = given_dir() else { return };
     let (campaign, _) = Campaign::open(&dir).unwrap();
     match campaign::Executor::run(
-        &mut campaign::Local { parallel: 2 },
+        &mut campaign::Local::new(2),
         &campaign,
         &tasks(6),
         &mut |_| (),

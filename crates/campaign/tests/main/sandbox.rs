@@ -74,14 +74,14 @@ pub(crate) fn create(dir: &Path, spec: &CampaignSpec) -> Campaign {
 /// Runs tasks on two processes and gives what happened.
 pub(crate) fn run(campaign: &Campaign, tasks: &[Task]) -> Vec<Event> {
     let mut events = Vec::new();
-    let mut local = Local { parallel: 2 };
+    let mut local = Local::new(2);
     local.run(campaign, tasks, &mut |event| events.push(event), &Stop::new()).unwrap();
     events
 }
 
 /// Same as [`run`], for tasks that cannot all be made.
 pub(crate) fn fails(campaign: &Campaign, tasks: &[Task]) -> ExecutorError {
-    let mut local = Local { parallel: 2 };
+    let mut local = Local::new(2);
     local.run(campaign, tasks, &mut |_| (), &Stop::new()).unwrap_err()
 }
 
@@ -117,6 +117,17 @@ pub(crate) fn this_program(wrapper: &[&str], test: &str, dir: &Path) -> std::pro
     command.args(&line[1..]).env("CAMPAIGN_TEST", dir).env("RUST_BACKTRACE", "0");
     command.stdin(std::process::Stdio::null());
     command
+}
+
+/// A driver in a process of its own, the ignored test `kills::driver`, once its runs have left two lines in `file`.
+pub(crate) fn running_driver(sandbox: &Sandbox, file: &str) -> std::process::Child {
+    let mut driver = this_program(&[], "kills::driver", &sandbox.dir());
+    let driver = driver.stdout(std::process::Stdio::null()).spawn().unwrap();
+    let start = std::time::Instant::now();
+    while sandbox.lines(file).len() < 2 && start.elapsed().as_secs() < 30 {
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    driver
 }
 
 /// The directory that [`this_program`] was given; none where the test was started by hand.

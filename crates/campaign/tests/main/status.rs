@@ -63,7 +63,7 @@ fn the_status_can_be_read_while_runs_are_made() {
             }
             seen
         });
-        Local { parallel: 2 }.run(&campaign, &tasks(20), &mut |_| (), &Stop::new()).unwrap();
+        Local::new(2).run(&campaign, &tasks(20), &mut |_| (), &Stop::new()).unwrap();
         stop.cancel();
         asking.join().unwrap()
     });

@@ -450,9 +450,9 @@ fn executor(
 ) -> Result<Box<dyn Executor + Send>, Failure> {
     let cores = || std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     match plan {
-        ExecutorPlan::Threads { .. } => Ok(Box::new(Local { parallel: 1 })),
+        ExecutorPlan::Threads { .. } => Ok(Box::new(Local::new(1))),
         ExecutorPlan::Local { parallel } => {
-            Ok(Box::new(Local { parallel: parallel.unwrap_or_else(cores) }))
+            Ok(Box::new(Local::new(parallel.unwrap_or_else(cores))))
         }
         ExecutorPlan::Slurm(settings) => {
             let slurm = Slurm::new(settings.clone(), options.worker.clone()).map_err(|error| {

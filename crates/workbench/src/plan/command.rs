@@ -15,11 +15,11 @@ const TIMEOUT_S: f64 = 3600.0;
 /// Number of retries of a lost run, unless the plan has one.
 const RETRIES: u32 = 2;
 
-/// Reads the command of an experiment; `folder` is that of the plan.
+/// Reads the command of an experiment; `folder` is that of the plan. That of a worker has no placeholder but the folder.
 pub(super) fn command(
     folder: &Path,
     fields: &Fields<'_>,
-    parameters: &[String],
+    (parameters, worker): (&[String], bool),
 ) -> Result<Call, InputError> {
     let argv = fields.texts("argv")?.ok_or_else(|| {
         fields
@@ -46,28 +46,19 @@ pub(super) fn command(
             .found("[]")
             .expected("the program and its arguments"));
     };
+    let check = |text: &str, place: InputError| match template::check(text, parameters) {
+        Ok(()) if worker => of_worker(text, place),
+        Ok(()) => Ok(()),
+        Err(error) => Err(template_error(place, text, &error, parameters)),
+    };
     for argument in &argv.value {
-        template::check(argument, parameters).map_err(|error| {
-            template_error(
-                fields.error("argv", argv.line, Mistake::UnknownName),
-                argument,
-                &error,
-                parameters,
-            )
-        })?;
+        check(argument, fields.error("argv", argv.line, Mistake::UnknownName))?;
     }
     check_program(folder, fields, program, argv.line)?;
     let mut environment = BTreeMap::new();
     if let Some(table) = &environment_table {
         for (at, value) in table.named_texts()? {
-            template::check(value, parameters).map_err(|error| {
-                template_error(
-                    table.error(at.value, at.line, Mistake::UnknownName),
-                    value,
-                    &error,
-                    parameters,
-                )
-            })?;
+            check(value, table.error(at.value, at.line, Mistake::UnknownName))?;
             if at.value.is_empty() || at.value.contains(['=', '\0']) || value.contains('\0') {
                 return Err(table
                     .error(at.value, at.line, Mistake::OutOfRange)
@@ -78,6 +69,7 @@ pub(super) fn command(
     }
     Ok(Call {
         argv: argv.value.into_iter().map(str::to_owned).collect(),
+        worker,
         files,
         environment,
         timeout_s,
@@ -86,6 +78,17 @@ pub(super) fn command(
         lost,
         keep,
     })
+}
+
+/// Refuses placeholders of one run, of which a worker makes many.
+fn of_worker(text: &str, place: InputError) -> Result<(), InputError> {
+    match template::names(text).into_iter().find(|name| *name != "plan_dir") {
+        None => Ok(()),
+        Some(name) => Err(place
+            .found(format_args!("the placeholder {{{name}}} of a worker"))
+            .expected("{plan_dir} alone")
+            .help("a worker is told parameters, seed and number of the run with every request")),
+    }
 }
 
 /// The exit codes that ask to be called again later.

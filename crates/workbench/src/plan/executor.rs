@@ -2,15 +2,16 @@
 
 use campaign::slurm::SlurmSettings;
 
-use super::ExecutorPlan;
+use super::types::{ExecutorPlan, ExperimentPlan, SimulatorPlan};
 use crate::error::{InputError, Mistake};
 use crate::input::toml_fields::Fields;
 
 /// Reads `[executor]`; by default threads for built-in simulators alone, and local processes for commands.
 pub(super) fn executor(
     fields: Option<&Fields<'_>>,
-    commands: bool,
+    experiments: &[ExperimentPlan],
 ) -> Result<ExecutorPlan, InputError> {
+    let commands = experiments.iter().any(|e| matches!(e.simulator, SimulatorPlan::Command(_)));
     let Some(fields) = fields else {
         return Ok(if commands {
             ExecutorPlan::Local { parallel: None }
@@ -33,6 +34,18 @@ pub(super) fn executor(
             .found(found)
             .expected(expected)
             .help("leave [executor] out for the default"));
+    }
+    let stays =
+        |e: &&ExperimentPlan| matches!(&e.simulator, SimulatorPlan::Command(call) if call.worker);
+    if let ("slurm", Some(worker)) = (kind.value, experiments.iter().find(stays)) {
+        return Err(fields
+            .error("kind", kind.line, Mistake::Conflict)
+            .found(format_args!("Slurm, which keeps no workers, and {} has one", worker.name))
+            .expected("\"local\"")
+            .help(format_args!(
+                "or kind = \"command\" in [experiments.{}.simulator]: a program that is started for each run",
+                worker.name
+            )));
     }
     let few = |key, most| {
         Ok::<_, InputError>(fields.whole(key, 1, most)?.map(|number| number.value as usize))

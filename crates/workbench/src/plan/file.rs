@@ -92,7 +92,7 @@ fn read_plan(
     let commands = experiments.iter().any(|e| matches!(e.simulator, SimulatorPlan::Command(_)));
     let (sampler, design) =
         sampler(folder_of(path), sampler_table.as_ref(), commands, &parameters)?;
-    let executor = executor(executor_table.as_ref(), commands)?;
+    let executor = executor(executor_table.as_ref(), &experiments)?;
     let version = env!("CARGO_PKG_VERSION").to_owned();
     let plan = Plan {
         name,
@@ -167,17 +167,27 @@ fn experiment(
     let Some(simulator) = simulator else {
         return Err(fields
             .missing("simulator")
-            .expected("kind = \"command\" with argv, or kind = \"builtin\" with experiment")
+            .expected(
+                "kind = \"command\" or \"worker\" with argv, or kind = \"builtin\" with experiment",
+            )
             .help("add the table [experiments.NAME.simulator]"));
     };
-    let builtin = simulator
-        .choice("kind", &[("builtin", true), ("command", false)])?
-        .ok_or_else(|| simulator.missing("kind").expected("\"command\" or \"builtin\""))?;
-    if builtin.value {
+    #[derive(Clone, Copy, PartialEq)]
+    enum Kind {
+        Builtin,
+        Command,
+        Worker,
+    }
+    let kinds = [("builtin", Kind::Builtin), ("command", Kind::Command), ("worker", Kind::Worker)];
+    let kind = simulator.choice("kind", &kinds)?.ok_or_else(|| {
+        simulator.missing("kind").expected("\"command\", \"worker\" or \"builtin\"")
+    })?;
+    if kind.value == Kind::Builtin {
         let pair = pair(folder, &simulator, observables.as_ref(), parameters, warnings)?;
         return Ok(ExperimentPlan { name: name.to_owned(), ..pair });
     }
-    let call = command(folder, &simulator, parameters)?;
+    let worker = kind.value == Kind::Worker;
+    let call = command(folder, &simulator, (parameters, worker))?;
     let Some(tables) = observables else {
         return Err(fields
             .missing("observables")
@@ -188,7 +198,7 @@ fn experiment(
         .iter()
         .map(|(at, table)| {
             check_word(&tables, *at, "an observable")?;
-            observable(folder, at.value, table)
+            observable(folder, at.value, table, worker)
         })
         .collect::<Result<_, _>>()?;
     let experiment = ExperimentPlan {

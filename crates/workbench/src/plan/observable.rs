@@ -2,7 +2,7 @@
 
 use std::path::{Component, Path};
 
-use campaign::{Format, Interpolation, ResultSpec};
+use campaign::{ANSWER, Format, Interpolation, ResultSpec};
 use smc_calib::{DistanceScale, FixedSigma, Noise};
 
 use super::types::ObservablePlan;
@@ -11,11 +11,12 @@ use crate::input::data_table::DataTable;
 use crate::input::text_file;
 use crate::input::toml_fields::{At, Fields};
 
-/// Reads an observable of a command; `folder` is that of the plan.
+/// Reads an observable of a command, or of a worker; `folder` is that of the plan.
 pub(super) fn observable(
     folder: &Path,
     name: &str,
     fields: &Fields<'_>,
+    worker: bool,
 ) -> Result<ObservablePlan, InputError> {
     let table_field = fields
         .text("table")?
@@ -61,15 +62,16 @@ pub(super) fn observable(
             .missing("sigma")
             .expected("the column of the standard deviations, which noise fixed-table uses"));
     }
-    let Some(result_table) = result_table else {
-        return Err(fields
-            .missing("result")
-            .expected("where a run leaves the simulated values")
-            .help(
-                "result = { file = \"out.csv\", format = \"csv\", control = \"t\", value = \"f\" }",
-            ));
-    };
-    observable.result = Some(result(&result_table, observable.control_column.is_some())?);
+    observable.result = Some(match result_table {
+        Some(table) => result(&table, &observable, worker)?,
+        None if worker => answer(&observable),
+        None => {
+            return Err(fields
+                .missing("result")
+                .expected("where a run leaves the simulated values")
+                .help("result = { file = \"out.csv\", format = \"csv\", control = \"t\", value = \"f\" }"));
+        }
+    });
     checked(&observable)?;
     Ok(observable)
 }
@@ -213,10 +215,74 @@ fn nodes(fields: &Fields<'_>) -> Result<Option<[usize; 2]>, InputError> {
         .expected("[LENGTHS, SHARES], each a whole number of 1 to 64"))
 }
 
-fn result(fields: &Fields<'_>, has_control: bool) -> Result<ResultSpec, InputError> {
-    let file = fields
-        .text("file")?
-        .ok_or_else(|| fields.missing("file").expected("a file in the folder of the run"))?;
+/// The answer of a worker, with columns that are called as those of the measurements.
+fn answer(observable: &ObservablePlan) -> ResultSpec {
+    let control = observable.control_column.clone();
+    ResultSpec {
+        file: ANSWER.to_owned(),
+        format: Format::Json,
+        interpolate: between(control.is_some()),
+        control,
+        value: observable.value_column.clone(),
+    }
+}
+
+/// Whether values are interpolated where the plan does not say.
+fn between(has_control: bool) -> Interpolation {
+    if has_control { Interpolation::Linear } else { Interpolation::Refuse }
+}
+
+fn result(
+    fields: &Fields<'_>,
+    observable: &ObservablePlan,
+    worker: bool,
+) -> Result<ResultSpec, InputError> {
+    let has_control = observable.control_column.is_some();
+    let file = fields.text("file")?;
+    let answered = file.is_none() && worker;
+    let (file, format) = match file {
+        None if worker => (ANSWER.to_owned(), Format::Json),
+        file => result_file(fields, file)?,
+    };
+    let default = answered.then(|| answer(observable));
+    let owned = |at: Option<At<&str>>| at.map(|at| at.value.to_owned());
+    let value = owned(fields.text("value")?)
+        .or(default.as_ref().map(|answer| answer.value.clone()))
+        .ok_or_else(|| fields.missing("value").expected("the column of the simulated values"))?;
+    let control = fields.text("control")?;
+    let interpolate = fields.choice(
+        "interpolate",
+        &[("linear", Interpolation::Linear), ("refuse", Interpolation::Refuse)],
+    )?;
+    fields.finish()?;
+    if let (false, Some(at)) = (has_control, &control) {
+        return Err(fields
+            .error("control", at.line, Mistake::Conflict)
+            .found("a control column of the result, but none of the measurements")
+            .help("name the measurements' column with control beside table"));
+    }
+    let control = owned(control).or(default.and_then(|answer| answer.control));
+    if has_control && control.is_none() {
+        return Err(fields.missing("control").expected(
+            "the result's column of the control variable, as the measurements have one",
+        ));
+    }
+    if let (false, Some(At { value: Interpolation::Linear, line })) = (has_control, interpolate) {
+        return Err(fields
+            .error("interpolate", line, Mistake::Conflict)
+            .found("interpolation without a control variable"));
+    }
+    let interpolate = interpolate.map_or(between(has_control), |at| at.value);
+    Ok(ResultSpec { file, format, control, value, interpolate })
+}
+
+/// The file of a result, and its format.
+fn result_file(
+    fields: &Fields<'_>,
+    file: Option<At<&str>>,
+) -> Result<(String, Format), InputError> {
+    let file =
+        file.ok_or_else(|| fields.missing("file").expected("a file in the folder of the run"))?;
     let relative = Path::new(file.value);
     if relative.is_absolute() || relative.components().any(|part| part == Component::ParentDir) {
         return Err(fields
@@ -242,44 +308,7 @@ fn result(fields: &Fields<'_>, has_control: bool) -> Result<ResultSpec, InputErr
             }
         },
     };
-    let value = fields
-        .text("value")?
-        .ok_or_else(|| fields.missing("value").expected("the column of the simulated values"))?;
-    let control = fields.text("control")?;
-    let interpolate = fields.choice(
-        "interpolate",
-        &[("linear", Interpolation::Linear), ("refuse", Interpolation::Refuse)],
-    )?;
-    fields.finish()?;
-    match (has_control, &control) {
-        (true, None) => {
-            return Err(fields.missing("control").expected(
-                "the result's column of the control variable, as the measurements have one",
-            ));
-        }
-        (false, Some(at)) => {
-            return Err(fields
-                .error("control", at.line, Mistake::Conflict)
-                .found("a control column of the result, but none of the measurements")
-                .help("name the measurements' column with control beside table"));
-        }
-        _ => {}
-    }
-    if let (false, Some(At { value: Interpolation::Linear, line })) = (has_control, interpolate) {
-        return Err(fields
-            .error("interpolate", line, Mistake::Conflict)
-            .found("interpolation without a control variable"));
-    }
-    Ok(ResultSpec {
-        file: file.value.to_owned(),
-        format,
-        control: control.map(|at| at.value.to_owned()),
-        value: value.value.to_owned(),
-        interpolate: interpolate.map_or(
-            if has_control { Interpolation::Linear } else { Interpolation::Refuse },
-            |at| at.value,
-        ),
-    })
+    Ok((file.value.to_owned(), format))
 }
 
 /// The observations and the noise model go together.

@@ -260,12 +260,14 @@ pub(super) fn check_all_used(
 }
 
 /// Whether a command, or a template of its input files, has a placeholder for a parameter, or for the file with all of them.
+/// A worker gets all parameters.
 fn commands_name(folder: &Path, experiments: &[ExperimentPlan], parameter: &str) -> bool {
     let names = |text: &String| {
         let pieces = pieces(text).unwrap_or_default();
         [parameter, "parameters"].iter().any(|name| pieces.contains(&Piece::Name(name)))
     };
     experiments.iter().any(|experiment| match &experiment.simulator {
+        SimulatorPlan::Command(call) if call.worker => true,
         SimulatorPlan::Command(call) => {
             call.argv.iter().chain(call.environment.values()).any(names)
                 || templates_name(folder, &call.files, parameter)

@@ -36,6 +36,12 @@ pub(crate) fn check(template: &str, parameters: &[String]) -> Result<(), Templat
     Ok(())
 }
 
+/// The names of all placeholders.
+pub(crate) fn names(template: &str) -> Vec<&str> {
+    let name = |piece| if let Piece::Name(name) = piece { Some(name) } else { None };
+    pieces(template).into_iter().flatten().filter_map(name).collect()
+}
+
 /// Replaces `{plan_dir}` and leaves everything else a template.
 pub(crate) fn with_folder(template: &str, folder: &str) -> Result<String, TemplateError> {
     let folder = folder.replace('{', "{{").replace('}', "}}");

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use campaign::inputs::Put;
-use campaign::{Format, Interpolation};
+use campaign::{ANSWER, Format, Interpolation};
 use smc_calib::{DistanceScale, FixedSigma, Noise, PriorSpec};
 
 use super::types::{
@@ -92,7 +92,8 @@ fn experiment_lines(experiment: &ExperimentPlan) -> Vec<String> {
     match &experiment.simulator {
         SimulatorPlan::Builtin(pair) => lines.extend(pair_lines(pair)),
         SimulatorPlan::Command(call) => {
-            lines.push(format!("  command     {}", call.argv.join(" ")));
+            let kind = if call.worker { "worker " } else { "command" };
+            lines.push(format!("  {kind}     {}", call.argv.join(" ")));
             for (put, by) in
                 [("copied", Put::Copy), ("linked", Put::Link), ("filled in", Put::Fill)]
             {
@@ -115,7 +116,8 @@ fn experiment_lines(experiment: &ExperimentPlan) -> Vec<String> {
         }
     }
     for observable in &experiment.observables {
-        lines.extend(observable_lines(observable));
+        let worker = matches!(&experiment.simulator, SimulatorPlan::Command(call) if call.worker);
+        lines.extend(observable_lines(observable, worker));
     }
     lines
 }
@@ -145,7 +147,7 @@ fn pair_lines(pair: &PairPlan) -> Vec<String> {
     lines
 }
 
-fn observable_lines(observable: &ObservablePlan) -> Vec<String> {
+fn observable_lines(observable: &ObservablePlan, worker: bool) -> Vec<String> {
     let points = observable.values.len();
     let span = match (&observable.control_column, &observable.control[..]) {
         (Some(column), [first, .., last]) => format!(", {column} {first} .. {last}"),
@@ -172,10 +174,11 @@ fn observable_lines(observable: &ObservablePlan) -> Vec<String> {
             Format::Whitespace => "whitespace",
             Format::Json => "json",
         };
-        lines.push(format!(
-            "    result    {} of {} ({format}), {between}",
-            result.value, result.file
-        ));
+        let source = match result.file.as_str() {
+            ANSWER if worker => "the answer".to_owned(),
+            file => format!("{file} ({format})"),
+        };
+        lines.push(format!("    result    {} of {source}, {between}", result.value));
     }
     lines
 }
