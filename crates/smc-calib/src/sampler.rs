@@ -114,10 +114,7 @@ impl<'a> Sampler<'a> {
     /// Places stages as `next` gives them (size, proposal, whether it is the last one), as far as the pool allows: a stage is
     /// placed from all stages that end [`Settings::overlap`] samples or more before its first, never from more, so that it
     /// does not matter which simulations end first.
-    pub(crate) fn place(
-        &mut self,
-        next: &mut dyn FnMut(&mut Self) -> Option<NextStage>,
-    ) {
+    pub(crate) fn place(&mut self, next: &mut dyn FnMut(&mut Self) -> Option<NextStage>) {
         let waits = |sampler: &Self| {
             sampler.placed.front().is_some_and(|placed| {
                 let end = sampler.pool.len() + placed.replicates.len();

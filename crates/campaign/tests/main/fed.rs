@@ -106,10 +106,7 @@ fn a_straggler_does_not_hold_up_the_batches_after_the_next() {
 
 #[test]
 fn whoever_waits_is_told_why_the_executor_stopped() {
-    let cases = [
-        ("kill -KILL $$", "lost more often"),
-        ("exit 3", "looks like an outage, "),
-    ];
+    let cases = [("kill -KILL $$", "lost more often"), ("exit 3", "looks like an outage, ")];
     for (script, words) in cases {
         let sandbox = Sandbox::new();
         let mut command = shell(script);
