@@ -186,23 +186,32 @@ fn a_program_that_is_replaced_is_noticed_and_refused_or_accepted() {
 /// Replaced by a program that gives other values, and put back as the message says.
 #[test]
 fn runs_of_a_program_that_was_replaced_for_a_while_are_made_again() {
-    let quiet = line(24, "0");
-    quiet.run("--plan line.toml --quiet").succeeded();
-    let sandbox = line(24, "0");
-    let wrong = LINE_SH.replacen("a * t", "a * t + 3", 1);
-    sandbox.write("wrong.sh", wrong.as_str());
-    let replaces = LINE_SH.replacen(
-        "sleep",
-        "if [ $(wc -l < \"$RUNS\") = 4 ]; then cp \"$(dirname \"$0\")/wrong.sh\" \"$0\"; fi\nsleep",
-        1,
-    );
-    sandbox.write("line.sh", replaces.as_str());
-    let ran = sandbox.run("--plan line.toml");
-    assert!(ran.code == 1 && ran.stderr.contains("line.sh has changed"), "{ran:#?}");
-    sandbox.write("line.sh", replaces.as_str());
-    sandbox.run("--resume results/line --quiet").succeeded();
-    let samples = |sandbox: &Sandbox| fs::read(sandbox.path().join("results/line/samples.csv"));
-    assert!(samples(&sandbox).expect("samples") == samples(&quiet).expect("samples"));
+    for overlap in ["", "overlap = 6"] {
+        let line = || {
+            let sandbox = line(24, "0");
+            let plan =
+                line_plan(24, "0").replace("samples = 24", &format!("samples = 24\n{overlap}"));
+            sandbox.write("line.toml", plan);
+            sandbox
+        };
+        let quiet = line();
+        quiet.run("--plan line.toml --quiet").succeeded();
+        let sandbox = line();
+        let wrong = LINE_SH.replacen("a * t", "a * t + 3", 1);
+        sandbox.write("wrong.sh", wrong.as_str());
+        let replaces = LINE_SH.replacen(
+            "sleep",
+            "if [ $(wc -l < \"$RUNS\") = 4 ]; then cp \"$(dirname \"$0\")/wrong.sh\" \"$0\"; fi\nsleep",
+            1,
+        );
+        sandbox.write("line.sh", replaces.as_str());
+        let ran = sandbox.run("--plan line.toml");
+        assert!(ran.code == 1 && ran.stderr.contains("line.sh has changed"), "{ran:#?}");
+        sandbox.write("line.sh", replaces.as_str());
+        sandbox.run("--resume results/line --quiet").succeeded();
+        let samples = |sandbox: &Sandbox| fs::read(sandbox.path().join("results/line/samples.csv"));
+        assert!(samples(&sandbox).expect("samples") == samples(&quiet).expect("samples"));
+    }
 }
 
 #[test]
