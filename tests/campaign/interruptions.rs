@@ -189,3 +189,33 @@ fn a_hundred_kills_at_random_moments_and_the_same_posterior() {
         begun.elapsed().as_secs_f64()
     );
 }
+
+#[test]
+fn runs_of_several_stages_at_a_time_give_the_bits_of_one_at_a_time_through_a_kill() {
+    // Half of the runs take their time.
+    let script = LINE_SH.replace("sleep \"$2\"", "case $1 in *[02468]) sleep 0.2;; esac");
+    let overlapping = |parallel: &str| {
+        let plan = line_plan(48, "0").replace("samples = 48", "samples = 48\noverlap = 12");
+        let sandbox = line(48, "0");
+        sandbox.write("line.toml", plan.replace("parallel = 2", parallel));
+        sandbox.write("line.sh", &script);
+        sandbox
+    };
+    let whole = overlapping("parallel = 1");
+    whole.run("--plan line.toml --quiet").succeeded();
+    let bytes = whole.posterior_bytes("results/line");
+    let sandbox = overlapping("parallel = 5");
+    let driver = Driver::start(&sandbox, "--plan line.toml");
+    until("a few runs", || runs(&sandbox) >= 20);
+    driver.signal(Signal::KILL);
+    driver.wait();
+    let finished = status(&sandbox, "results/line")["finished"].as_u64().expect("a number");
+    let before = runs(&sandbox);
+    sandbox.run("--resume results/line --quiet").succeeded();
+    assert_eq!(sandbox.posterior_bytes("results/line"), bytes);
+    assert_eq!(runs(&sandbox) - before, 48 - finished as usize, "nothing is run again");
+    // Another overlap is another result, and refused on resuming.
+    sandbox.write("other.toml", line_plan(48, "0"));
+    let other = sandbox.run("--resume results/line --plan other.toml");
+    assert!(other.code == 2 && other.stderr.contains("overlap"), "{other:#?}");
+}

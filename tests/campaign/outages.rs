@@ -271,33 +271,51 @@ fn a_program_that_is_replaced_is_noticed_and_refused_or_accepted() {
 /// Replaced by a program that gives other values, and put back as the message says.
 #[test]
 fn runs_of_a_program_that_was_replaced_for_a_while_are_made_again() {
-    let quiet = line(24, "0");
-    quiet.run("--plan line.toml --quiet").succeeded();
-    let sandbox = line(24, "0");
-    let wrong = LINE_SH.replacen("a * t", "a * t + 3", 1);
-    sandbox.write("wrong.sh", wrong.as_str());
-    let replaces = LINE_SH.replacen(
-        "sleep",
-        "if [ $(wc -l < \"$RUNS\") = 4 ]; then cp \"$(dirname \"$0\")/wrong.sh\" \"$0\"; fi\nsleep",
-        1,
-    );
-    sandbox.write("line.sh", replaces.as_str());
-    let ran = sandbox.run("--plan line.toml");
-    assert!(ran.code == 1 && ran.stderr.contains("line.sh has changed"), "{ran:#?}");
-    sandbox.write("line.sh", replaces.as_str());
-    sandbox.run("--resume results/line --quiet").succeeded();
-    let samples = |sandbox: &Sandbox| fs::read(sandbox.path().join("results/line/samples.csv"));
-    assert!(samples(&sandbox).expect("samples") == samples(&quiet).expect("samples"));
-    // The same where the driver is killed before it looks, and the program is put back before the next one does.
-    let sandbox = line(24, "0");
-    let kills = replaces.replacen("\"$0\"; fi", "\"$0\"; kill -9 $PPID; fi", 1);
-    sandbox.write("wrong.sh", wrong);
-    sandbox.write("line.sh", kills.as_str());
+    for overlap in ["", "overlap = 6"] {
+        let line = || {
+            let sandbox = line(24, "0");
+            let plan =
+                line_plan(24, "0").replace("samples = 24", &format!("samples = 24\n{overlap}"));
+            sandbox.write("line.toml", plan);
+            sandbox
+        };
+        let quiet = line();
+        quiet.run("--plan line.toml --quiet").succeeded();
+        let sandbox = line();
+        let wrong = LINE_SH.replacen("a * t", "a * t + 3", 1);
+        sandbox.write("wrong.sh", wrong.as_str());
+        let replaces = LINE_SH.replacen(
+            "sleep",
+            "if [ $(wc -l < \"$RUNS\") = 4 ]; then cp \"$(dirname \"$0\")/wrong.sh\" \"$0\"; fi\nsleep",
+            1,
+        );
+        sandbox.write("line.sh", replaces.as_str());
+        let ran = sandbox.run("--plan line.toml");
+        assert!(ran.code == 1 && ran.stderr.contains("line.sh has changed"), "{ran:#?}");
+        sandbox.write("line.sh", replaces.as_str());
+        sandbox.run("--resume results/line --quiet").succeeded();
+        let samples = |sandbox: &Sandbox| fs::read(sandbox.path().join("results/line/samples.csv"));
+        assert!(samples(&sandbox).expect("samples") == samples(&quiet).expect("samples"));
+    }
+}
+
+/// The same where the driver is killed before it looks, and the program is put back before the next one does.
+#[test]
+fn runs_of_a_program_that_was_replaced_while_its_driver_was_killed_are_made_again() {
     // One after the other, so that the fourth run ends the driver, and a fifth is never made.
     let plan = line_plan(24, "0").replace("parallel = 2", "parallel = 1");
-    sandbox.write("line.toml", plan.replace("samples = 24", "samples = 24\nbatch = 8"));
-    quiet.write("line.toml", plan.replace("samples = 24", "samples = 24\nbatch = 8"));
-    quiet.run("--plan line.toml --out results/batches --quiet").succeeded();
+    let plan = plan.replace("samples = 24", "samples = 24\nbatch = 8");
+    let (quiet, sandbox) = (line(24, "0"), line(24, "0"));
+    quiet.write("line.toml", plan.as_str());
+    quiet.run("--plan line.toml --quiet").succeeded();
+    let kills = LINE_SH.replacen(
+        "sleep",
+        "if [ $(wc -l < \"$RUNS\") = 4 ]; then cp \"$(dirname \"$0\")/wrong.sh\" \"$0\"; kill -9 $PPID; fi\nsleep",
+        1,
+    );
+    sandbox.write("wrong.sh", LINE_SH.replacen("a * t", "a * t + 3", 1));
+    sandbox.write("line.sh", kills.as_str());
+    sandbox.write("line.toml", plan);
     assert_eq!(Driver::start(&sandbox, "--plan line.toml --quiet").wait().0, None, "killed");
     sandbox.write("line.sh", LINE_SH);
     let again = sandbox.run("--resume results/line");
@@ -305,8 +323,8 @@ fn runs_of_a_program_that_was_replaced_for_a_while_are_made_again() {
     sandbox.write("line.sh", kills.as_str());
     let again = sandbox.run("--resume results/line");
     assert!(again.succeeded().stderr.contains("runs are made again: a program"), "{again:#?}");
-    let batches = fs::read(quiet.path().join("results/batches/samples.csv"));
-    assert!(samples(&sandbox).expect("samples") == batches.expect("samples"));
+    let samples = |sandbox: &Sandbox| fs::read(sandbox.path().join("results/line/samples.csv"));
+    assert!(samples(&sandbox).expect("samples") == samples(&quiet).expect("samples"));
 }
 
 #[test]

@@ -51,6 +51,28 @@ pub trait Executor {
     }
 }
 
+impl<E: Executor + ?Sized> Executor for &mut E {
+    fn run(
+        &mut self,
+        campaign: &Campaign,
+        tasks: &[Task],
+        watch: &mut dyn FnMut(Event),
+        stop: &Stop,
+    ) -> Result<(), ExecutorError> {
+        (**self).run(campaign, tasks, watch, stop)
+    }
+
+    fn run_fed(
+        &mut self,
+        campaign: &Campaign,
+        feed: &Feed<'_>,
+        watch: &mut dyn FnMut(Event),
+        stop: &Stop,
+    ) -> Result<(), ExecutorError> {
+        (**self).run_fed(campaign, feed, watch, stop)
+    }
+}
+
 impl Feed<'_> {
     /// Lets an executor run what is given, until nothing more is to be run or the executor fails.
     pub fn serve(&self, executor: &mut dyn Executor, watch: &mut dyn FnMut(Event), stop: &Stop) {

@@ -2,7 +2,8 @@
 //!
 //! A [`Campaign`] is a directory that holds what is run, every parameter set before its run starts, and every outcome; an
 //! [`Executor`] makes the runs: [`Local`] processes, a function on threads ([`InProcess`]), or a cluster
-//! ([`slurm::Slurm`]); [`Simulated`] is a cluster of simulated time. After a crash the directory is opened again and only what is missing is run.
+//! ([`slurm::Slurm`]); [`Simulated`] is a cluster of simulated time. After a crash the directory is opened again and only
+//! what is missing is run.
 //!
 //! ```
 //! use std::collections::BTreeMap;

@@ -200,18 +200,20 @@ impl<F: Fn(&Task) -> SimulatedRun> Executor for Simulated<F> {
             cluster: self,
         };
         let mut mailbox = Mailbox::new(campaign);
-        while let Some(tasks) = feed.now()? {
+        let ended = loop {
+            let Some(tasks) = feed.now()? else { break Ok(()) };
             session.queue.extend(tasks.into_iter().map(|task| (task, 1)));
             session.start(watch);
             let ended = session.end(watch);
             mailbox.write(ended)?;
             mailbox.flush_if_due()?.into_iter().for_each(&mut *watch);
-            if stop.asked() || campaign.outage().is_some() {
-                mailbox.flush()?.into_iter().for_each(&mut *watch);
-                let interrupted = ExecutorError::Interrupted { detached: false };
-                return Err(campaign.outage().unwrap_or(interrupted));
+            if let Some(outage) = campaign.outage() {
+                break Err(outage);
             }
-        }
+            if stop.asked() {
+                break Err(ExecutorError::Interrupted { detached: false });
+            }
+        };
         mailbox.flush()?.into_iter().for_each(&mut *watch);
         let account = Account {
             until_end: session.now as f64 / UNIT,
@@ -220,6 +222,6 @@ impl<F: Fn(&Task) -> SimulatedRun> Executor for Simulated<F> {
             ..session.cluster.account
         };
         session.cluster.account = account;
-        Ok(())
+        ended
     }
 }

@@ -149,14 +149,10 @@ impl State {
         &mut self,
         mut results: Vec<ResultRecord>,
     ) -> Result<Vec<u64>, CampaignError> {
-        let mut keys = Vec::with_capacity(results.len());
+        let mut keys = HashSet::with_capacity(results.len());
         results.retain(|result| {
             let key = (result.number, result.task.clone());
-            let new = !self.results.contains_key(&key) && !keys.contains(&key);
-            if new {
-                keys.push(key);
-            }
-            new
+            !self.results.contains_key(&key) && keys.insert(key)
         });
         self.results_journal.write(&results)?;
         for result in &results {
@@ -165,7 +161,7 @@ impl State {
             }
         }
         let numbers = results.iter().map(|result| result.number).collect();
-        self.results.extend(keys.into_iter().zip(results.into_iter().map(|r| r.outcome)));
+        self.results.extend(results.into_iter().map(|r| ((r.number, r.task), r.outcome)));
         Ok(numbers)
     }
 

@@ -226,8 +226,7 @@ impl<'a> Sampler<'a> {
 
     /// A proposal fitted to the tempered weights of all samples.
     pub(crate) fn refit(&mut self, next_size: usize) -> Proposal {
-        let s = self.settings;
-        let d = self.pool.d;
+        let (s, d) = (self.settings, self.pool.d);
         if self.pool.len() == 0 {
             self.beta = 0.0;
             return Proposal::prior(d);

@@ -53,6 +53,8 @@ pub(crate) enum Study {
     BedCost(BedCostArgs),
     /// What does a run cost beside the simulator? Runs of a command that does nothing (1 minute)
     Overhead(OverheadArgs),
+    /// How far does a campaign scale? Driver, memory and idle slots on a cluster of simulated time (10 minutes)
+    CampaignScale(CampaignScaleArgs),
 }
 
 /// Time per curve against error.
@@ -202,6 +204,15 @@ pub(crate) struct OverheadArgs {
     /// Runs at a time
     #[arg(long, value_name = "N", default_value_t = 2)]
     pub(crate) parallel: usize,
+}
+
+/// Campaigns on a cluster of simulated time.
+#[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
+pub(crate) struct CampaignScaleArgs {
+    /// Make one campaign and print what it took as JSON: slots, runs, hundredths of the standard deviation of the logarithm of
+    /// run times, overlap
+    #[arg(long, num_args = 4, value_names = ["SLOTS", "RUNS", "SIGMA", "OVERLAP"], hide = true)]
+    pub(crate) one: Option<Vec<usize>>,
 }
 
 fn material_parser() -> impl TypedValueParser<Value = Material> {

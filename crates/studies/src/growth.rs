@@ -14,7 +14,7 @@ use crate::cases::{Case, Errors, Exact, Run};
 use crate::pair::Calibration;
 use crate::report::{self, Report, Table};
 use crate::seeds::threads;
-use crate::timing::{Clock, Timing};
+use crate::timing::{Clock, Timing, peak_memory_mib};
 
 /// Runs of which each time is the median; one where it takes more than [`SLOW_S`].
 const REPEATS: usize = 5;
@@ -238,12 +238,4 @@ fn figure(rows: &[Row]) -> WorkPrecisionGrid {
         title: "How the cost of a calibration and its standard errors grow".to_owned(),
         rows: GROWING.into_iter().map(row_of).collect(),
     }
-}
-
-/// Highest memory of this process so far \[MiB\].
-fn peak_memory_mib() -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    let kib: f64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(kib / 1024.0)
 }

@@ -3,6 +3,7 @@
 mod args;
 mod bed;
 mod calibration;
+mod campaign_scale;
 mod cases;
 mod decided;
 mod exact;
@@ -65,5 +66,6 @@ fn run(Args { out, study }: &Args) -> Result<(), Failure> {
         Study::BedSettling => bed::settling::run(out),
         Study::BedCost(args) => bed::cost::run(args),
         Study::Overhead(args) => overhead::run(args, out),
+        Study::CampaignScale(args) => campaign_scale::run(args, out),
     }
 }

@@ -1,4 +1,4 @@
-//! Time of one job, and of several methods in turn.
+//! Time of one job, and of several methods in turn; memory of the process.
 
 use std::time::{Duration, Instant};
 
@@ -108,6 +108,14 @@ pub(crate) fn interleaved(
 
 fn seconds(clock: Clock, method: &mut Method<'_>, count: u32) -> f64 {
     clock.measure(|| (0..count).for_each(|_| method())).0
+}
+
+/// Highest memory of this process so far \[MiB\].
+pub(crate) fn peak_memory_mib() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kib: f64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kib / 1024.0)
 }
 
 #[cfg(test)]

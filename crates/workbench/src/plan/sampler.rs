@@ -65,9 +65,7 @@ pub(super) fn sampler(
             *setting = value;
         }
     }
-    if let Some(at) = fields.whole("seed", 0, u64::MAX)? {
-        settings.seed = at.value;
-    }
+    settings.seed = fields.whole("seed", 0, u64::MAX)?.map_or(settings.seed, |at| at.value);
     settings.ess_target = match fields.number("ess")? {
         Some(At { value, line }) if value < 1.0 => {
             return Err(fields

@@ -75,8 +75,14 @@ fn lines(plan: &Plan, executor: &ExecutorPlan) -> Vec<String> {
             format!("design        {} parameter sets of {}", design.sets.len(), design.file)
         }
         None => format!(
-            "sampler       {} simulations, {} adaptive stages, seed {}",
-            plan.sampler.samples, plan.sampler.iterations, plan.sampler.seed
+            "sampler       {} simulations, {} adaptive stages, seed {}{}",
+            plan.sampler.samples,
+            plan.sampler.iterations,
+            plan.sampler.seed,
+            match plan.sampler.overlap {
+                0 => String::new(),
+                overlap => format!(", overlap {overlap}: runs of several stages go on at a time"),
+            }
         ),
     });
     lines.push(format!(

@@ -48,6 +48,10 @@ fn a_plan_is_read_with_its_defaults() {
     assert_eq!((plan.name.as_str(), plan.title.as_str()), ("my", "my"));
     assert_eq!(plan.parameter_names(), ["k"]);
     assert_eq!((plan.sampler.samples, plan.sampler.map_simulations), (40, 0));
+    let late = PLAN.replacen("samples = 40", "samples = 40\noverlap = 10", 1);
+    let late = Place::new().read(&late).expect("a plan").plan;
+    assert_eq!((plan.sampler.overlap, late.sampler.overlap), (0, 10));
+    assert!(crate::plan::toml::toml(&late).contains("\noverlap = 10\n"));
     let observable = &plan.experiments[0].observables[0];
     assert_eq!(observable.control, [0.0, 1.0, 2.0]);
     assert_eq!(observable.values, [0.0, 2.0, 4.0]);
@@ -122,6 +126,9 @@ fn each_mistake_names_its_line_and_field() {
         ("control = \"x\", ", "", "result.control"),
         ("value = \"y\" }", "value = \"y\", interpolate = \"cubic\" }", "linear, refuse"),
         ("samples = 40", "samples = 4", "from 16 to"),
+        ("samples = 40", "samples = 40\noverlap = 11", "sampler.overlap"),
+        ("samples = 40", "samples = 40\noverlap = 11", "a whole number from 0 to 10"),
+        ("samples = 40", "samples = 40\noverlap = 0.5", "a whole number from 0 to 10"),
         ("samples = 40", "sample = 40", "sampler.samples?"),
         ("samples = 40", "design = \"no.txt\"", "no.txt"),
         ("[sampler]", "[executor]\nkind = \"threads\"\n[sampler]", "built-in simulators alone"),
