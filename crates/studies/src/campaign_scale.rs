@@ -348,20 +348,25 @@ fn figure(rows: &[Measured]) -> WorkPrecisionGrid {
         let (cost, error) = points.into_iter().unzip();
         WorkPrecisionSeries { name: name.to_owned(), role, cost, error, band: Band::default() }
     };
-    let idle = |sigma: f64| {
-        let here = move |row: &&Measured| {
-            let Setup { slots, runs, sigma: own, overlap } = row.setup;
-            (slots, runs, own) == (1_000, 100_000, sigma) && overlap > 0
-        };
-        let point = |row: &Measured| {
-            (row.setup.overlap as f64 / row.setup.slots as f64, (100.0 - row.used()[0]).max(0.01))
-        };
-        rows.iter().filter(here).map(point).collect::<Vec<_>>()
+    let of = |slots, runs, sigma| {
+        rows.iter().filter(move |row| {
+            (row.setup.slots, row.setup.runs, row.setup.sigma) == (slots, runs, sigma)
+        })
+    };
+    let idle = |row: &Measured| 100.0 - row.used()[0];
+    let with = of(1_000, 100_000, 1.0).filter(|row| row.setup.overlap > 0);
+    let with: Vec<_> = with.map(|row| (row.setup.overlap as f64 / 1e3, idle(row))).collect();
+    // The same at any overlap.
+    let without = |sigma: f64| {
+        let none = of(1_000, 100_000, sigma).filter(|row| row.setup.overlap == 0).map(idle);
+        none.flat_map(|idle| with.iter().map(move |(overlap, _)| (*overlap, idle))).collect()
     };
     let by_runs = |value: fn(&Measured) -> f64| {
-        let here = rows.iter().filter(|row| row.setup.sigma == 1.0 && row.setup.overlap > 0);
-        here.filter(|row| row.setup.overlap * 4 >= row.setup.runs || row.setup.runs == 20_000)
-            .filter(|row| row.setup.slots > 100)
+        let sizes = [(1_000, 20_000), (1_000, 100_000), (10_000, 1_000_000)];
+        let largest = |(slots, runs)| of(slots, runs, 1.0).max_by_key(|row| row.setup.overlap);
+        sizes
+            .into_iter()
+            .filter_map(largest)
             .map(|row| (row.setup.runs as f64, value(row)))
             .collect::<Vec<_>>()
     };
@@ -376,8 +381,9 @@ fn figure(rows: &[Measured]) -> WorkPrecisionGrid {
         }
     };
     let idle = vec![
-        series("log-normal run times, 0.5", Role::Series(0), idle(0.5)),
-        series("log-normal run times, 1", Role::Series(1), idle(1.0)),
+        series("sd of ln(run time) 1", Role::Series(1), with.clone()),
+        series("1, without overlap", Role::Series(2), without(1.0)),
+        series("0.5, without overlap (none idle with any)", Role::Series(0), without(0.5)),
     ];
     let processor = vec![series("driver", Role::Posterior, by_runs(Measured::ms_per_run))];
     let memory = by_runs(|row| row.memory_mib.unwrap_or(f64::NAN).max(1e-3));
