@@ -239,7 +239,7 @@ fn a_program_that_is_replaced_is_noticed_and_refused_or_accepted() {
     let sandbox = line(24, "0");
     let replaces = LINE_SH.replacen(
         "sleep",
-        "if [ $(wc -l < \"$RUNS\") = 10 ]; then echo '# another' >> \"$0\"; fi\nsleep",
+        "if [ $(wc -l < \"$RUNS\") -ge 10 ] && mkdir \"$0.once\"; then echo '# another' >> \"$0\"; fi\nsleep",
         1,
     );
     sandbox.write("line.sh", &replaces);
@@ -286,7 +286,7 @@ fn runs_of_a_program_that_was_replaced_for_a_while_are_made_again() {
         sandbox.write("wrong.sh", wrong.as_str());
         let replaces = LINE_SH.replacen(
             "sleep",
-            "if [ $(wc -l < \"$RUNS\") = 4 ]; then cp \"$(dirname \"$0\")/wrong.sh\" \"$0\"; fi\nsleep",
+            "if [ $(wc -l < \"$RUNS\") -ge 4 ] && mkdir \"$0.once\"; then cp \"$(dirname \"$0\")/wrong.sh\" \"$0\"; fi\nsleep",
             1,
         );
         sandbox.write("line.sh", replaces.as_str());
