@@ -117,8 +117,8 @@ impl PatchedCopy {
             .args(["test", "--offline", "--quiet", "--package", "smc-calib"])
             .args(["--test", "planted_bugs", "--", "--ignored", "--exact", "--nocapture", test])
             .current_dir(&self.root)
-            // What was compiled of other crates serves here too.
-            .env("CARGO_TARGET_DIR", Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap())
+            // Of its own: in a shared one the copy would be taken for the crate itself, mistakes and all.
+            .env("CARGO_TARGET_DIR", self.root.join("target"))
             .env("PLANTED", mistake)
             .output()
             .unwrap();
