@@ -1,6 +1,7 @@
 //! Many particles against known answers, and against the pair.
 
 mod builders;
+mod carried;
 mod closure;
 mod files;
 mod invariance;

@@ -186,7 +186,7 @@ pub fn refused(place: &str, error: &BedError) -> InputError {
 /// A run that ended early, with what is `kept` of it: a mistake of the scene, or a failed run.
 pub fn failed(place: &str, error: &BedError, kept: Option<&str>) -> Failure {
     match error {
-        BedError::NoBalance { .. } => {
+        BedError::NoBalance { .. } | BedError::NoRest { .. } => {
             let run = RunError::new(format_args!("{place}: {error}"))
                 .help("lower the tolerance of the phase, or use mode = \"dynamic\"");
             kept.map_or(run.clone(), |kept| run.help(kept)).into()

@@ -326,10 +326,10 @@ impl Bed {
         let adhesion = self.material.adhesion_n(mean_radius);
         let mut strain = strained;
         let mut bonds = self.bonds(step, true);
-        let hold = hold(&bonds);
+        let hold = hold(&bonds, self.material.k1_n_per_m());
         let (mut force, mut strain_force) = self.net(&bonds, hold, settings.free_box);
         let mut residual = f64::INFINITY;
-        for _ in 0..MOST {
+        'newton: for _ in 0..MOST {
             let largest = force.iter().map(|&f| norm(f)).fold(0.0, f64::max);
             let strained = strain_force.abs() / (bonds.len().max(1) as f64 * 2.0 * mean_radius);
             residual = largest.max(strained) / adhesion;
@@ -362,6 +362,9 @@ impl Bed {
                 if slope > -0.5 * at_start || share < 0.02 {
                     break;
                 }
+                if slope.is_nan() {
+                    break 'newton;
+                }
                 let less = share * (at_start / (at_start - slope)).clamp(0.1, 0.9);
                 self.displace(&solution.moves, less - share, by_strain);
                 share = less;
@@ -373,8 +376,8 @@ impl Bed {
     }
 }
 
-/// The hold of a particle: a share of the drag of a contact, or of its stiffness without growth.
-fn hold(bonds: &[Bond]) -> f64 {
+/// The hold of a particle: a share of the drag of a contact, of its stiffness without growth, or of K1 without contacts.
+fn hold(bonds: &[Bond], k1: f64) -> f64 {
     let mean = |of: fn(&Bond) -> f64| {
         let (sum, count) = bonds
             .iter()
@@ -383,7 +386,7 @@ fn hold(bonds: &[Bond]) -> f64 {
             .fold((0.0, 0u32), |(sum, count), value| (sum + value, count + 1));
         (count > 0).then(|| HOLD * sum / f64::from(count))
     };
-    mean(|bond| bond.drag).or_else(|| mean(|bond| bond.stiffness)).unwrap_or(1e-300)
+    mean(|bond| bond.drag).or_else(|| mean(|bond| bond.stiffness)).unwrap_or(HOLD * k1)
 }
 
 fn network(bonds: &[Bond], n: usize, hold: f64, free_box: bool) -> Network {
