@@ -135,10 +135,12 @@ pub enum BedError {
     },
     /// The contacts are too soft for the adhesive force that is stated.
     #[error(
-        "k1_n_per_m = {k1}: the adhesive force alone would press two particles {overlap} radii into each other, and hard \
+        "{place} = {k1}: the adhesive force alone would press two particles {overlap} radii into each other, and hard \
          particles are meant; a K1 of {needed_k1} N/m or more will do, or a smaller adhesion"
     )]
     Adhesion {
+        /// The field of the stiffness, as it is called in the scene file.
+        place: String,
         /// The loading stiffness.
         k1: f64,
         /// Overlap by adhesion, in effective radii.

@@ -110,7 +110,7 @@ impl Material {
     ///
     /// [`BedError::Adhesion`] where K1 is too soft for it, or [`BedError::Field`] for one that is not positive.
     pub fn with_adhesion(self, adhesion_n_per_m: f64) -> Result<Self, BedError> {
-        within("adhesion over R", adhesion_n_per_m, 1e-30, 1e30, "give a positive force")?;
+        within("adhesion_n_per_m", adhesion_n_per_m, 1e-30, 1e30, "give a positive force")?;
         Self { adhesion_n_per_m: Some(adhesion_n_per_m), ..self }.with_spec(self.spec)
     }
 
@@ -120,11 +120,12 @@ impl Material {
             let overlap = adhesion_n_per_m / (spec.k1 * self.approach.factor());
             if overlap > LARGEST_ADHESIVE_OVERLAP {
                 let needed_k1 = spec.k1 * overlap / LARGEST_ADHESIVE_OVERLAP;
-                return Err(BedError::Adhesion { k1: spec.k1, overlap, needed_k1 });
+                let place = "material.k1_n_per_m".to_owned();
+                return Err(BedError::Adhesion { place, k1: spec.k1, overlap, needed_k1 });
             }
             if overlap < LEAST_ADHESIVE_OVERLAP {
                 let remedy = "so small a force is not followed with this K1: lower k1_n_per_m";
-                return Err(field("adhesion over R", adhesion_n_per_m, remedy));
+                return Err(field("adhesion_n_per_m", adhesion_n_per_m, remedy));
             }
             spec.adhesion_over_k1_radius = overlap;
         }
@@ -268,6 +269,14 @@ pub(crate) fn effective_radius(radius_i: f64, radius_j: f64) -> f64 {
 pub fn final_contact_ratio(phi: f64, radius_i: f64, radius_j: f64) -> f64 {
     // Exactly phi where they are equal.
     phi * (0.5 * (radius_i / radius_i.max(radius_j) + radius_j / radius_i.max(radius_j)))
+}
+
+/// Refuses a final contact ratio of equal particles that would need more than their matter: merged into one they have the radius
+/// `2^(1/3)`, which may be written as 1.26.
+pub(crate) fn check_final_contact_ratio(phi: f64) -> Result<(), BedError> {
+    let remedy = "two equal particles merge into a sphere of 2^(1/3) = 1.26 radii, and a wider neck would need more than their \
+                  volume: use 1.26, or less where coalescence stops earlier";
+    within("material.final_contact_ratio", phi, 1e-3, 1.26, remedy)
 }
 
 const NO_RATE: RateCoefficients<f64> =

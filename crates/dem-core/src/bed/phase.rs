@@ -66,9 +66,14 @@ fn max_work() -> u64 {
 }
 
 impl Phase {
+    /// A field of the phase at `index`, as a reader of the scene file finds it.
+    pub(super) fn field_name(&self, index: usize, name: &str) -> String {
+        format!("[[phases]] {} ({}): {name}", index + 1, self.name)
+    }
+
     /// Checks the fields of the phase at `index`.
     pub(super) fn check(&self, index: usize, can_heat: bool) -> Result<(), BedError> {
-        let name = |name: &str| format!("phases[{index}].{name}");
+        let name = |name: &str| self.field_name(index, name);
         let duration = self.duration_s;
         within(
             &name("duration_s"),

@@ -346,29 +346,36 @@ impl Phase {
 
 impl Bed {
     /// Load on a particle at the bottom over its adhesive force; `None` without gravity.
+    ///
+    /// Of gravity along several axes each side carries its component: the largest of these loads.
     #[must_use]
     pub fn load_over_adhesion(&self) -> Option<f64> {
-        let g = norm(self.around.gravity_m_per_s2);
-        if g == 0.0 {
+        let gravity = self.around.gravity_m_per_s2;
+        if norm(gravity) == 0.0 {
             return None;
         }
         let p = &self.particles;
         let n = p.len() as f64;
         let radius = p.radius_m.iter().sum::<f64>() / n;
         let mass: f64 = p.inertia.iter().sum::<f64>() / self.drive.mass_scaling;
-        let mut layer = 1.0;
-        for axis in 0..3 {
-            if self.around.gravity_m_per_s2[axis] == 0.0 {
-                let across = if self.around.region.sides[axis] == Side::Open {
-                    let along = p.position_m.iter().map(|position| position[axis]);
-                    let low = along.clone().fold(f64::INFINITY, f64::min);
-                    along.fold(f64::NEG_INFINITY, f64::max) - low + 2.0 * radius
-                } else {
-                    self.around.region.size_m[axis]
-                };
-                layer *= (across / (2.0 * radius)).max(1.0);
-            }
-        }
-        Some(mass * g / layer.min(n) / self.material.adhesion_n(radius))
+        let region = &self.around.region;
+        let across = [0, 1, 2].map(|axis| {
+            let ends =
+                matches!(region.sides[axis], Side::Open | Side::LowerWall) || gravity[axis] != 0.0;
+            let length = if ends && region.sides[axis] != Side::Periodic {
+                let along = p.position_m.iter().map(|position| position[axis]);
+                let low = along.clone().fold(f64::INFINITY, f64::min);
+                along.fold(f64::NEG_INFINITY, f64::max) - low + 2.0 * radius
+            } else {
+                region.size_m[axis]
+            };
+            (length / (2.0 * radius)).max(1.0)
+        });
+        let load = |axis: usize| {
+            let layer = across[(axis + 1) % 3] * across[(axis + 2) % 3];
+            mass * gravity[axis].abs() / layer.min(n)
+        };
+        let largest = load(0).max(load(1)).max(load(2));
+        Some(largest / self.material.adhesion_n(radius))
     }
 }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::closure::WhenNecksMeet;
 use super::engine::Bed;
 use super::error::{BedError, field, within};
-use super::material::{Friction, Growing, Material};
+use super::material::{Friction, Growing, Material, check_final_contact_ratio};
 use super::packing::Radii;
 use super::phase::{Mode, Phase};
 use super::place::{lattice, lattice_count, packed_jammed, packed_to, packing_radii, solid_m3};
@@ -235,9 +235,13 @@ impl SceneFile {
     /// [`BedError`] that names the field, its value and the remedy.
     pub fn outline(&self) -> Result<Outline, BedError> {
         self.check_forces()?;
+        check_final_contact_ratio(self.material.final_contact_ratio)?;
         let radii_m = self.radii_m()?;
         for (particle, &radius_m) in radii_m.iter().enumerate() {
-            let name = format!("radius_m of particle {particle}");
+            let name = match &self.particles {
+                ParticlesTable::Table { .. } => format!("particles.table.radii_m[{particle}]"),
+                _ => format!("radius_m of particle {particle}"),
+            };
             within(&name, radius_m, 1e-9, 1e3, "give the radius in metres, 1e-9 to 1e3")?;
         }
         let particles = radii_m.len();
@@ -249,7 +253,8 @@ impl SceneFile {
         for (index, phase) in self.phases.iter().enumerate() {
             phase.check(index, growing.is_some())?;
             if let Some(k1) = phase.k1_n_per_m.filter(|_| particles > 0) {
-                self.material_of(mean_radius_m)?.with_k1(k1)?;
+                let softer = self.material_of(mean_radius_m)?.with_k1(k1);
+                softer.map_err(|error| self.in_words_of_the_file(error, Some(index)))?;
             }
         }
         if self.phases.is_empty() {
@@ -263,10 +268,10 @@ impl SceneFile {
             return Err(field("box.free", "true", remedy));
         }
         let heated_dynamic =
-            |phase: &&Phase| phase.heated && phase.mode == Mode::Dynamic && free_box;
-        if let Some(phase) = self.phases.iter().find(heated_dynamic) {
+            |(_, phase): &(usize, &Phase)| phase.heated && phase.mode == Mode::Dynamic && free_box;
+        if let Some((index, phase)) = self.phases.iter().enumerate().find(heated_dynamic) {
             let remedy = "a free box is followed by mode = \"quasi-static\" only";
-            return Err(field("mode of phase", &phase.name, remedy));
+            return Err(field(phase.field_name(index, "mode"), "dynamic", remedy));
         }
         let allowed = self.allowed_load();
         within("gravity.allowed_load_over_adhesion", allowed, 1e-6, 1e6, "use 1e-6 to 1e6")?;
@@ -378,7 +383,10 @@ impl SceneFile {
         spec.damping = Damping::Restitution(table.restitution);
         let material = Material::new(spec)?.with_approach(self.approach());
         match self.adhesion_n(radius_m) {
-            Some(force_n) => material.with_adhesion(force_n / radius_m),
+            Some(force_n) => {
+                let material = material.with_adhesion(force_n / radius_m);
+                material.map_err(|error| self.in_words_of_the_file(error, None))
+            }
             None => Ok(material),
         }
     }
@@ -404,9 +412,28 @@ impl SceneFile {
         table.force_n.or_else(|| Some(table.bond_number? * weight))
     }
 
+    /// An error of the adhesive force with the fields of this file; `phase`: the index of the one whose stiffness it is about.
+    fn in_words_of_the_file(&self, error: BedError, phase: Option<usize>) -> BedError {
+        match (error, &self.adhesion) {
+            (BedError::Field { remedy, .. }, Some(AdhesionTable { force_n: Some(force), .. })) => {
+                field("adhesion.force_n", force, remedy)
+            }
+            (BedError::Field { remedy, .. }, Some(AdhesionTable { bond_number: Some(n), .. })) => {
+                field("adhesion.bond_number", n, remedy)
+            }
+            (BedError::Adhesion { place, k1, overlap, needed_k1 }, _) => {
+                let of = |index: usize| self.phases[index].field_name(index, "k1_n_per_m");
+                BedError::Adhesion { place: phase.map_or(place, of), k1, overlap, needed_k1 }
+            }
+            (other, _) => other,
+        }
+    }
+
     /// Checks adhesion against gravity, and friction against the modes.
     fn check_forces(&self) -> Result<(), BedError> {
-        let pulls = self.gravity.as_ref().is_some_and(|g| norm(g.acceleration_m_per_s2) > 0.0);
+        let gravity = self.gravity.as_ref().map_or(0.0, |g| norm(g.acceleration_m_per_s2));
+        within("gravity.acceleration_m_per_s2", gravity, 0.0, 1e6, "use 0 to 1e6 m/s2")?;
+        let pulls = gravity > 0.0;
         match &self.adhesion {
             None if pulls => {
                 let remedy = "with gravity the ratio of the adhesive force to the weight decides: give adhesion.bond_number, \
@@ -434,11 +461,8 @@ impl SceneFile {
         if let (Some(_), Some(phase)) = (&self.friction, still) {
             let remedy = "a balance of forces has no friction: use mode = \"dynamic\" in every phase (mass_scaling makes it \
                           shorter), or leave [friction] out";
-            return Err(field(
-                "friction",
-                format!("given with the quasi-static phase {}", phase.name),
-                remedy,
-            ));
+            let with = format!("given with the quasi-static phase {}", phase.name);
+            return Err(field("friction", with, remedy));
         }
         Ok(())
     }

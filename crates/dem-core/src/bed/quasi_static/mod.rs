@@ -83,14 +83,7 @@ impl Bed {
         let mut balanced = self.clone();
         while self.time_s < until_s {
             let left_s = until_s - self.time_s;
-            // No sliver at the end.
-            let this_s = if step_s >= left_s {
-                left_s
-            } else if 2.0 * step_s > left_s {
-                0.5 * left_s
-            } else {
-                step_s
-            };
+            let this_s = without_sliver(step_s, left_s);
             if report.steps + report.rejected >= settings.max_work {
                 let (max_work, time_s) = (settings.max_work, self.time_s);
                 return Err(BedError::WorkLimit { max_work, time_s });
@@ -379,6 +372,17 @@ impl Bed {
         changes.error = (error / count).sqrt();
         changes.mean_error = mean / count;
         changes
+    }
+}
+
+/// A step of the wanted length or less that leaves no sliver at the end.
+fn without_sliver(step_s: f64, left_s: f64) -> f64 {
+    if step_s >= left_s {
+        left_s
+    } else if 2.0 * step_s > left_s {
+        0.5 * left_s
+    } else {
+        step_s
     }
 }
 
