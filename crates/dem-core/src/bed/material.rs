@@ -41,6 +41,13 @@ fn half() -> f64 {
 }
 
 impl Friction {
+    /// No friction; what its springs would be.
+    pub(crate) const NONE: Self = Self {
+        coefficient: 0.0,
+        tangential_stiffness_over_k1: 2.0 / 7.0,
+        tangential_damping_over_normal: 0.5,
+    };
+
     pub(crate) fn check(&self) -> Result<(), BedError> {
         within("friction.coefficient", self.coefficient, 0.0, 10.0, "use 0 to 10")?;
         within(
@@ -86,6 +93,8 @@ pub struct Material {
     approach: Approach,
     /// The adhesive force over the effective radius \[N/m\], where it does not go by K1.
     adhesion_n_per_m: Option<f64>,
+    /// Resistance of sintered necks to shear and rolling over that of one viscosity for all motions; 0 for none.
+    neck_viscosity: f64,
 }
 
 impl Material {
@@ -94,13 +103,35 @@ impl Material {
     /// [`BedError::Material`] as for a pair.
     pub fn new(spec: PairSpec) -> Result<Self, BedError> {
         let law = *spec.build()?.law();
-        Ok(Self { spec, law, approach: Approach::default(), adhesion_n_per_m: None })
+        let approach = Approach::default();
+        Ok(Self { spec, law, approach, adhesion_n_per_m: None, neck_viscosity: 0.0 })
     }
 
     /// The same with another law of the approach of two particles.
     #[must_use]
     pub fn with_approach(self, approach: Approach) -> Self {
         Self { approach, ..self }
+    }
+
+    /// The same with sintered necks that resist shear, rolling and twist: in `c_n/3`, `c_n a^2/4` and `c_n a^2/6` of a neck of radius a, with the
+    /// resistance c_n to its own growth, times `neck_viscosity`. 1 is a Newtonian neck of one viscosity; 0 (the default) turns and
+    /// slides freely.
+    ///
+    /// # Errors
+    ///
+    /// [`BedError::Field`] for one that is not 0 or 1e-6 to 1e6.
+    pub fn with_neck_viscosity(self, neck_viscosity: f64) -> Result<Self, BedError> {
+        if neck_viscosity != 0.0 {
+            let remedy = "use 1 for a Newtonian neck, 1e-6 to 1e6 times that, or 0 for none";
+            within("sintering.neck_viscosity", neck_viscosity, 1e-6, 1e6, remedy)?;
+        }
+        Ok(Self { neck_viscosity, ..self })
+    }
+
+    /// Resistance of sintered necks to shear and rolling, over that of one viscosity for all motions; 0 for none.
+    #[must_use]
+    pub fn neck_viscosity(&self) -> f64 {
+        self.neck_viscosity
     }
 
     /// The same with an adhesive force that does not depend on K1: `fa = adhesion_n_per_m R`, R the effective radius

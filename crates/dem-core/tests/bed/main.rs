@@ -5,6 +5,7 @@ mod carried;
 mod closure;
 mod files;
 mod invariance;
+mod necks;
 mod packing;
 mod pair;
 mod quasi_static;

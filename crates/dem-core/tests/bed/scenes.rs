@@ -298,6 +298,7 @@ fn bad_scenes_name_field_value_and_remedy() {
         ),
         ("-9.81]", "-9.81e9]", "gravity.acceleration_m_per_s2 = "),
         ("[adhesion]\nbond_number = 50.0", "", "adhesion = left out: with gravity the ratio"),
+        ("tau_s = 3.81", "tau_s = 3.81\nneck_viscosity = -1.0", "sintering.neck_viscosity = -1"),
         ("tau_s = 3.81", "tau_s = 3.81\napproach = \"near\"", "unknown variant `near`"),
         ("tau_s = 3.81", "tau_s = 3.81\nwhen_necks_meet = \"go-on\"", "unknown variant `go-on`"),
         (

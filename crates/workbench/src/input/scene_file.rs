@@ -103,8 +103,14 @@ impl SceneInput {
                 significant(1e6 * table.calibrated_radius_m, 4),
                 significant(table.delta_c, 4)
             ));
+            let necks = if table.neck_viscosity > 0.0 {
+                let times = significant(table.neck_viscosity, 3);
+                format!(", shear and rolling resisted {times} times as by a Newtonian neck")
+            } else {
+                String::new()
+            };
             lines.push(format!(
-                "              approach {}; where necks meet: {}",
+                "              approach {}{necks}; where necks meet: {}",
                 table.approach,
                 match table.when_necks_meet {
                     WhenNecksMeet::Closure => "open and closed pores",

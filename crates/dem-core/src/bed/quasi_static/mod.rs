@@ -20,7 +20,8 @@
 //! with its overlap, also where it opens: so there is one balance (the minimum of a function that is convex apart from
 //! the rotation of the contacts), and [Newton's method](balance) finds it. A step in which particles meet, or part,
 //! by more than a little is cut where they do. A new contact starts as the contact of its overlap that
-//! carries nothing. Damping, drag and friction, which act on velocities or need a history of sliding, are left out.
+//! carries nothing. Damping, drag and friction, which act on velocities or need a history of sliding, are left out. Necks that
+//! resist shear and rolling, where the scene has them, are dashpots over the step, and the turns of the particles unknowns beside their shifts.
 //!
 //! The step is chosen so that the change of D over it, times half the growth in it, which is the error of the implicit rule,
 //! moves the contact ratios by no more than the tolerance in root mean square.
@@ -29,6 +30,7 @@ mod balance;
 mod carried;
 mod network;
 mod settings;
+mod shear;
 
 pub use settings::{QuasiStaticReport, QuasiStaticSettings};
 
@@ -70,6 +72,7 @@ impl Bed {
         self.check_quasi_static(settings)?;
         self.particles.velocity_m_per_s.fill(ZERO);
         self.particles.half_velocity.fill(ZERO);
+        self.stop_turning();
         self.fastest = 0.0;
         let rate = self.rate();
         let ends = settings.ends_where_necks_meet && rate.is_some();
@@ -136,6 +139,22 @@ impl Bed {
         self.phase_start_s = self.time_s;
         self.phase_steps = 0;
         Ok(())
+    }
+
+    /// A balance of forces knows no springs of friction and necks, and no rotation but that within a step.
+    fn stop_turning(&mut self) {
+        let (particles, pairs) = (&mut self.particles, &mut self.pairs);
+        for values in [
+            &mut particles.spin,
+            &mut particles.angular_velocity_per_s,
+            &mut pairs.spring,
+            &mut pairs.torque,
+            &mut pairs.turn,
+            &mut pairs.moment,
+            &mut self.wall_list.spring,
+        ] {
+            values.fill(ZERO);
+        }
     }
 
     fn check_quasi_static(&self, settings: &QuasiStaticSettings) -> Result<(), BedError> {
