@@ -248,6 +248,7 @@ impl Bed {
             };
         }
         for_each_field!(fresh, take);
+        fresh.walls = fresh.around.region.walls();
         let n = self.particles.len();
         let radii = |bed: &Self| {
             let mut radii = vec![0.0; n];

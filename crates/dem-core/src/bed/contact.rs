@@ -128,6 +128,12 @@ impl LawConstants {
         }
     }
 
+    /// A contact that has not sintered, at rest; one that has opened is held until a balance of forces has been found.
+    pub(crate) fn elastic(&self, overlap: f64) -> Memory {
+        let overlap = overlap.max(0.0);
+        Memory { overlap, drift: 0.0, plastic: 0.0, pull: self.law.adhesion - overlap }
+    }
+
     /// Stiffness `kappa(p)`.
     #[inline(always)]
     pub(crate) fn stiffness(&self, plastic: f64) -> f64 {

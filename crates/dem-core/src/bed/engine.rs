@@ -308,29 +308,6 @@ impl Bed {
         self.material = material;
     }
 
-    /// Takes on a material of another stiffness. Where the adhesive force is stated the contacts keep their overlaps and
-    /// the forces they carry; where it goes by K1 all forces go with it.
-    pub(crate) fn change_stiffness(&mut self, material: Material) {
-        let share = self.material.k1_n_per_m() / material.k1_n_per_m();
-        let before = self.law;
-        self.set_material(material);
-        if share == 1.0 || !material.has_stated_adhesion() {
-            return;
-        }
-        let law = self.law.law;
-        for memory in self.pairs.memory.iter_mut().chain(&mut self.wall_list.memory) {
-            if memory.is_contact() {
-                let (x, p) = (memory.overlap, memory.plastic);
-                let force = before.stiffness(p) * (x - p) * share;
-                memory.plastic = law.plastic_overlap_carrying(force.min(x), x);
-                memory.pull *= share;
-            }
-        }
-        for (before, memory) in self.pairs.plastic_before.iter_mut().zip(&self.pairs.memory) {
-            *before = memory.plastic;
-        }
-    }
-
     /// Box, gravity, fluid and friction.
     #[must_use]
     pub fn surroundings(&self) -> &Surroundings {

@@ -5,7 +5,9 @@ use serde::{Deserialize, Serialize};
 use super::error::{BedError, field, within};
 use crate::densification::Approach;
 use crate::kinetics::{RateCoefficients, WithLaw, with_law};
-use crate::{ContactLaw, Damping, Kinetic, Kinetics, PairScene, PairSpec, Sintering, SolveError};
+use crate::{
+    ContactLaw, Damping, Kinetic, Kinetics, PairScene, PairSpec, Sintering, SolveError, paper,
+};
 
 /// Friction after S. Luding, Granular Matter 10 (2008) 235: a tangential spring xi with a slider and a
 /// dashpot,
@@ -166,6 +168,13 @@ impl Material {
     /// The same with another loading stiffness.
     pub(crate) fn with_k1(self, k1_n_per_m: f64) -> Result<Self, BedError> {
         self.with_spec(PairSpec { k1: k1_n_per_m, ..self.spec })
+    }
+
+    /// K1 with which adhesion alone gives a contact the overlap of the pair of the calibration, 1e-3 R, where the force is
+    /// stated.
+    pub(crate) fn pair_k1_n_per_m(&self) -> Option<f64> {
+        let adhesion_n_per_m = self.adhesion_n_per_m?;
+        Some(adhesion_n_per_m / (paper::ADHESION_OVER_K1_RADIUS * self.approach.factor()))
     }
 
     /// Adhesive force fa of two particles of a radius \[N\].

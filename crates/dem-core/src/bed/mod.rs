@@ -69,6 +69,7 @@ mod scene_file;
 mod set_off;
 mod stability;
 mod start;
+mod stiffness;
 mod vec3;
 
 pub use adhesion::AdhesionTable;

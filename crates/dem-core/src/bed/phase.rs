@@ -39,7 +39,8 @@ pub struct Phase {
     pub mass_scaling: f64,
     /// Largest inertial number at an observation of a heated phase (dynamic); left out, it is only recorded.
     pub inertial_number_limit: Option<f64>,
-    /// K1 of this phase in place of the material's \[N/m\]: a bed may settle with a softer one.
+    /// K1 of this phase in place of the material's \[N/m\]: a bed may settle with a softer one. A heated quasi-static phase of a scene with
+    /// `[adhesion]` takes `1e3 fa/R` without it: its contacts then start with the neck of the pair.
     pub k1_n_per_m: Option<f64>,
     /// Error of a/R that one step may make (quasi-static).
     #[serde(default = "tolerance")]

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use super::closure::{LEAST_CLOSING, Law, WhenNecksMeet};
 use super::engine::{Bed, Drive};
 use super::error::{BedError, field};
-use super::material::Growing;
+use super::material::{Growing, Material};
 use super::measure::Sample;
 use super::phase::{Mode, Phase};
 use super::quasi_static::{QuasiStaticReport, QuasiStaticSettings};
@@ -133,8 +133,17 @@ impl Run {
             return Ok(());
         }
         let material = *self.scene.bed.material();
-        let k1 = phase.k1_n_per_m.unwrap_or(material.k1_n_per_m());
-        self.bed.change_stiffness(material.with_k1(k1)?);
+        let is_hot_balance = phase.heated && phase.mode == Mode::QuasiStatic;
+        let own = material.pair_k1_n_per_m().filter(|_| is_hot_balance);
+        let k1 = phase.k1_n_per_m.or(own).unwrap_or(material.k1_n_per_m());
+        let material = material.with_k1(k1)?;
+        if is_hot_balance && material.has_stated_adhesion() && self.bed.is_elastic() {
+            // The stated force does not go by K1.
+            self.scene.check_load(&self.bed)?;
+            self.harden(material, phase)?;
+        } else {
+            self.bed.change_stiffness(material);
+        }
         if phase.heated {
             self.scene.check_load(&self.bed)?;
         }
@@ -156,6 +165,22 @@ impl Run {
             // A quasi-static phase starts in balance.
             self.go(phase)
         }
+    }
+
+    /// Takes on another stiffness from balance to balance, in steps that the balance can follow.
+    fn harden(&mut self, material: Material, phase: &Phase) -> Result<(), BedError> {
+        let from = self.bed.material().k1_n_per_m();
+        let times = material.k1_n_per_m() / from;
+        let steps = (times.ln().abs() / STIFFER.ln()).ceil() as u32;
+        let settings = phase.quasi_static(self.scene.free_box);
+        for step in 1..=steps {
+            let k1 = from * times.powf(f64::from(step) / f64::from(steps));
+            self.bed.harden(if step < steps { material.with_k1(k1)? } else { material })?;
+            let (now_s, report) = (self.bed.time_s(), &mut self.series.quasi_static);
+            report.balanced_at_s = None;
+            self.bed.advance_quasi_static(now_s, &settings, report)?;
+        }
+        Ok(())
     }
 
     /// To the present observation.
@@ -263,6 +288,9 @@ impl Run {
         Ok(())
     }
 }
+
+/// Largest change of K1 from one balance to the next.
+const STIFFER: f64 = 3.0;
 
 /// A dynamic phase looks whether necks meet after such a part of tau_s.
 const LOOK_EVERY_TAU: f64 = 0.002;

@@ -183,6 +183,56 @@ fn densification_of_a_bed_does_not_move_when_k1_is_doubled() {
     }
 }
 
+/// Half a second to 0.6, from a bed that settled with a K1, in a phase with `own` fields.
+fn time_to_sixty_percent(settling_k1: &str, own: &str) -> f64 {
+    let text = SMALL_BED
+        .replace("three-stage", "frenkel")
+        .replace("k1_n_per_m = 0.5", &format!("k1_n_per_m = {settling_k1}"))
+        .replace("outputs = 6", "outputs = 12")
+        .replace("tolerance = 1e-3", &format!("tolerance = 3e-3\n{own}"));
+    let series = run(&scene(&text).expect("valid"));
+    let from = series.phase.iter().position(|&phase| phase == 1).expect("heated");
+    let heated = &series.samples[from..];
+    // Hard contacts: what softness gave to the density is gone.
+    assert!(heated[0].coordination > 0.9 * series.samples[from - 1].coordination);
+    let after = heated.iter().position(|sample| sample.relative_density >= 0.6).expect("there");
+    let (a, b) = (heated[after - 1], heated[after]);
+    let share = (0.6 - a.relative_density) / (b.relative_density - a.relative_density);
+    a.time_s + share * (b.time_s - a.time_s) - heated[0].time_s
+}
+
+#[test]
+fn times_of_a_settled_bed_do_not_go_by_the_stiffness_it_settled_with() {
+    // K1 over a range of twenty; adhesive overlaps of 1.0e-2 to 5e-4. Five percent: beds settle by chance too.
+    let times = ["0.2", "0.5", "4.0"].map(|k1| time_to_sixty_percent(k1, ""));
+    let [low, high] = [f64::min, f64::max].map(|of| times.into_iter().fold(times[0], of));
+    assert!(high / low < 1.05, "{times:?}");
+    // With a K1 of its own as soft as the settling bed's, heat starts from wide necks.
+    let soft = time_to_sixty_percent("0.5", "k1_n_per_m = 0.5");
+    assert!(soft < 0.95 * low, "{soft} {times:?}");
+}
+
+#[test]
+fn heated_balance_with_a_stated_adhesion_starts_from_the_neck_of_the_pair() {
+    for settling_k1 in ["0.2", "4.0"] {
+        let text = SMALL_BED.replace("k1_n_per_m = 0.5", &format!("k1_n_per_m = {settling_k1}"));
+        let mut start = None;
+        let observed = scene(&text).expect("valid").run(|progress, bed| {
+            if progress.phase == 0 {
+                return ControlFlow::Continue(());
+            }
+            start = Some((progress.sample.mean_contact_ratio, bed.material().k1_n_per_m()));
+            ControlFlow::Break(())
+        });
+        observed.expect("runs");
+        let (ratio, k1) = start.expect("heated");
+        let weight = 4.0 / 3.0 * std::f64::consts::PI * 31.5e-6f64.powi(3) * 1000.0 * 9.81;
+        assert!((k1 / (50.0 * weight / (1e-3 * 31.5e-6)) - 1.0).abs() < 1e-12, "{k1}");
+        let pair = f64::sqrt(1e-3);
+        assert!((ratio / pair - 1.0).abs() < 0.02, "{ratio} {pair}");
+    }
+}
+
 #[test]
 fn heating_is_refused_where_the_weight_would_drive_it_with_the_adhesion_that_would_do() {
     let text = SMALL_BED.replace("bond_number = 50.0", "bond_number = 10.0");

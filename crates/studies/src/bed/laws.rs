@@ -34,15 +34,20 @@ struct Course {
 pub(crate) fn run(out: &Path) -> Result<(), Failure> {
     let mut report = Report::begin(out, "bed-laws")?;
     let mut courses = Vec::new();
-    for (kinetics, approach, stiffer) in [
-        (Kinetics::Frenkel, Approach::Overlap, 1.0),
-        (Kinetics::ThreeStage, Approach::Overlap, 1.0),
-        (Kinetics::Pokluda, Approach::Overlap, 1.0),
-        (Kinetics::Frenkel, Approach::EnergyBalance, 1.0),
-        (Kinetics::Frenkel, Approach::KingeryBerg, 1.0),
-        (Kinetics::Frenkel, Approach::Overlap, 100.0),
+    let pairs = Variant { approach: Approach::Overlap, stiffer: 1.0, neck_viscosity: 0.0 };
+    let necks = |neck_viscosity| (Kinetics::Frenkel, Variant { neck_viscosity, ..pairs });
+    for (kinetics, variant) in [
+        (Kinetics::Frenkel, pairs),
+        (Kinetics::ThreeStage, pairs),
+        (Kinetics::Pokluda, pairs),
+        (Kinetics::Frenkel, Variant { approach: Approach::EnergyBalance, ..pairs }),
+        (Kinetics::Frenkel, Variant { approach: Approach::KingeryBerg, ..pairs }),
+        (Kinetics::Frenkel, Variant { stiffer: 100.0, ..pairs }),
+        necks(0.1),
+        necks(1.0),
+        necks(10.0),
     ] {
-        courses.push(bed(kinetics, approach, stiffer).map_err(RunError::new)?);
+        courses.push(bed(kinetics, variant).map_err(RunError::new)?);
         eprintln!("{}", courses[courses.len() - 1].name);
     }
     let start = courses[0].density[0];
@@ -50,11 +55,21 @@ pub(crate) fn run(out: &Path) -> Result<(), Failure> {
     let table = table(&courses);
     report.table(&table)?;
     report.figure("density", &figure(&courses))?;
+    report.figure("necks", &necks_figure(&courses))?;
     Ok(report.page("Laws of densification", &text(start, &table))?)
 }
 
+/// What a bed has besides its kinetics.
+#[derive(Clone, Copy)]
+struct Variant {
+    approach: Approach,
+    stiffer: f64,
+    neck_viscosity: f64,
+}
+
 /// The free periodic bed of jammed particles.
-fn bed(kinetics: Kinetics, approach: Approach, stiffer: f64) -> Result<Course, BedError> {
+fn bed(kinetics: Kinetics, variant: Variant) -> Result<Course, BedError> {
+    let Variant { approach, stiffer, neck_viscosity } = variant;
     let radius_m = paper::PA12.radius_m;
     let k1 = paper::K1_N_PER_M * stiffer;
     let text = format!(
@@ -68,6 +83,7 @@ fn bed(kinetics: Kinetics, approach: Approach, stiffer: f64) -> Result<Course, B
         [sintering]
         kinetics = "{kinetics}"
         approach = "{approach}"
+        neck_viscosity = {neck_viscosity:?}
         c1 = 1.177e-5
         tau_s = {TAU_S}
         delta_c = 9.55e-8
@@ -93,6 +109,9 @@ fn bed(kinetics: Kinetics, approach: Approach, stiffer: f64) -> Result<Course, B
     let series = scene.run(|_, _| ControlFlow::Continue(()))?;
     let column = |of: fn(&Sample) -> f64| series.samples.iter().map(of).collect::<Vec<f64>>();
     let by = match (approach, stiffer) {
+        (Approach::Overlap, 1.0) if neck_viscosity > 0.0 => {
+            format!(", necks resist {neck_viscosity}")
+        }
         (Approach::Overlap, 1.0) => String::new(),
         (Approach::Overlap, _) => format!(", K1 times {stiffer}"),
         _ => format!(", {approach}"),
@@ -174,18 +193,35 @@ fn table(courses: &[Course]) -> Table {
     table
 }
 
+/// The bed of Frenkel's kinetics with and without the resistance of its necks.
+fn necks_figure(courses: &[Course]) -> CurvesFigure {
+    let drawn: Vec<&Course> = courses
+        .iter()
+        .filter(|course| course.name == "bed, frenkel" || course.name.contains("necks resist"))
+        .collect();
+    curves(&drawn, 0.6)
+}
+
 fn figure(courses: &[Course]) -> CurvesFigure {
-    let drawn = courses.iter().filter(|course| !course.name.contains("K1 times"));
+    let drawn = courses.iter().filter(|course| {
+        !course.name.contains("K1 times") && !course.name.contains("necks resist")
+    });
     // Beds first; formulas that a bed repeats are left out.
-    let curves = drawn
-        .filter(|course| !course.name.starts_with("pairs"))
+    let drawn: Vec<&Course> = drawn.filter(|course| !course.name.starts_with("pairs")).collect();
+    curves(&drawn, 1.5)
+}
+
+/// Densities up to a t/tau_s.
+fn curves(courses: &[&Course], until: f64) -> CurvesFigure {
+    let curves = courses
+        .iter()
         .enumerate()
         .map(|(k, course)| {
             let (x, y): (Vec<f64>, Vec<f64>) = course
                 .time
                 .iter()
                 .zip(&course.density)
-                .filter(|(time, density)| **time <= 1.5 && **density <= 1.0)
+                .filter(|(time, density)| **time <= until && **density <= 1.0)
                 .map(|(time, density)| (*time, *density))
                 .unzip();
             let mark = course.end.map(|[time, density, _]| (time, density));
