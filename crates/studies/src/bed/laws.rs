@@ -34,20 +34,15 @@ struct Course {
 pub(crate) fn run(out: &Path) -> Result<(), Failure> {
     let mut report = Report::begin(out, "bed-laws")?;
     let mut courses = Vec::new();
-    let pairs = Variant { approach: Approach::Overlap, stiffer: 1.0, neck_viscosity: 0.0 };
-    let necks = |neck_viscosity| (Kinetics::Frenkel, Variant { neck_viscosity, ..pairs });
-    for (kinetics, variant) in [
-        (Kinetics::Frenkel, pairs),
-        (Kinetics::ThreeStage, pairs),
-        (Kinetics::Pokluda, pairs),
-        (Kinetics::Frenkel, Variant { approach: Approach::EnergyBalance, ..pairs }),
-        (Kinetics::Frenkel, Variant { approach: Approach::KingeryBerg, ..pairs }),
-        (Kinetics::Frenkel, Variant { stiffer: 100.0, ..pairs }),
-        necks(0.1),
-        necks(1.0),
-        necks(10.0),
+    for (kinetics, approach, stiffer) in [
+        (Kinetics::Frenkel, Approach::Overlap, 1.0),
+        (Kinetics::ThreeStage, Approach::Overlap, 1.0),
+        (Kinetics::Pokluda, Approach::Overlap, 1.0),
+        (Kinetics::Frenkel, Approach::EnergyBalance, 1.0),
+        (Kinetics::Frenkel, Approach::KingeryBerg, 1.0),
+        (Kinetics::Frenkel, Approach::Overlap, 100.0),
     ] {
-        courses.push(bed(kinetics, variant).map_err(RunError::new)?);
+        courses.push(bed(kinetics, approach, stiffer).map_err(RunError::new)?);
         eprintln!("{}", courses[courses.len() - 1].name);
     }
     let start = courses[0].density[0];
@@ -55,21 +50,11 @@ pub(crate) fn run(out: &Path) -> Result<(), Failure> {
     let table = table(&courses);
     report.table(&table)?;
     report.figure("density", &figure(&courses))?;
-    report.figure("necks", &necks_figure(&courses))?;
     Ok(report.page("Laws of densification", &text(start, &table))?)
 }
 
-/// What a bed has besides its kinetics.
-#[derive(Clone, Copy)]
-struct Variant {
-    approach: Approach,
-    stiffer: f64,
-    neck_viscosity: f64,
-}
-
 /// The free periodic bed of jammed particles.
-fn bed(kinetics: Kinetics, variant: Variant) -> Result<Course, BedError> {
-    let Variant { approach, stiffer, neck_viscosity } = variant;
+fn bed(kinetics: Kinetics, approach: Approach, stiffer: f64) -> Result<Course, BedError> {
     let radius_m = paper::PA12.radius_m;
     let k1 = paper::K1_N_PER_M * stiffer;
     let text = format!(
@@ -83,7 +68,6 @@ fn bed(kinetics: Kinetics, variant: Variant) -> Result<Course, BedError> {
         [sintering]
         kinetics = "{kinetics}"
         approach = "{approach}"
-        neck_viscosity = {neck_viscosity:?}
         c1 = 1.177e-5
         tau_s = {TAU_S}
         delta_c = 9.55e-8
@@ -109,9 +93,6 @@ fn bed(kinetics: Kinetics, variant: Variant) -> Result<Course, BedError> {
     let series = scene.run(|_, _| ControlFlow::Continue(()))?;
     let column = |of: fn(&Sample) -> f64| series.samples.iter().map(of).collect::<Vec<f64>>();
     let by = match (approach, stiffer) {
-        (Approach::Overlap, 1.0) if neck_viscosity > 0.0 => {
-            format!(", necks resist {neck_viscosity}")
-        }
         (Approach::Overlap, 1.0) => String::new(),
         (Approach::Overlap, _) => format!(", K1 times {stiffer}"),
         _ => format!(", {approach}"),
@@ -193,35 +174,18 @@ fn table(courses: &[Course]) -> Table {
     table
 }
 
-/// The bed of Frenkel's kinetics with and without the resistance of its necks.
-fn necks_figure(courses: &[Course]) -> CurvesFigure {
-    let drawn: Vec<&Course> = courses
-        .iter()
-        .filter(|course| course.name == "bed, frenkel" || course.name.contains("necks resist"))
-        .collect();
-    curves(&drawn, 0.6)
-}
-
 fn figure(courses: &[Course]) -> CurvesFigure {
-    let drawn = courses.iter().filter(|course| {
-        !course.name.contains("K1 times") && !course.name.contains("necks resist")
-    });
+    let drawn = courses.iter().filter(|course| !course.name.contains("K1 times"));
     // Beds first; formulas that a bed repeats are left out.
-    let drawn: Vec<&Course> = drawn.filter(|course| !course.name.starts_with("pairs")).collect();
-    curves(&drawn, 1.5)
-}
-
-/// Densities up to a t/tau_s.
-fn curves(courses: &[&Course], until: f64) -> CurvesFigure {
-    let curves = courses
-        .iter()
+    let curves = drawn
+        .filter(|course| !course.name.starts_with("pairs"))
         .enumerate()
         .map(|(k, course)| {
             let (x, y): (Vec<f64>, Vec<f64>) = course
                 .time
                 .iter()
                 .zip(&course.density)
-                .filter(|(time, density)| **time <= until && **density <= 1.0)
+                .filter(|(time, density)| **time <= 1.5 && **density <= 1.0)
                 .map(|(time, density)| (*time, *density))
                 .unzip();
             let mark = course.end.map(|[time, density, _]| (time, density));
@@ -264,7 +228,7 @@ fn text(start: f64, table: &Table) -> String {
          row of the bed with it. The rates of the two closed laws where the pores close are {:.3} and {:.3} per tau_s: they \
          belong to pores of different shapes, and the step is left as it is.\n\n\
          K1 is a numerical stiffness: a hundred times as stiff the bed takes the same times, with an adhesive force that is not stated and grows with it. \
-         A stated force on softer contacts begins with wider necks, `a/R = (fa/(K1 R))^(1/2)`, and the first stage is then shorter.\n",
+         Where the force is stated a heated balance chooses the stiffness (study bed-settling).\n",
         table.markdown(),
         1.5 * start,
         1.125 * start,
