@@ -3,10 +3,6 @@
 use serde::{Deserialize, Serialize};
 
 use super::error::{BedError, field, within};
-use super::phase::Mode;
-use super::place::solid_m3;
-use super::scene_file::SceneFile;
-use super::vec3::norm;
 
 /// `[adhesion]`: the adhesive force fa of two particles of the mean radius, by one of two fields. Of other particles it goes
 /// by their effective radius.
@@ -19,67 +15,49 @@ pub struct AdhesionTable {
     pub bond_number: Option<f64>,
 }
 
-impl SceneFile {
-    /// The adhesive force of two particles of a radius \[N\], where it is stated.
-    pub(super) fn adhesion_n(&self, radius_m: f64) -> Option<f64> {
-        let table = self.adhesion.as_ref()?;
-        let acceleration = self.gravity.as_ref().map_or([0.0; 3], |g| g.acceleration_m_per_s2);
-        let weight = self.material.density_kg_per_m3 * solid_m3(&[radius_m]) * norm(acceleration);
-        table.force_n.or_else(|| Some(table.bond_number? * weight))
+impl AdhesionTable {
+    /// The force \[N\], where a particle has a weight.
+    pub(super) fn force_of(&self, weight_n: f64) -> Option<f64> {
+        self.force_n.or_else(|| Some(self.bond_number? * weight_n))
     }
 
-    /// An error of the adhesive force with the fields of this file; `phase`: the index of the one whose stiffness it is about.
-    pub(super) fn in_words_of_the_file(&self, error: BedError, phase: Option<usize>) -> BedError {
-        match (error, &self.adhesion) {
-            (BedError::Field { remedy, .. }, Some(AdhesionTable { force_n: Some(force), .. })) => {
+    /// An error of the force with the field that states it.
+    pub(super) fn named(&self, error: BedError) -> BedError {
+        match (error, self.force_n, self.bond_number) {
+            (BedError::Field { remedy, .. }, Some(force), _) => {
                 field("adhesion.force_n", force, remedy)
             }
-            (BedError::Field { remedy, .. }, Some(AdhesionTable { bond_number: Some(n), .. })) => {
-                field("adhesion.bond_number", n, remedy)
+            (BedError::Field { remedy, .. }, None, Some(number)) => {
+                field("adhesion.bond_number", number, remedy)
             }
-            (BedError::Adhesion { place, k1, overlap, needed_k1 }, _) => {
-                let of = |index: usize| self.phases[index].field_name(index, "k1_n_per_m");
-                BedError::Adhesion { place: phase.map_or(place, of), k1, overlap, needed_k1 }
-            }
-            (other, _) => other,
+            (other, ..) => other,
         }
     }
+}
 
-    /// Checks adhesion against gravity, and friction against the modes.
-    pub(super) fn check_forces(&self) -> Result<(), BedError> {
-        let gravity = self.gravity.as_ref().map_or(0.0, |g| norm(g.acceleration_m_per_s2));
-        within("gravity.acceleration_m_per_s2", gravity, 0.0, 1e6, "use 0 to 1e6 m/s2")?;
-        let pulls = gravity > 0.0;
-        match &self.adhesion {
-            None if pulls => {
-                let remedy = "with gravity the ratio of the adhesive force to the weight decides: give adhesion.bond_number, \
-                              or adhesion.force_n";
-                return Err(field("adhesion", "left out", remedy));
-            }
-            None => {}
-            Some(AdhesionTable { force_n: Some(force), bond_number: None }) => {
-                within("adhesion.force_n", *force, 1e-30, 1e6, "give it in newton, above 0")?;
-            }
-            Some(AdhesionTable { force_n: None, bond_number: Some(number) }) => {
-                within("adhesion.bond_number", *number, 1e-6, 1e12, "use 1e-6 to 1e12")?;
-                if !pulls {
-                    let remedy =
-                        "the Bond number needs the weight: give [gravity], or adhesion.force_n";
-                    return Err(field("adhesion.bond_number", number, remedy));
-                }
-            }
-            Some(_) => {
-                let remedy = "give one of adhesion.force_n and adhesion.bond_number";
-                return Err(field("adhesion", "none or both of its fields", remedy));
-            }
+/// Checks adhesion against gravity, whose weights pull or do not.
+pub(super) fn check_adhesion(table: Option<&AdhesionTable>, pulls: bool) -> Result<(), BedError> {
+    match table {
+        None if pulls => {
+            let remedy = "with gravity the ratio of the adhesive force to the weight decides: give adhesion.bond_number, \
+                          or adhesion.force_n";
+            Err(field("adhesion", "left out", remedy))
         }
-        let still = self.phases.iter().find(|phase| phase.mode == Mode::QuasiStatic);
-        if let (Some(_), Some(phase)) = (&self.friction, still) {
-            let remedy = "a balance of forces has no friction: use mode = \"dynamic\" in every phase (mass_scaling makes it \
-                          shorter), or leave [friction] out";
-            let with = format!("given with the quasi-static phase {}", phase.name);
-            return Err(field("friction", with, remedy));
+        None => Ok(()),
+        Some(AdhesionTable { force_n: Some(force), bond_number: None }) => {
+            within("adhesion.force_n", *force, 1e-30, 1e6, "give it in newton, above 0")
         }
-        Ok(())
+        Some(AdhesionTable { force_n: None, bond_number: Some(number) }) => {
+            within("adhesion.bond_number", *number, 1e-6, 1e12, "use 1e-6 to 1e12")?;
+            if pulls {
+                return Ok(());
+            }
+            let remedy = "the Bond number needs the weight: give [gravity], or adhesion.force_n";
+            Err(field("adhesion.bond_number", number, remedy))
+        }
+        Some(_) => {
+            let remedy = "give one of adhesion.force_n and adhesion.bond_number";
+            Err(field("adhesion", "none or both of its fields", remedy))
+        }
     }
 }

@@ -4,17 +4,18 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::adhesion::AdhesionTable;
+use super::adhesion::{AdhesionTable, check_adhesion};
 use super::closure::WhenNecksMeet;
 use super::engine::Bed;
 use super::error::{BedError, field, within};
 use super::material::{Friction, Growing, Material, check_final_contact_ratio};
 use super::packing::Radii;
 use super::phase::{Mode, Phase};
-use super::place::{lattice, lattice_count, packed_jammed, packed_to, packing_radii};
+use super::place::{lattice, lattice_count, packed_jammed, packed_to, packing_radii, solid_m3};
 use super::region::{Region, Side};
 use super::scene::Scene;
 use super::start::{Start, Surroundings};
+use super::vec3::norm;
 use crate::densification::Approach;
 use crate::{Damping, Kinetics, PairScene, PairSpec, Powder, Sintering, paper};
 
@@ -246,7 +247,13 @@ impl SceneFile {
             phase.check(index, growing.is_some())?;
             if let Some(k1) = phase.k1_n_per_m.filter(|_| particles > 0) {
                 let softer = self.material_of(mean_radius_m)?.with_k1(k1);
-                softer.map_err(|error| self.in_words_of_the_file(error, Some(index)))?;
+                softer.map_err(|error| match self.in_words_of_the_file(error) {
+                    BedError::Adhesion { k1, overlap, needed_k1, .. } => {
+                        let place = phase.field_name(index, "k1_n_per_m");
+                        BedError::Adhesion { place, k1, overlap, needed_k1 }
+                    }
+                    other => other,
+                })?;
             }
         }
         if self.phases.is_empty() {
@@ -379,7 +386,7 @@ impl SceneFile {
         match self.adhesion_n(radius_m) {
             Some(force_n) => {
                 let material = material.with_adhesion(force_n / radius_m);
-                material.map_err(|error| self.in_words_of_the_file(error, None))
+                material.map_err(|error| self.in_words_of_the_file(error))
             }
             None => Ok(material),
         }
@@ -396,6 +403,40 @@ impl SceneFile {
 
     fn approach(&self) -> Approach {
         self.sintering.as_ref().map(|table| table.approach).unwrap_or_default()
+    }
+
+    /// The adhesive force of two particles of a radius \[N\], where it is stated.
+    fn adhesion_n(&self, radius_m: f64) -> Option<f64> {
+        let weight =
+            self.material.density_kg_per_m3 * solid_m3(&[radius_m]) * self.gravity_m_per_s2();
+        self.adhesion.as_ref()?.force_of(weight)
+    }
+
+    /// An error of the adhesive force with the fields of this file.
+    fn in_words_of_the_file(&self, error: BedError) -> BedError {
+        match &self.adhesion {
+            Some(table) => table.named(error),
+            None => error,
+        }
+    }
+
+    fn gravity_m_per_s2(&self) -> f64 {
+        self.gravity.as_ref().map_or(0.0, |g| norm(g.acceleration_m_per_s2))
+    }
+
+    /// Checks adhesion against gravity, and friction against the modes.
+    fn check_forces(&self) -> Result<(), BedError> {
+        let gravity = self.gravity_m_per_s2();
+        within("gravity.acceleration_m_per_s2", gravity, 0.0, 1e6, "use 0 to 1e6 m/s2")?;
+        check_adhesion(self.adhesion.as_ref(), gravity > 0.0)?;
+        let still = self.phases.iter().find(|phase| phase.mode == Mode::QuasiStatic);
+        if let (Some(_), Some(phase)) = (&self.friction, still) {
+            let remedy = "a balance of forces has no friction: use mode = \"dynamic\" in every phase (mass_scaling makes it \
+                          shorter), or leave [friction] out";
+            let with = format!("given with the quasi-static phase {}", phase.name);
+            return Err(field("friction", with, remedy));
+        }
+        Ok(())
     }
 
     fn growing(&self) -> Result<Option<Growing>, BedError> {

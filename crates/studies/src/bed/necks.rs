@@ -44,6 +44,7 @@ const BEDS: [(&str, &str); 2] = [
         bond_number = 100.0
         [gravity]
         acceleration_m_per_s2 = [0.0, 0.0, -9.81]
+        allowed_load_over_adhesion = 0.2
         [drag]
         viscosity_pa_s = 1.8e-5
         [[phases]]

@@ -179,6 +179,7 @@ fn fallen(
         bond_number = {bond_number}
         [gravity]
         acceleration_m_per_s2 = [0.0, 0.0, -9.81]
+        allowed_load_over_adhesion = 0.2
         [drag]
         viscosity_pa_s = 1.8e-5
         {friction}

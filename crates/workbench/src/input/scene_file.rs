@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use dem_core::bed::{AdhesionTable, BedError, Mode, Outline, SceneFile, WhenNecksMeet};
+use dem_core::bed::{
+    AdhesionTable, BedError, Mode, Outline, SceneFile, SinteringTable, WhenNecksMeet,
+};
 use serde_json::Value;
 
 use crate::error::{Failure, InputError, Mistake, RunError};
@@ -94,30 +96,7 @@ impl SceneInput {
             significant(material.final_contact_ratio, 4),
             significant(material.k1_n_per_m, 3)
         ));
-        if let Some(table) = &file.sintering {
-            lines.push(format!(
-                "sintering     {}: C1 {} 1/(Pa s), tau_s {} s at R = {} um, delta_c {} m",
-                table.kinetics,
-                significant(table.c1, 4),
-                significant(table.tau_s, 4),
-                significant(1e6 * table.calibrated_radius_m, 4),
-                significant(table.delta_c, 4)
-            ));
-            let necks = if table.neck_viscosity > 0.0 {
-                let times = significant(table.neck_viscosity, 3);
-                format!(", shear and rolling resisted {times} times as by a Newtonian neck")
-            } else {
-                String::new()
-            };
-            lines.push(format!(
-                "              approach {}{necks}; where necks meet: {}",
-                table.approach,
-                match table.when_necks_meet {
-                    WhenNecksMeet::Closure => "open and closed pores",
-                    WhenNecksMeet::Stop => "the end",
-                }
-            ));
-        }
+        lines.extend(file.sintering.iter().flat_map(sintering_in_words));
         let mut around = Vec::new();
         if let Some(region) = &file.region {
             around.push(format!(
@@ -164,6 +143,34 @@ impl SceneInput {
         }
         lines
     }
+}
+
+/// The growth of contacts in words.
+fn sintering_in_words(table: &SinteringTable) -> [String; 2] {
+    let necks = if table.neck_viscosity > 0.0 {
+        let times = significant(table.neck_viscosity, 3);
+        format!(", shear and rolling resisted {times} times as by a Newtonian neck")
+    } else {
+        String::new()
+    };
+    [
+        format!(
+            "sintering     {}: C1 {} 1/(Pa s), tau_s {} s at R = {} um, delta_c {} m",
+            table.kinetics,
+            significant(table.c1, 4),
+            significant(table.tau_s, 4),
+            significant(1e6 * table.calibrated_radius_m, 4),
+            significant(table.delta_c, 4)
+        ),
+        format!(
+            "              approach {}{necks}; where necks meet: {}",
+            table.approach,
+            match table.when_necks_meet {
+                WhenNecksMeet::Closure => "open and closed pores",
+                WhenNecksMeet::Stop => "the end",
+            }
+        ),
+    ]
 }
 
 /// A bed that cannot be made as the file says.
