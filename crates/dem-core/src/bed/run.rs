@@ -167,19 +167,31 @@ impl Run {
         }
     }
 
-    /// Takes on another stiffness from balance to balance, in steps that the balance can follow.
+    /// Takes on another stiffness from balance to balance, in steps that the balance can follow. Where it follows no step the contacts keep the
+    /// overlaps they have.
     fn harden(&mut self, material: Material, phase: &Phase) -> Result<(), BedError> {
-        let from = self.bed.material().k1_n_per_m();
-        let times = material.k1_n_per_m() / from;
-        let steps = (times.ln().abs() / STIFFER.ln()).ceil() as u32;
         let settings = phase.quasi_static(self.scene.free_box);
-        for step in 1..=steps {
-            let k1 = from * times.powf(f64::from(step) / f64::from(steps));
-            self.bed.harden(if step < steps { material.with_k1(k1)? } else { material })?;
+        let wanted = material.k1_n_per_m();
+        let mut step = STIFFER;
+        while self.bed.material().k1_n_per_m() != wanted && step > LEAST_STIFFER {
+            let times = wanted / self.bed.material().k1_n_per_m();
+            let is_last = times.max(1.0 / times) <= step;
+            let next = if times > 1.0 { step } else { 1.0 / step };
+            let k1 = self.bed.material().k1_n_per_m() * next;
+            let before = self.bed.clone();
+            self.bed.harden(if is_last { material } else { material.with_k1(k1)? })?;
             let (now_s, report) = (self.bed.time_s(), &mut self.series.quasi_static);
             report.balanced_at_s = None;
-            self.bed.advance_quasi_static(now_s, &settings, report)?;
+            match self.bed.advance_quasi_static(now_s, &settings, report) {
+                Ok(()) => {}
+                Err(BedError::NoBalance { .. } | BedError::NoRest { .. }) => {
+                    self.bed = before;
+                    step = step.sqrt();
+                }
+                Err(error) => return Err(error),
+            }
         }
+        self.bed.change_stiffness(material);
         Ok(())
     }
 
@@ -289,8 +301,9 @@ impl Run {
     }
 }
 
-/// Largest change of K1 from one balance to the next.
+/// Largest change of K1 from one balance to the next, and the least that is tried.
 const STIFFER: f64 = 3.0;
+const LEAST_STIFFER: f64 = 1.05;
 
 /// A dynamic phase looks whether necks meet after such a part of tau_s.
 const LOOK_EVERY_TAU: f64 = 0.002;
