@@ -236,7 +236,7 @@ fn bad_scenes_are_refused_with_field_and_remedy_and_nothing_is_written() {
     let cases = [
         ("count = 40", "count = 0", "particles.packing.count"),
         ("radius_m = 31.5e-6 }", "radius_m = 0.0 }", "radius"),
-        ("tolerance = 1e-2", "tolerance = 7.0", "phases[0].tolerance"),
+        ("tolerance = 1e-2", "tolerance = 7.0", "[[phases]] 1 (heat): tolerance"),
         ("tolerance = 1e-2", "tolerence = 1e-2", "tolerence"),
         ("\"three-stage\"", "\"four-stage\"", "sintering.kinetics"),
         ("[sintering]", "[sinterin]", "sinterin"),
@@ -405,4 +405,19 @@ fn draws_of_a_tuned_noise_and_of_another_powder_are_named_as_such() {
     let report = json(&sandbox.path().join("bed/densify.json"));
     assert!(report["target"]["time_s"]["median"].is_null());
     assert_eq!(report["target"]["never"], 3);
+}
+
+#[test]
+fn a_contact_ratio_that_the_pairs_do_not_live_to_see_is_told_as_such() {
+    let sandbox = calibrated(&frenkel(PACKING));
+    let ran = sandbox
+        .run("densify --posterior post --scene scene.toml --draws 3 --contact-ratio 1.0 --out bed");
+    let stdout = &ran.succeeded().stdout;
+    assert!(
+        stdout.contains("3 of 3 draws do not reach it: their pairs end at a smaller"),
+        "{stdout}"
+    );
+    assert!(!stdout.contains("within the scene's time and count"), "{stdout}");
+    let report = json(&sandbox.path().join("bed/densify.json"));
+    assert_eq!(report["target"]["ended_below"], 3);
 }

@@ -47,8 +47,10 @@ pub(crate) enum Study {
     BedAccuracy(BedAccuracyArgs),
     /// How far are laws of densification apart? A bed by kinetics and by approach, and closed formulas (1 minute)
     BedLaws,
-    /// How do beds settle by adhesion and friction, and does the numerical stiffness matter? (5 minutes)
+    /// How do beds settle by adhesion and friction, and does the numerical stiffness matter? (8 minutes)
     BedSettling,
+    /// What does the resistance of sintered necks to shear and rolling do to densification? (2 minutes)
+    BedNecks,
     /// Prints the speed and memory of steps of one bed (seconds); bed/instructions.sh and bed/lammps.sh make tables
     BedCost(BedCostArgs),
     /// What does a run cost beside the simulator? Runs of a command that does nothing (1 minute)

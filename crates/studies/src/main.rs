@@ -63,6 +63,7 @@ fn run(Args { out, study }: &Args) -> Result<(), Failure> {
         Study::Exact(args) => exact::run(args),
         Study::BedAccuracy(args) => bed::accuracy::run(args, out),
         Study::BedLaws => bed::laws::run(out),
+        Study::BedNecks => bed::necks::run(out),
         Study::BedSettling => bed::settling::run(out),
         Study::BedCost(args) => bed::cost::run(args),
         Study::Overhead(args) => overhead::run(args, out),

@@ -1,6 +1,6 @@
 //! The steps of a bed: the pair pass, the motion pass, and a look at the neighbour list.
 
-use super::contact::{Grows, Growth, NoGrowth, Scheme};
+use super::contact::{Grows, Growth, NoGrowth, Scheme, Sintered};
 use super::engine::Bed;
 use super::error::BedError;
 use super::forces::{PairInput, PairOutput, Pays, pair_forces};
@@ -93,6 +93,7 @@ impl Bed {
             diameter: 2.0 * self.particles.radius_m[0],
             constants: &self.pairs.constants,
             slider,
+            necks: self.neck_law(),
             closed: self.closed,
         };
         let output = PairOutput {
@@ -101,6 +102,8 @@ impl Bed {
             force: &mut self.pairs.force,
             spring: &mut self.pairs.spring,
             torque: &mut self.pairs.torque,
+            turn: &mut self.pairs.turn,
+            moment: &mut self.pairs.moment,
         };
         (passes.pairs)(&input, output, 0..n, grain);
         let gravity = self.gravity();
@@ -109,6 +112,7 @@ impl Bed {
             list: &self.list,
             pair_force: &self.pairs.force,
             pair_torque: &self.pairs.torque,
+            pair_moment: &self.pairs.moment,
             radius: &self.particles.radius_m,
             mass: &self.particles.inertia,
             wall_start: &self.wall_list.start,
@@ -151,8 +155,8 @@ struct Passes {
 impl Passes {
     fn choose(bed: &Bed) -> Self {
         let images = bed.around.region.has_images();
-        let friction = bed.around.friction.is_some();
-        let has = PairPasses { images, equal: bed.equal, friction };
+        let friction = bed.rotates();
+        let has = PairPasses { images, equal: bed.equal, friction, necks: bed.has_necks() };
         let pairs = match bed.drive.growing {
             None => has.pass::<NoGrowth>(),
             Some(growing) => with_law(growing.kinetics, has),
@@ -174,10 +178,19 @@ struct PairPasses {
     images: bool,
     equal: bool,
     friction: bool,
+    necks: bool,
 }
 
 impl PairPasses {
     fn pass<G: Growth>(self) -> PairPass {
+        if self.necks && G::GROWS {
+            return match (self.images, self.equal) {
+                (false, false) => pair_forces::<Pays<false, false, true, Sintered<G>>>,
+                (false, true) => pair_forces::<Pays<false, true, true, Sintered<G>>>,
+                (true, false) => pair_forces::<Pays<true, false, true, Sintered<G>>>,
+                (true, true) => pair_forces::<Pays<true, true, true, Sintered<G>>>,
+            };
+        }
         match (self.images, self.equal, self.friction) {
             (false, false, false) => pair_forces::<Pays<false, false, false, G>>,
             (false, false, true) => pair_forces::<Pays<false, false, true, G>>,

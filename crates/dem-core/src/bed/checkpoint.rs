@@ -17,7 +17,7 @@ use super::vec3::Vec3;
 
 const MAGIC: &[u8; 8] = b"dem-bed\0";
 const RUN_MAGIC: &[u8; 8] = b"dem-run\0";
-const VERSION: u64 = 2;
+const VERSION: u64 = 3;
 
 /// Something that is stored as a fixed number of bytes.
 trait Stored: Sized {
@@ -202,6 +202,8 @@ macro_rules! for_each_field {
         $each!($bed.pairs.force);
         $each!($bed.pairs.spring);
         $each!($bed.pairs.torque);
+        $each!($bed.pairs.turn);
+        $each!($bed.pairs.moment);
         $each!($bed.wall_list.start);
         $each!($bed.wall_list.wall);
         $each!($bed.wall_list.memory);
@@ -246,6 +248,7 @@ impl Bed {
             };
         }
         for_each_field!(fresh, take);
+        fresh.walls = fresh.around.region.walls();
         let n = self.particles.len();
         let radii = |bed: &Self| {
             let mut radii = vec![0.0; n];

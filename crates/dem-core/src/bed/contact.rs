@@ -63,6 +63,8 @@ impl Memory {
 pub(crate) trait Growth: Copy + Send + Sync {
     /// Whether it grows at all.
     const GROWS: bool;
+    /// Whether the necks resist shear and rolling.
+    const NECKS: bool = false;
     /// `dx/dt` as numerator and denominator.
     fn rate_fraction(coefficients: &RateCoefficients<f64>, overlap: f64) -> (f64, f64);
 }
@@ -91,6 +93,19 @@ impl<K: Kinetic> Growth for Grows<K> {
     }
 }
 
+/// A contact that grows and whose neck resists shear and rolling.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sintered<G>(PhantomData<G>);
+
+impl<G: Growth> Growth for Sintered<G> {
+    const GROWS: bool = true;
+    const NECKS: bool = true;
+    #[inline(always)]
+    fn rate_fraction(coefficients: &RateCoefficients<f64>, overlap: f64) -> (f64, f64) {
+        G::rate_fraction(coefficients, overlap)
+    }
+}
+
 /// The contact law and the constants that follow from it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct LawConstants {
@@ -111,6 +126,12 @@ impl LawConstants {
             inverse_adhesion: 1.0 / law.adhesion,
             end_plastic: law.equilibrium_plastic_overlap(law.plastic_overlap_max),
         }
+    }
+
+    /// A contact that has not sintered, at rest; one that has opened is held until a balance of forces has been found.
+    pub(crate) fn elastic(&self, overlap: f64) -> Memory {
+        let overlap = overlap.max(0.0);
+        Memory { overlap, drift: 0.0, plastic: 0.0, pull: self.law.adhesion - overlap }
     }
 
     /// Stiffness `kappa(p)`.
@@ -248,6 +269,14 @@ impl Scheme {
         let alpha = law.law.adhesion;
         let drift = after - before - alpha / self.inverse_phase_squared;
         Memory { overlap: before, drift, plastic: 0.0, pull: alpha }
+    }
+
+    /// Resistance of a contact that grows to motion along its axis, `fa/(R rate)` \[N s/m\].
+    #[inline(always)]
+    pub(crate) fn resistance<G: Growth>(&self, law: &LawConstants, overlap: f64) -> f64 {
+        let (n, d) = G::rate_fraction(&self.rate, overlap.max(self.start));
+        // A kinetics that has come to its end resists without a limit.
+        law.law.adhesion * self.force_scale * self.inverse_unit * (d / n).min(1e30)
     }
 
     /// The pull of a contact at rest or in motion, out of its overlap, plastic overlap and the rate of the overlap \[1/s\].

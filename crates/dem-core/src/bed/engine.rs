@@ -17,6 +17,7 @@ use super::error::{BedError, within};
 use super::friction::Slider;
 use super::material::{ContactConstants, Friction, Growing, Material, effective_radius};
 use super::motion::WallList;
+use super::necks::NeckLaw;
 use super::neighbours::{NeighbourList, image_of, index_of};
 use super::particles::Particles;
 use super::region::Wall;
@@ -52,6 +53,10 @@ pub(crate) struct Pairs {
     pub(crate) spring: Vec<Vec3>,
     /// Empty without friction.
     pub(crate) torque: Vec<Vec3>,
+    /// Turn of the necks' springs \[rad\]; empty where necks have no resistance.
+    pub(crate) turn: Vec<Vec3>,
+    /// Moment of the necks on the first particle \[N m\]; empty where necks have no resistance.
+    pub(crate) moment: Vec<Vec3>,
 }
 
 /// Work of a run so far.
@@ -121,14 +126,15 @@ impl Bed {
         around.region.check_images(2.0 * largest + skin)?;
         let at_rest = || vec![ZERO; n];
         let given = |vectors: &Vec<Vec3>| (!vectors.is_empty()).then(|| vectors.clone());
+        let rotates = around.friction.is_some() || material.neck_viscosity() > 0.0;
         let mut particles = Particles::new(
             start.position_m.clone(),
             given(&start.velocity_m_per_s).unwrap_or_else(at_rest),
             start.radius_m.clone(),
             material.spec().powder.density_kg_per_m3,
-            around.friction.is_some(),
+            rotates,
         );
-        if around.friction.is_some() {
+        if rotates {
             particles.angular_velocity_per_s =
                 given(&start.angular_velocity_per_s).unwrap_or_else(at_rest);
         }
@@ -264,6 +270,8 @@ impl Bed {
         self.step_s = step_s;
         self.phase_start_s = self.time_s;
         self.phase_steps = 0;
+        self.pairs.turn.fill(ZERO);
+        self.pairs.moment.fill(ZERO);
         self.fill_constants()?;
         self.check_stability()?;
         self.set_off()
@@ -298,29 +306,6 @@ impl Bed {
     pub(crate) fn set_material(&mut self, material: Material) {
         self.law = LawConstants::new(*material.law());
         self.material = material;
-    }
-
-    /// Takes on a material of another stiffness. Where the adhesive force is stated the contacts keep their overlaps and
-    /// the forces they carry; where it goes by K1 all forces go with it.
-    pub(crate) fn change_stiffness(&mut self, material: Material) {
-        let share = self.material.k1_n_per_m() / material.k1_n_per_m();
-        let before = self.law;
-        self.set_material(material);
-        if share == 1.0 || !material.has_stated_adhesion() {
-            return;
-        }
-        let law = self.law.law;
-        for memory in self.pairs.memory.iter_mut().chain(&mut self.wall_list.memory) {
-            if memory.is_contact() {
-                let (x, p) = (memory.overlap, memory.plastic);
-                let force = before.stiffness(p) * (x - p) * share;
-                memory.plastic = law.plastic_overlap_carrying(force.min(x), x);
-                memory.pull *= share;
-            }
-        }
-        for (before, memory) in self.pairs.plastic_before.iter_mut().zip(&self.pairs.memory) {
-            *before = memory.plastic;
-        }
     }
 
     /// Box, gravity, fluid and friction.
@@ -361,6 +346,8 @@ impl Bed {
             + of(&c.constants)
             + of(&c.spring)
             + of(&c.torque)
+            + of(&c.turn)
+            + of(&c.moment)
             + of(&w.start)
             + of(&w.wall)
             + of(&w.memory)
@@ -374,12 +361,28 @@ impl Bed {
     }
 
     pub(crate) fn slider(&self) -> Slider {
-        let none = Friction {
-            coefficient: 0.0,
-            tangential_stiffness_over_k1: 1.0,
-            tangential_damping_over_normal: 0.0,
-        };
-        Slider::new(&self.around.friction.unwrap_or(none), self.material.k1_n_per_m())
+        Slider::new(&self.friction(), self.material.k1_n_per_m())
+    }
+
+    /// Friction, with a coefficient of 0 where there is none.
+    fn friction(&self) -> Friction {
+        self.around.friction.unwrap_or(Friction::NONE)
+    }
+
+    /// The necks' law in dynamic phases.
+    pub(crate) fn neck_law(&self) -> NeckLaw {
+        let material = &self.material;
+        NeckLaw::new(material.neck_viscosity(), &self.friction(), material.k1_n_per_m())
+    }
+
+    /// Whether the particles turn: with friction, or with necks that resist it.
+    pub(crate) fn rotates(&self) -> bool {
+        self.around.friction.is_some() || self.has_necks()
+    }
+
+    /// Whether sintered necks resist shear and rolling.
+    pub(crate) fn has_necks(&self) -> bool {
+        self.material.neck_viscosity() > 0.0
     }
 
     /// Acceleration by gravity: the weight over the scaled mass.

@@ -135,10 +135,12 @@ pub enum BedError {
     },
     /// The contacts are too soft for the adhesive force that is stated.
     #[error(
-        "k1_n_per_m = {k1}: the adhesive force alone would press two particles {overlap} radii into each other, and hard \
+        "{place} = {k1}: the adhesive force alone would press two particles {overlap} radii into each other, and hard \
          particles are meant; a K1 of {needed_k1} N/m or more will do, or a smaller adhesion"
     )]
     Adhesion {
+        /// The field of the stiffness, as it is called in the scene file.
+        place: String,
         /// The loading stiffness.
         k1: f64,
         /// Overlap by adhesion, in effective radii.
@@ -175,7 +177,7 @@ pub enum BedError {
     /// The quasi-static mode found no force balance.
     #[error(
         "no force balance at t = {time_s} s after {iterations} iterations: residual force {residual} of the adhesive force, \
-         wanted {wanted}; raise max_work, or use mode = \"dynamic\""
+         wanted {wanted}; begin with a phase of mode = \"dynamic\" in which the bed comes to rest, or heat in that mode"
     )]
     NoBalance {
         /// Time \[s\].
@@ -186,6 +188,29 @@ pub enum BedError {
         residual: f64,
         /// Residual force wanted, over fa.
         wanted: f64,
+    },
+    /// The quasi-static mode came near no force balance in ever shorter steps.
+    #[error(
+        "at t = {time_s} s contacts open and close, or particles roll, without an end in force balance; begin with a phase of \
+         mode = \"dynamic\" in which the bed comes to rest, or heat in that mode"
+    )]
+    NoRest {
+        /// Time \[s\].
+        time_s: f64,
+    },
+    /// A particle has no support against gravity in the quasi-static mode.
+    #[error(
+        "at t = {time_s} s nothing carries particle {particle} along axis {axis}, where gravity acts: no chain of contacts leads from it to \
+         a wall across that axis, and a balance of forces follows no fall; begin with a phase of mode = \"dynamic\" in which the \
+         bed comes to rest on a wall (box.sides), or leave [gravity] out"
+    )]
+    NothingCarries {
+        /// The particle, by its place in the scene.
+        particle: usize,
+        /// 0, 1 or 2.
+        axis: usize,
+        /// Time \[s\].
+        time_s: f64,
     },
     /// The run used all the work it was allowed.
     #[error("max_work = {max_work} steps were used up at t = {time_s} s: raise max_work")]

@@ -8,7 +8,8 @@ use std::ops::Range;
 
 use super::contact::{Growth, LawConstants, Memory, Scheme};
 use super::friction::Slider;
-use super::material::ContactConstants;
+use super::material::{ContactConstants, effective_radius};
+use super::necks::{NeckLaw, NeckSprings};
 use super::neighbours::{NeighbourList, image_of, index_of};
 use super::vec3::{Vec3, ZERO, add, cross, dot, scale, sub};
 
@@ -57,6 +58,7 @@ pub(crate) struct PairInput<'a> {
     /// The constants of each pair, where the radii differ.
     pub(crate) constants: &'a [ContactConstants],
     pub(crate) slider: Slider,
+    pub(crate) necks: NeckLaw,
     /// Whether no new contacts are made.
     pub(crate) closed: bool,
 }
@@ -68,6 +70,8 @@ pub(crate) struct PairOutput<'a> {
     pub(crate) force: &'a mut [Vec3],
     pub(crate) spring: &'a mut [Vec3],
     pub(crate) torque: &'a mut [Vec3],
+    pub(crate) turn: &'a mut [Vec3],
+    pub(crate) moment: &'a mut [Vec3],
 }
 
 impl<'a> PairOutput<'a> {
@@ -81,14 +85,18 @@ impl<'a> PairOutput<'a> {
         let (force, force_after) = split(self.force, at);
         let (spring, spring_after) = split(self.spring, at);
         let (torque, torque_after) = split(self.torque, at);
+        let (turn, turn_after) = split(self.turn, at);
+        let (moment, moment_after) = split(self.moment, at);
         (
-            Self { memory, plastic_before, force, spring, torque },
+            Self { memory, plastic_before, force, spring, torque, turn, moment },
             Self {
                 memory: memory_after,
                 plastic_before: plastic_before_after,
                 force: force_after,
                 spring: spring_after,
                 torque: torque_after,
+                turn: turn_after,
+                moment: moment_after,
             },
         )
     }
@@ -116,7 +124,7 @@ pub(crate) fn pair_forces<F: PairFeatures>(
 
 fn rows_forces<F: PairFeatures>(input: &PairInput<'_>, output: PairOutput<'_>, rows: Range<usize>) {
     let offset = input.list.start[rows.start] as usize;
-    let PairOutput { memory, plastic_before, force, spring, torque } = output;
+    let PairOutput { memory, plastic_before, force, spring, torque, turn, moment } = output;
     let equal_squared = input.diameter * input.diameter;
     let mut nothing = 0.0;
     for i in rows {
@@ -144,6 +152,10 @@ fn rows_forces<F: PairFeatures>(input: &PairInput<'_>, output: PairOutput<'_>, r
                     if F::FRICTION {
                         spring[at] = ZERO;
                         torque[at] = ZERO;
+                        // Empty where necks have no resistance.
+                        for of_neck in [&mut *turn, &mut *moment] {
+                            of_neck.iter_mut().skip(at).take(1).for_each(|it| *it = ZERO);
+                        }
                     }
                 }
                 continue;
@@ -168,29 +180,62 @@ fn rows_forces<F: PairFeatures>(input: &PairInput<'_>, output: PairOutput<'_>, r
             let along = -memory.pull * scheme.force_scale / distance;
             let mut total = scale(d, along);
             if F::FRICTION {
-                let normal = scale(d, 1.0 / distance);
-                let arm = distance / (input.radius[i] + input.radius[j]);
-                let turning = add(
-                    scale(input.spin[i], input.radius[i] * arm),
-                    scale(input.spin[j], input.radius[j] * arm),
-                );
-                let relative =
-                    add(sub(input.velocity[i], input.velocity[j]), cross(normal, turning));
-                let pressing = (input.law.law.adhesion - memory.pull) * scheme.force_scale;
-                let tangential = input.slider.force(
-                    &mut spring[at],
-                    normal,
-                    relative,
-                    pressing,
-                    scheme.damping * input.step_s * input.k1,
-                    input.step_s,
-                );
+                let grip =
+                    Grip { i, j, normal: scale(d, 1.0 / distance), distance, memory, scheme };
+                let mut none = (ZERO, ZERO);
+                let (turn, moment) = if F::G::NECKS {
+                    (&mut turn[at], &mut moment[at])
+                } else {
+                    (&mut none.0, &mut none.1)
+                };
+                let springs = NeckSprings { shift: &mut spring[at], turn };
+                let tangential;
+                (tangential, torque[at], *moment) = tangential_force::<F>(input, &grip, springs);
                 total = add(total, tangential);
-                torque[at] = scale(cross(normal, tangential), -arm);
             }
             force[at] = total;
         }
     }
+}
+
+/// A contact as its tangential force sees it.
+struct Grip<'a> {
+    i: usize,
+    j: usize,
+    /// From j to i.
+    normal: Vec3,
+    distance: f64,
+    memory: &'a Memory,
+    scheme: &'a Scheme,
+}
+
+/// Tangential force on the first particle, its torque over the radius of either, and the moment of the neck on the first.
+#[inline(always)]
+fn tangential_force<F: PairFeatures>(
+    input: &PairInput<'_>,
+    grip: &Grip<'_>,
+    springs: NeckSprings<'_>,
+) -> (Vec3, Vec3, Vec3) {
+    let &Grip { i, j, normal, distance, memory, scheme } = grip;
+    let arm = distance / (input.radius[i] + input.radius[j]);
+    let turning = add(
+        scale(input.spin[i], input.radius[i] * arm),
+        scale(input.spin[j], input.radius[j] * arm),
+    );
+    let relative = add(sub(input.velocity[i], input.velocity[j]), cross(normal, turning));
+    let damping = scheme.damping * input.step_s * input.k1;
+    let (tangential, moment) = if F::G::NECKS {
+        let resistance = scheme.resistance::<F::G>(&input.law, memory.overlap);
+        let radius = effective_radius(input.radius[i], input.radius[j]);
+        let neck = (resistance, damping, memory.overlap * radius * radius);
+        let rolling = sub(input.spin[i], input.spin[j]);
+        input.necks.step(springs, normal, [relative, rolling], neck, input.step_s)
+    } else {
+        let pressing = (input.law.law.adhesion - memory.pull) * scheme.force_scale;
+        let (shift, step_s) = (springs.shift, input.step_s);
+        (input.slider.force(shift, normal, relative, pressing, damping, step_s), ZERO)
+    };
+    (tangential, scale(cross(normal, tangential), -arm), moment)
 }
 
 /// Two particles that meet in a step.

@@ -5,7 +5,9 @@ use serde::{Deserialize, Serialize};
 use super::error::{BedError, field, within};
 use crate::densification::Approach;
 use crate::kinetics::{RateCoefficients, WithLaw, with_law};
-use crate::{ContactLaw, Damping, Kinetic, Kinetics, PairScene, PairSpec, Sintering, SolveError};
+use crate::{
+    ContactLaw, Damping, Kinetic, Kinetics, PairScene, PairSpec, Sintering, SolveError, paper,
+};
 
 /// Friction after S. Luding, Granular Matter 10 (2008) 235: a tangential spring xi with a slider and a
 /// dashpot,
@@ -41,6 +43,13 @@ fn half() -> f64 {
 }
 
 impl Friction {
+    /// No friction; what its springs would be.
+    pub(crate) const NONE: Self = Self {
+        coefficient: 0.0,
+        tangential_stiffness_over_k1: 2.0 / 7.0,
+        tangential_damping_over_normal: 0.5,
+    };
+
     pub(crate) fn check(&self) -> Result<(), BedError> {
         within("friction.coefficient", self.coefficient, 0.0, 10.0, "use 0 to 10")?;
         within(
@@ -86,6 +95,8 @@ pub struct Material {
     approach: Approach,
     /// The adhesive force over the effective radius \[N/m\], where it does not go by K1.
     adhesion_n_per_m: Option<f64>,
+    /// Resistance of sintered necks to shear and rolling over that of one viscosity for all motions; 0 for none.
+    neck_viscosity: f64,
 }
 
 impl Material {
@@ -94,13 +105,35 @@ impl Material {
     /// [`BedError::Material`] as for a pair.
     pub fn new(spec: PairSpec) -> Result<Self, BedError> {
         let law = *spec.build()?.law();
-        Ok(Self { spec, law, approach: Approach::default(), adhesion_n_per_m: None })
+        let approach = Approach::default();
+        Ok(Self { spec, law, approach, adhesion_n_per_m: None, neck_viscosity: 0.0 })
     }
 
     /// The same with another law of the approach of two particles.
     #[must_use]
     pub fn with_approach(self, approach: Approach) -> Self {
         Self { approach, ..self }
+    }
+
+    /// The same with sintered necks that resist shear, rolling and twist: in `c_n/3`, `c_n a^2/4` and `c_n a^2/6` of a neck of radius a, with the
+    /// resistance c_n to its own growth, times `neck_viscosity`. 1 is a Newtonian neck of one viscosity; 0 (the default) turns and
+    /// slides freely.
+    ///
+    /// # Errors
+    ///
+    /// [`BedError::Field`] for one that is not 0 or 1e-6 to 1e6.
+    pub fn with_neck_viscosity(self, neck_viscosity: f64) -> Result<Self, BedError> {
+        if neck_viscosity != 0.0 {
+            let remedy = "use 1 for a Newtonian neck, 1e-6 to 1e6 times that, or 0 for none";
+            within("sintering.neck_viscosity", neck_viscosity, 1e-6, 1e6, remedy)?;
+        }
+        Ok(Self { neck_viscosity, ..self })
+    }
+
+    /// Resistance of sintered necks to shear and rolling, over that of one viscosity for all motions; 0 for none.
+    #[must_use]
+    pub fn neck_viscosity(&self) -> f64 {
+        self.neck_viscosity
     }
 
     /// The same with an adhesive force that does not depend on K1: `fa = adhesion_n_per_m R`, R the effective radius
@@ -110,7 +143,7 @@ impl Material {
     ///
     /// [`BedError::Adhesion`] where K1 is too soft for it, or [`BedError::Field`] for one that is not positive.
     pub fn with_adhesion(self, adhesion_n_per_m: f64) -> Result<Self, BedError> {
-        within("adhesion over R", adhesion_n_per_m, 1e-30, 1e30, "give a positive force")?;
+        within("adhesion_n_per_m", adhesion_n_per_m, 1e-30, 1e30, "give a positive force")?;
         Self { adhesion_n_per_m: Some(adhesion_n_per_m), ..self }.with_spec(self.spec)
     }
 
@@ -120,11 +153,12 @@ impl Material {
             let overlap = adhesion_n_per_m / (spec.k1 * self.approach.factor());
             if overlap > LARGEST_ADHESIVE_OVERLAP {
                 let needed_k1 = spec.k1 * overlap / LARGEST_ADHESIVE_OVERLAP;
-                return Err(BedError::Adhesion { k1: spec.k1, overlap, needed_k1 });
+                let place = "material.k1_n_per_m".to_owned();
+                return Err(BedError::Adhesion { place, k1: spec.k1, overlap, needed_k1 });
             }
             if overlap < LEAST_ADHESIVE_OVERLAP {
                 let remedy = "so small a force is not followed with this K1: lower k1_n_per_m";
-                return Err(field("adhesion over R", adhesion_n_per_m, remedy));
+                return Err(field("adhesion_n_per_m", adhesion_n_per_m, remedy));
             }
             spec.adhesion_over_k1_radius = overlap;
         }
@@ -134,6 +168,13 @@ impl Material {
     /// The same with another loading stiffness.
     pub(crate) fn with_k1(self, k1_n_per_m: f64) -> Result<Self, BedError> {
         self.with_spec(PairSpec { k1: k1_n_per_m, ..self.spec })
+    }
+
+    /// K1 with which adhesion alone gives a contact the overlap of the pair of the calibration, 1e-3 R, where the force is
+    /// stated.
+    pub(crate) fn pair_k1_n_per_m(&self) -> Option<f64> {
+        let adhesion_n_per_m = self.adhesion_n_per_m?;
+        Some(adhesion_n_per_m / (paper::ADHESION_OVER_K1_RADIUS * self.approach.factor()))
     }
 
     /// Adhesive force fa of two particles of a radius \[N\].
@@ -268,6 +309,14 @@ pub(crate) fn effective_radius(radius_i: f64, radius_j: f64) -> f64 {
 pub fn final_contact_ratio(phi: f64, radius_i: f64, radius_j: f64) -> f64 {
     // Exactly phi where they are equal.
     phi * (0.5 * (radius_i / radius_i.max(radius_j) + radius_j / radius_i.max(radius_j)))
+}
+
+/// Refuses a final contact ratio of equal particles that would need more than their matter: merged into one they have the radius
+/// `2^(1/3)`, which may be written as 1.26.
+pub(crate) fn check_final_contact_ratio(phi: f64) -> Result<(), BedError> {
+    let remedy = "two equal particles merge into a sphere of 2^(1/3) = 1.26 radii, and a wider neck would need more than their \
+                  volume: use 1.26, or less where coalescence stops earlier";
+    within("material.final_contact_ratio", phi, 1e-3, 1.26, remedy)
 }
 
 const NO_RATE: RateCoefficients<f64> =

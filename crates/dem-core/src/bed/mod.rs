@@ -6,6 +6,7 @@
 //! | the engine: velocity Verlet, neighbour list, threads | [`Bed::advance`] |
 //! | force balance at every instant, for times that no step of inertia reaches | [`Bed::advance_quasi_static`] |
 //! | the end of the pairs, and the closed laws that follow | [`WhenNecksMeet`], [`Law`], [`densification`](crate::densification) |
+//! | necks that resist shear and rolling | [`Material::with_neck_viscosity`] |
 //! | random and jammed packings | [`random_packing`], [`jammed_packing`] |
 //! | tables, pictures' data, restarts | [`write_csv`], [`write_vtk`], [`Bed::checkpoint`] |
 //!
@@ -40,6 +41,7 @@
 //! # Ok::<(), dem_core::bed::BedError>(())
 //! ```
 
+mod adhesion;
 mod advance;
 mod checkpoint;
 mod closure;
@@ -51,6 +53,7 @@ mod friction;
 mod material;
 mod measure;
 mod motion;
+mod necks;
 mod neighbours;
 mod output;
 mod packing;
@@ -66,8 +69,10 @@ mod scene_file;
 mod set_off;
 mod stability;
 mod start;
+mod stiffness;
 mod vec3;
 
+pub use adhesion::AdhesionTable;
 pub use closure::{LEAST_CLOSING, Law, NECKS_MEET, WhenNecksMeet};
 pub use engine::{Bed, Drive, Work};
 pub use error::BedError;
@@ -82,7 +87,7 @@ pub use region::{Region, Side, Wall};
 pub use run::{Progress, Run, Series};
 pub use scene::Scene;
 pub use scene_file::{
-    AdhesionTable, BoxTable, DragTable, GravityTable, MaterialTable, Outline, ParticlesTable,
-    SceneFile, SinteringTable,
+    BoxTable, DragTable, GravityTable, MaterialTable, Outline, ParticlesTable, SceneFile,
+    SinteringTable,
 };
 pub use start::{Start, Surroundings};

@@ -64,6 +64,8 @@ pub(crate) struct MotionInput<'a> {
     pub(crate) list: &'a NeighbourList,
     pub(crate) pair_force: &'a [Vec3],
     pub(crate) pair_torque: &'a [Vec3],
+    /// Moments of necks; empty where they have no resistance.
+    pub(crate) pair_moment: &'a [Vec3],
     pub(crate) radius: &'a [f64],
     /// Inertial masses.
     pub(crate) mass: &'a [f64],
@@ -239,6 +241,14 @@ fn gathered<F: MotionFeatures>(input: &MotionInput<'_>, i: usize) -> (Vec3, Vec3
             turn = add(turn, input.pair_torque[pair as usize]);
         }
         turn = scale(turn, input.radius[i]);
+        if !input.pair_moment.is_empty() {
+            for moment in &input.pair_moment[input.list.row(i)] {
+                turn = add(turn, *moment);
+            }
+            for &pair in input.list.reverse_row(i) {
+                turn = sub(turn, input.pair_moment[pair as usize]);
+            }
+        }
     }
     (force, turn)
 }

@@ -39,7 +39,8 @@ pub struct Phase {
     pub mass_scaling: f64,
     /// Largest inertial number at an observation of a heated phase (dynamic); left out, it is only recorded.
     pub inertial_number_limit: Option<f64>,
-    /// K1 of this phase in place of the material's \[N/m\]: a bed may settle with a softer one.
+    /// K1 of this phase in place of the material's \[N/m\]: a bed may settle with a softer one. A heated quasi-static phase of a scene with
+    /// `[adhesion]` takes `1e3 fa/R` without it: its contacts then start with the neck of the pair.
     pub k1_n_per_m: Option<f64>,
     /// Error of a/R that one step may make (quasi-static).
     #[serde(default = "tolerance")]
@@ -66,9 +67,14 @@ fn max_work() -> u64 {
 }
 
 impl Phase {
+    /// A field of the phase at `index`, as a reader of the scene file finds it.
+    pub(super) fn field_name(&self, index: usize, name: &str) -> String {
+        format!("[[phases]] {} ({}): {name}", index + 1, self.name)
+    }
+
     /// Checks the fields of the phase at `index`.
     pub(super) fn check(&self, index: usize, can_heat: bool) -> Result<(), BedError> {
-        let name = |name: &str| format!("phases[{index}].{name}");
+        let name = |name: &str| self.field_name(index, name);
         let duration = self.duration_s;
         within(
             &name("duration_s"),

@@ -20,7 +20,8 @@ impl Bed {
             place[before as usize] = new as u32;
         }
         let pairs = list.other.len();
-        let spins = if self.around.friction.is_some() { pairs } else { 0 };
+        let spins = if self.rotates() { pairs } else { 0 };
+        let necks = if self.has_necks() { pairs } else { 0 };
         let mut fresh = Pairs {
             memory: vec![Memory::APART; pairs],
             plastic_before: vec![0.0; pairs],
@@ -28,6 +29,8 @@ impl Bed {
             constants: Vec::new(),
             spring: vec![ZERO; spins],
             torque: vec![ZERO; spins],
+            turn: vec![ZERO; necks],
+            moment: vec![ZERO; necks],
         };
         for i in 0..n {
             for k in old.row(i) {
@@ -42,6 +45,9 @@ impl Bed {
                 if spins > 0 {
                     let sign = if a < b { 1.0 } else { -1.0 };
                     fresh.spring[to] = scale(self.pairs.spring[k], sign);
+                    if necks > 0 {
+                        fresh.turn[to] = scale(self.pairs.turn[k], sign);
+                    }
                 }
             }
         }
@@ -64,7 +70,7 @@ impl Bed {
                 let same = old.row(before as usize).find(|&k| old.wall[k] as usize == index);
                 list.wall.push(index as u8);
                 list.memory.push(same.map_or(Memory::APART, |k| old.memory[k]));
-                if self.around.friction.is_some() {
+                if self.rotates() {
                     list.spring.push(same.map_or(ZERO, |k| old.spring[k]));
                 }
             }

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use super::closure::{LEAST_CLOSING, Law, WhenNecksMeet};
 use super::engine::{Bed, Drive};
 use super::error::{BedError, field};
-use super::material::Growing;
+use super::material::{Growing, Material};
 use super::measure::Sample;
 use super::phase::{Mode, Phase};
 use super::quasi_static::{QuasiStaticReport, QuasiStaticSettings};
@@ -133,8 +133,17 @@ impl Run {
             return Ok(());
         }
         let material = *self.scene.bed.material();
-        let k1 = phase.k1_n_per_m.unwrap_or(material.k1_n_per_m());
-        self.bed.change_stiffness(material.with_k1(k1)?);
+        let is_hot_balance = phase.heated && phase.mode == Mode::QuasiStatic;
+        let own = material.pair_k1_n_per_m().filter(|_| is_hot_balance);
+        let k1 = phase.k1_n_per_m.or(own).unwrap_or(material.k1_n_per_m());
+        let material = material.with_k1(k1)?;
+        if is_hot_balance && material.has_stated_adhesion() && self.bed.is_elastic() {
+            // The stated force does not go by K1.
+            self.scene.check_load(&self.bed)?;
+            self.harden(material, phase)?;
+        } else {
+            self.bed.change_stiffness(material);
+        }
         if phase.heated {
             self.scene.check_load(&self.bed)?;
         }
@@ -156,6 +165,34 @@ impl Run {
             // A quasi-static phase starts in balance.
             self.go(phase)
         }
+    }
+
+    /// Takes on another stiffness from balance to balance, in steps that the balance can follow. Where it follows no step the contacts keep the
+    /// overlaps they have.
+    fn harden(&mut self, material: Material, phase: &Phase) -> Result<(), BedError> {
+        let settings = phase.quasi_static(self.scene.free_box);
+        let wanted = material.k1_n_per_m();
+        let mut step = STIFFER;
+        while self.bed.material().k1_n_per_m() != wanted && step > LEAST_STIFFER {
+            let times = wanted / self.bed.material().k1_n_per_m();
+            let is_last = times.max(1.0 / times) <= step;
+            let next = if times > 1.0 { step } else { 1.0 / step };
+            let k1 = self.bed.material().k1_n_per_m() * next;
+            let before = self.bed.clone();
+            self.bed.harden(if is_last { material } else { material.with_k1(k1)? })?;
+            let (now_s, report) = (self.bed.time_s(), &mut self.series.quasi_static);
+            report.balanced_at_s = None;
+            match self.bed.advance_quasi_static(now_s, &settings, report) {
+                Ok(()) => {}
+                Err(BedError::NoBalance { .. } | BedError::NoRest { .. }) => {
+                    self.bed = before;
+                    step = step.sqrt();
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        self.bed.change_stiffness(material);
+        Ok(())
     }
 
     /// To the present observation.
@@ -264,6 +301,10 @@ impl Run {
     }
 }
 
+/// Largest change of K1 from one balance to the next, and the least that is tried.
+const STIFFER: f64 = 3.0;
+const LEAST_STIFFER: f64 = 1.05;
+
 /// A dynamic phase looks whether necks meet after such a part of tau_s.
 const LOOK_EVERY_TAU: f64 = 0.002;
 
@@ -346,29 +387,36 @@ impl Phase {
 
 impl Bed {
     /// Load on a particle at the bottom over its adhesive force; `None` without gravity.
+    ///
+    /// Of gravity along several axes each side carries its component: the largest of these loads.
     #[must_use]
     pub fn load_over_adhesion(&self) -> Option<f64> {
-        let g = norm(self.around.gravity_m_per_s2);
-        if g == 0.0 {
+        let gravity = self.around.gravity_m_per_s2;
+        if norm(gravity) == 0.0 {
             return None;
         }
         let p = &self.particles;
         let n = p.len() as f64;
         let radius = p.radius_m.iter().sum::<f64>() / n;
         let mass: f64 = p.inertia.iter().sum::<f64>() / self.drive.mass_scaling;
-        let mut layer = 1.0;
-        for axis in 0..3 {
-            if self.around.gravity_m_per_s2[axis] == 0.0 {
-                let across = if self.around.region.sides[axis] == Side::Open {
-                    let along = p.position_m.iter().map(|position| position[axis]);
-                    let low = along.clone().fold(f64::INFINITY, f64::min);
-                    along.fold(f64::NEG_INFINITY, f64::max) - low + 2.0 * radius
-                } else {
-                    self.around.region.size_m[axis]
-                };
-                layer *= (across / (2.0 * radius)).max(1.0);
-            }
-        }
-        Some(mass * g / layer.min(n) / self.material.adhesion_n(radius))
+        let region = &self.around.region;
+        let across = [0, 1, 2].map(|axis| {
+            let ends =
+                matches!(region.sides[axis], Side::Open | Side::LowerWall) || gravity[axis] != 0.0;
+            let length = if ends && region.sides[axis] != Side::Periodic {
+                let along = p.position_m.iter().map(|position| position[axis]);
+                let low = along.clone().fold(f64::INFINITY, f64::min);
+                along.fold(f64::NEG_INFINITY, f64::max) - low + 2.0 * radius
+            } else {
+                region.size_m[axis]
+            };
+            (length / (2.0 * radius)).max(1.0)
+        });
+        let load = |axis: usize| {
+            let layer = across[(axis + 1) % 3] * across[(axis + 2) % 3];
+            mass * gravity[axis].abs() / layer.min(n)
+        };
+        let largest = load(0).max(load(1)).max(load(2));
+        Some(largest / self.material.adhesion_n(radius))
     }
 }

@@ -3,7 +3,7 @@
 use super::closure::WhenNecksMeet;
 use super::engine::Bed;
 use super::error::BedError;
-use super::material::Growing;
+use super::material::{Growing, check_final_contact_ratio};
 use super::phase::Phase;
 use super::start::Start;
 
@@ -43,12 +43,13 @@ impl Scene {
     ///
     /// # Errors
     ///
-    /// [`BedError::Material`], for instance where contacts would start coalesced.
+    /// [`BedError::Field`] for one above 1.26, [`BedError::Material`], for instance where contacts would start coalesced.
     pub fn with_final_contact_ratio(mut self, phi: f64) -> Result<Self, BedError> {
         let mut spec = *self.bed.material().spec();
         if phi == spec.final_contact_ratio {
             return Ok(self);
         }
+        check_final_contact_ratio(phi)?;
         spec.final_contact_ratio = phi;
         let p = self.bed.particles();
         // In the order of the scene, as they are numbered.

@@ -4,10 +4,11 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::adhesion::{AdhesionTable, check_adhesion};
 use super::closure::WhenNecksMeet;
 use super::engine::Bed;
 use super::error::{BedError, field, within};
-use super::material::{Friction, Growing, Material};
+use super::material::{Friction, Growing, Material, check_final_contact_ratio};
 use super::packing::Radii;
 use super::phase::{Mode, Phase};
 use super::place::{lattice, lattice_count, packed_jammed, packed_to, packing_radii, solid_m3};
@@ -108,6 +109,9 @@ pub struct SinteringTable {
     /// How far particles approach each other while their neck grows: `overlap`, `energy-balance` or `kingery-berg`.
     #[serde(default)]
     pub approach: Approach,
+    /// Resistance of necks to shear, rolling and twist, over that of a Newtonian neck; 0 for none.
+    #[serde(default)]
+    pub neck_viscosity: f64,
     /// What follows where the necks of the particles meet: `closure` or `stop`.
     #[serde(default)]
     pub when_necks_meet: WhenNecksMeet,
@@ -162,17 +166,6 @@ pub enum ParticlesTable {
         /// Seed of positions and radii.
         seed: u64,
     },
-}
-
-/// `[adhesion]`: the adhesive force fa of two particles of the mean radius, by one of two fields. Of other particles it goes
-/// by their effective radius.
-#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
-pub struct AdhesionTable {
-    /// The force \[N\].
-    pub force_n: Option<f64>,
-    /// The force over the weight of a particle, the Bond number.
-    pub bond_number: Option<f64>,
 }
 
 /// `[gravity]`
@@ -235,9 +228,13 @@ impl SceneFile {
     /// [`BedError`] that names the field, its value and the remedy.
     pub fn outline(&self) -> Result<Outline, BedError> {
         self.check_forces()?;
+        check_final_contact_ratio(self.material.final_contact_ratio)?;
         let radii_m = self.radii_m()?;
         for (particle, &radius_m) in radii_m.iter().enumerate() {
-            let name = format!("radius_m of particle {particle}");
+            let name = match &self.particles {
+                ParticlesTable::Table { .. } => format!("particles.table.radii_m[{particle}]"),
+                _ => format!("radius_m of particle {particle}"),
+            };
             within(&name, radius_m, 1e-9, 1e3, "give the radius in metres, 1e-9 to 1e3")?;
         }
         let particles = radii_m.len();
@@ -249,7 +246,14 @@ impl SceneFile {
         for (index, phase) in self.phases.iter().enumerate() {
             phase.check(index, growing.is_some())?;
             if let Some(k1) = phase.k1_n_per_m.filter(|_| particles > 0) {
-                self.material_of(mean_radius_m)?.with_k1(k1)?;
+                let softer = self.material_of(mean_radius_m)?.with_k1(k1);
+                softer.map_err(|error| match self.in_words_of_the_file(error) {
+                    BedError::Adhesion { k1, overlap, needed_k1, .. } => {
+                        let place = phase.field_name(index, "k1_n_per_m");
+                        BedError::Adhesion { place, k1, overlap, needed_k1 }
+                    }
+                    other => other,
+                })?;
             }
         }
         if self.phases.is_empty() {
@@ -263,10 +267,10 @@ impl SceneFile {
             return Err(field("box.free", "true", remedy));
         }
         let heated_dynamic =
-            |phase: &&Phase| phase.heated && phase.mode == Mode::Dynamic && free_box;
-        if let Some(phase) = self.phases.iter().find(heated_dynamic) {
+            |(_, phase): &(usize, &Phase)| phase.heated && phase.mode == Mode::Dynamic && free_box;
+        if let Some((index, phase)) = self.phases.iter().enumerate().find(heated_dynamic) {
             let remedy = "a free box is followed by mode = \"quasi-static\" only";
-            return Err(field("mode of phase", &phase.name, remedy));
+            return Err(field(phase.field_name(index, "mode"), "dynamic", remedy));
         }
         let allowed = self.allowed_load();
         within("gravity.allowed_load_over_adhesion", allowed, 1e-6, 1e6, "use 1e-6 to 1e6")?;
@@ -376,9 +380,14 @@ impl SceneFile {
         spec.k2_max_over_k1 = table.k2_max_over_k1;
         spec.kc_over_k1 = table.kc_over_k1;
         spec.damping = Damping::Restitution(table.restitution);
+        let neck_viscosity = self.sintering.as_ref().map_or(0.0, |table| table.neck_viscosity);
         let material = Material::new(spec)?.with_approach(self.approach());
+        let material = material.with_neck_viscosity(neck_viscosity)?;
         match self.adhesion_n(radius_m) {
-            Some(force_n) => material.with_adhesion(force_n / radius_m),
+            Some(force_n) => {
+                let material = material.with_adhesion(force_n / radius_m);
+                material.map_err(|error| self.in_words_of_the_file(error))
+            }
             None => Ok(material),
         }
     }
@@ -398,47 +407,34 @@ impl SceneFile {
 
     /// The adhesive force of two particles of a radius \[N\], where it is stated.
     fn adhesion_n(&self, radius_m: f64) -> Option<f64> {
-        let table = self.adhesion.as_ref()?;
-        let acceleration = self.gravity.as_ref().map_or([0.0; 3], |g| g.acceleration_m_per_s2);
-        let weight = self.material.density_kg_per_m3 * solid_m3(&[radius_m]) * norm(acceleration);
-        table.force_n.or_else(|| Some(table.bond_number? * weight))
+        let weight =
+            self.material.density_kg_per_m3 * solid_m3(&[radius_m]) * self.gravity_m_per_s2();
+        self.adhesion.as_ref()?.force_of(weight)
+    }
+
+    /// An error of the adhesive force with the fields of this file.
+    fn in_words_of_the_file(&self, error: BedError) -> BedError {
+        match &self.adhesion {
+            Some(table) => table.named(error),
+            None => error,
+        }
+    }
+
+    fn gravity_m_per_s2(&self) -> f64 {
+        self.gravity.as_ref().map_or(0.0, |g| norm(g.acceleration_m_per_s2))
     }
 
     /// Checks adhesion against gravity, and friction against the modes.
     fn check_forces(&self) -> Result<(), BedError> {
-        let pulls = self.gravity.as_ref().is_some_and(|g| norm(g.acceleration_m_per_s2) > 0.0);
-        match &self.adhesion {
-            None if pulls => {
-                let remedy = "with gravity the ratio of the adhesive force to the weight decides: give adhesion.bond_number, \
-                              or adhesion.force_n";
-                return Err(field("adhesion", "left out", remedy));
-            }
-            None => {}
-            Some(AdhesionTable { force_n: Some(force), bond_number: None }) => {
-                within("adhesion.force_n", *force, 1e-30, 1e6, "give it in newton, above 0")?;
-            }
-            Some(AdhesionTable { force_n: None, bond_number: Some(number) }) => {
-                within("adhesion.bond_number", *number, 1e-6, 1e12, "use 1e-6 to 1e12")?;
-                if !pulls {
-                    let remedy =
-                        "the Bond number needs the weight: give [gravity], or adhesion.force_n";
-                    return Err(field("adhesion.bond_number", number, remedy));
-                }
-            }
-            Some(_) => {
-                let remedy = "give one of adhesion.force_n and adhesion.bond_number";
-                return Err(field("adhesion", "none or both of its fields", remedy));
-            }
-        }
+        let gravity = self.gravity_m_per_s2();
+        within("gravity.acceleration_m_per_s2", gravity, 0.0, 1e6, "use 0 to 1e6 m/s2")?;
+        check_adhesion(self.adhesion.as_ref(), gravity > 0.0)?;
         let still = self.phases.iter().find(|phase| phase.mode == Mode::QuasiStatic);
         if let (Some(_), Some(phase)) = (&self.friction, still) {
             let remedy = "a balance of forces has no friction: use mode = \"dynamic\" in every phase (mass_scaling makes it \
                           shorter), or leave [friction] out";
-            return Err(field(
-                "friction",
-                format!("given with the quasi-static phase {}", phase.name),
-                remedy,
-            ));
+            let with = format!("given with the quasi-static phase {}", phase.name);
+            return Err(field("friction", with, remedy));
         }
         Ok(())
     }

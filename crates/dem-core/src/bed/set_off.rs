@@ -58,7 +58,7 @@ impl Bed {
                 let relaxed = scale(normal, -first * scheme.force_scale);
                 forces.relaxed[i] = add(forces.relaxed[i], relaxed);
                 forces.relaxed[j] = sub(forces.relaxed[j], relaxed);
-                if self.around.friction.is_some() {
+                if self.rotates() {
                     let tangential = scale(self.pairs.spring[k], -self.slider().stiffness);
                     total = add(total, tangential);
                     let radii = (self.particles.radius_m[i], self.particles.radius_m[j]);
@@ -86,7 +86,7 @@ impl Bed {
             scheme.settle(&self.law, &mut memory, -wall.inward * v * scheme.inverse_unit);
             self.wall_list.memory[k] = memory;
             forces.force[i][wall.axis] -= wall.inward * memory.pull * scheme.force_scale;
-            if self.around.friction.is_some() {
+            if self.rotates() {
                 let tangential = scale(self.wall_list.spring[k], -self.slider().stiffness);
                 forces.force[i] = add(forces.force[i], tangential);
                 let mut normal = ZERO;
@@ -113,7 +113,7 @@ impl Bed {
             let ahead = add(v, scale(first, half));
             fastest = fastest.max(dot(ahead, ahead));
             self.particles.half_velocity[i] = ahead;
-            if self.around.friction.is_some() {
+            if self.rotates() {
                 let w = self.particles.angular_velocity_per_s[i];
                 let drag = scale(w, -4.0 / 3.0 * self.drag() * radius.powi(3));
                 let change = scale(add(torque[i], drag), half / (0.4 * mass * radius * radius));

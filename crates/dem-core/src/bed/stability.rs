@@ -4,6 +4,9 @@ use super::engine::Bed;
 use super::error::BedError;
 use super::neighbours::index_of;
 
+/// Of the springs of necks over k_t: 7/2 of shear, and 1 or less of bending and twist.
+const NECKS: f64 = 4.5;
+
 impl Bed {
     /// Collision time of two of the smallest particles, `pi / sqrt(omega^2 - (c/2)^2)` \[s\], with the mass
     /// scaling; undamped where the damping is overcritical.
@@ -20,7 +23,7 @@ impl Bed {
     ///
     /// By Gershgorin's theorem no frequency of the contact network exceeds
     /// `omega^2 = max_i (2 z_i + w_i) k/m_i` with z contacts and w wall contacts, all on their stiffest branch,
-    /// `k = K2max` (and `7/2 k_t` with friction); the step must stay below `2/omega`. For a pair that is
+    /// `k = K2max` (and `7/2 k_t` with friction, `9/2 k_t` with necks that resist shear); the step must stay below `2/omega`. For a pair that is
     /// `2 sqrt(m_eff/K2max)`. The damping of the other contacts, known from the step before only, adds
     /// `h c (z - 2) < 2`.
     #[must_use]
@@ -41,7 +44,8 @@ impl Bed {
             .around
             .friction
             .map_or(0.0, |friction| 3.5 * friction.tangential_stiffness_over_k1);
-        let stiffness = k1 * (self.law.law.k2_max + tangential);
+        let necks = if self.has_necks() { NECKS * self.slider().stiffness / k1 } else { 0.0 };
+        let stiffness = k1 * (self.law.law.k2_max + tangential.max(necks));
         let mut limit = (f64::INFINITY, 0);
         for (&(pairs, walls), &mass) in contacts.iter().zip(&self.particles.inertia) {
             // A particle without contacts may make one any time.

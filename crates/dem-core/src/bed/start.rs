@@ -46,7 +46,7 @@ pub struct Start {
 impl Surroundings {
     fn check(&self) -> Result<(), BedError> {
         for (name, value) in [
-            ("gravity_m_per_s2", norm(self.gravity_m_per_s2)),
+            ("gravity.acceleration_m_per_s2", norm(self.gravity_m_per_s2)),
             ("drag.viscosity_pa_s", self.drag_viscosity_pa_s),
         ] {
             within(name, value, 0.0, 1e6, "use 0 to 1e6")?;

@@ -210,8 +210,8 @@ fn an_outline_refuses_what_needs_no_packing_to_be_seen() {
     assert_eq!(found.particles, 60);
     assert!((found.mean_radius_m / 31.5e-6 - 1.0).abs() < 0.05, "{found:?}");
     for (from, to, word) in [
-        ("tolerance = 1e-3", "tolerance = 1.0", "phases[2].tolerance = 1"),
-        ("outputs = 3", "outputs = 0", "phases[1].outputs = 0"),
+        ("tolerance = 1e-3", "tolerance = 1.0", "[[phases]] 3 (hold): tolerance = 1"),
+        ("outputs = 3", "outputs = 0", "[[phases]] 2 (heat): outputs = 0"),
         ("sigma = 0.1", "sigma = -0.1", "sigma = -0.1"),
         ("youngs_modulus_pa = 1.65e9", "youngs_modulus_pa = -1.0", "youngs_modulus_pa"),
     ] {

@@ -1,9 +1,11 @@
 //! Many particles against known answers, and against the pair.
 
 mod builders;
+mod carried;
 mod closure;
 mod files;
 mod invariance;
+mod necks;
 mod packing;
 mod pair;
 mod quasi_static;

@@ -3,7 +3,8 @@
 use std::f64::consts::PI;
 
 use dem_core::bed::{
-    Bed, BedError, Radii, Region, Side, Start, Surroundings, jammed_packing, random_packing,
+    Bed, BedError, Radii, Region, SceneFile, Side, Start, Surroundings, jammed_packing,
+    random_packing,
 };
 
 use crate::builders::material;
@@ -98,4 +99,68 @@ fn drawn_radii_have_the_moments_of_their_distribution() {
     assert!(drawn.iter().all(|r| (1e-5..4e-5).contains(r)));
     let wrong = Radii::Histogram { edges_m: vec![2e-5, 1e-5], weights: vec![1.0] };
     assert!(wrong.draw(3, 1).expect_err("falling").to_string().contains("radii.edges_m"));
+}
+
+/// Density between a quarter and three quarters of the height of a bed that fell through a thick fluid.
+fn settled_inside(bond_number: f64, friction: f64) -> (f64, f64) {
+    let friction = if friction > 0.0 {
+        format!("[friction]\ncoefficient = {friction}")
+    } else {
+        String::new()
+    };
+    let text = format!(
+        r#"
+        name = "settling"
+        [material]
+        youngs_modulus_pa = 1.65e9
+        surface_tension_n_per_m = 40.7e-3
+        density_kg_per_m3 = 1000.0
+        k1_n_per_m = 0.5
+        [box]
+        size_m = [252e-6, 252e-6, 2e-3]
+        sides = ["periodic", "periodic", "lower-wall"]
+        [particles.packing]
+        count = 200
+        relative_density = 0.35
+        radii = {{ equal = {{ radius_m = {R:e} }} }}
+        seed = 1
+        [adhesion]
+        bond_number = {bond_number}
+        [gravity]
+        acceleration_m_per_s2 = [0.0, 0.0, -9.81]
+        [drag]
+        viscosity_pa_s = 1.8e-5
+        {friction}
+        [[phases]]
+        name = "settle"
+        duration_s = 0.05
+        heated = false
+        outputs = 1
+        "#
+    );
+    let scene = SceneFile::parse(&text, "settling").expect("parses").build().expect("valid");
+    let mut run = scene.start();
+    while run.advance().expect("runs").is_some() {}
+    let particles = run.bed().particles();
+    let heights = || particles.position_m.iter().map(|r| r[2]);
+    let top = heights().fold(0.0, f64::max);
+    let [low, high] = [0.25 * top, 0.75 * top];
+    let below = |z: f64, height: f64| {
+        let h = (height - z + R).clamp(0.0, 2.0 * R);
+        PI * h * h * (R - h / 3.0)
+    };
+    let volume: f64 = heights().map(|z| below(z, high) - below(z, low)).sum();
+    (volume / (252e-6 * 252e-6 * (high - low)), run.bed().sample().coordination)
+}
+
+#[test]
+fn settled_beds_lie_between_close_and_loose_packing_and_are_looser_with_adhesion() {
+    // Without adhesion and friction 0.639, as above; with friction more than 0.550, the loosest that sediments: Jerkins et al., Phys. Rev. Lett.
+    // 101 (2008) 018301.
+    let [smooth, rough] = [0.0, 0.5].map(|friction| settled_inside(0.1, friction));
+    assert!((smooth.0 - 0.639).abs() < 0.02, "{smooth:?}");
+    assert!((0.55..0.61).contains(&rough.0), "{rough:?}");
+    assert!((4.0..5.3).contains(&rough.1) && rough.1 < smooth.1, "{rough:?} {smooth:?}");
+    let sticky = settled_inside(100.0, 0.5);
+    assert!(sticky.0 < rough.0 - 0.05, "{sticky:?} {rough:?}");
 }

@@ -183,6 +183,56 @@ fn densification_of_a_bed_does_not_move_when_k1_is_doubled() {
     }
 }
 
+/// Half a second to 0.6, from a bed that settled with a K1, in a phase with `own` fields.
+fn time_to_sixty_percent(settling_k1: &str, own: &str) -> f64 {
+    let text = SMALL_BED
+        .replace("three-stage", "frenkel")
+        .replace("k1_n_per_m = 0.5", &format!("k1_n_per_m = {settling_k1}"))
+        .replace("outputs = 6", "outputs = 12")
+        .replace("tolerance = 1e-3", &format!("tolerance = 3e-3\n{own}"));
+    let series = run(&scene(&text).expect("valid"));
+    let from = series.phase.iter().position(|&phase| phase == 1).expect("heated");
+    let heated = &series.samples[from..];
+    // Hard contacts: what softness gave to the density is gone.
+    assert!(heated[0].coordination > 0.9 * series.samples[from - 1].coordination);
+    let after = heated.iter().position(|sample| sample.relative_density >= 0.6).expect("there");
+    let (a, b) = (heated[after - 1], heated[after]);
+    let share = (0.6 - a.relative_density) / (b.relative_density - a.relative_density);
+    a.time_s + share * (b.time_s - a.time_s) - heated[0].time_s
+}
+
+#[test]
+fn times_of_a_settled_bed_do_not_go_by_the_stiffness_it_settled_with() {
+    // K1 over a range of twenty; adhesive overlaps of 1.0e-2 to 5e-4. Five percent: beds settle by chance too.
+    let times = ["0.2", "0.5", "4.0"].map(|k1| time_to_sixty_percent(k1, ""));
+    let [low, high] = [f64::min, f64::max].map(|of| times.into_iter().fold(times[0], of));
+    assert!(high / low < 1.05, "{times:?}");
+    // With a K1 of its own as soft as the settling bed's, heat starts from wide necks.
+    let soft = time_to_sixty_percent("0.5", "k1_n_per_m = 0.5");
+    assert!(soft < 0.95 * low, "{soft} {times:?}");
+}
+
+#[test]
+fn heated_balance_with_a_stated_adhesion_starts_from_the_neck_of_the_pair() {
+    for settling_k1 in ["0.2", "4.0"] {
+        let text = SMALL_BED.replace("k1_n_per_m = 0.5", &format!("k1_n_per_m = {settling_k1}"));
+        let mut start = None;
+        let observed = scene(&text).expect("valid").run(|progress, bed| {
+            if progress.phase == 0 {
+                return ControlFlow::Continue(());
+            }
+            start = Some((progress.sample.mean_contact_ratio, bed.material().k1_n_per_m()));
+            ControlFlow::Break(())
+        });
+        observed.expect("runs");
+        let (ratio, k1) = start.expect("heated");
+        let weight = 4.0 / 3.0 * std::f64::consts::PI * 31.5e-6f64.powi(3) * 1000.0 * 9.81;
+        assert!((k1 / (50.0 * weight / (1e-3 * 31.5e-6)) - 1.0).abs() < 1e-12, "{k1}");
+        let pair = f64::sqrt(1e-3);
+        assert!((ratio / pair - 1.0).abs() < 0.02, "{ratio} {pair}");
+    }
+}
+
 #[test]
 fn heating_is_refused_where_the_weight_would_drive_it_with_the_adhesion_that_would_do() {
     let text = SMALL_BED.replace("bond_number = 50.0", "bond_number = 10.0");
@@ -198,6 +248,33 @@ fn heating_is_refused_where_the_weight_would_drive_it_with_the_adhesion_that_wou
     assert!((load_over_adhesion / (0.1 * 60.0 / 16.0) - 1.0).abs() < 0.01, "{load_over_adhesion}");
     let weight = 4.0 / 3.0 * std::f64::consts::PI * 31.5e-6f64.powi(3) * 1000.0 * 9.81;
     assert!((needed_n / (weight * 60.0 / 16.0 / 0.1) - 1.0).abs() < 0.01, "{needed_n}");
+}
+
+/// A layer of 6 by 6 by 4 particles in a box of their size.
+fn load(gravity: [f64; 3]) -> f64 {
+    let text = format!(
+        "name = \"layer\"\n[material]\nyoungs_modulus_pa = 1.65e9\nsurface_tension_n_per_m = 40.7e-3\n\
+         density_kg_per_m3 = 1000.0\nk1_n_per_m = 1.0\n[box]\nsize_m = [6e-4, 6e-4, 6e-4]\n\
+         sides = [\"lower-wall\", \"walls\", \"lower-wall\"]\n\
+         [particles.lattice]\ncounts = [6, 6, 4]\nradius_m = 5e-5\noverlap = 0.0\n[adhesion]\nforce_n = 1e-8\n\
+         [gravity]\nacceleration_m_per_s2 = {gravity:?}\n[[phases]]\nname = \"rest\"\nduration_s = 1.0\nheated = false"
+    );
+    scene(&text).expect("valid").bed().load_over_adhesion().expect("gravity")
+}
+
+#[test]
+fn load_of_gravity_along_several_axes_is_the_largest_that_a_side_carries() {
+    let weight = 4.0 / 3.0 * std::f64::consts::PI * 5e-5f64.powi(3) * 1000.0 * 9.81 / 1e-8;
+    let [down, aside] = [load([0.0, 0.0, -9.81]), load([-9.81, 0.0, 0.0])];
+    assert!((down / (4.0 * weight) - 1.0).abs() < 1e-9, "{down} {weight}");
+    assert!((aside / (6.0 * weight) - 1.0).abs() < 1e-9, "{aside} {weight}");
+    for [x, z] in [[1e-12, 1.0], [0.6, 0.8], [0.8, 0.6]] {
+        let both = load([-9.81 * x, 0.0, -9.81 * z]);
+        assert!(
+            (both / f64::max(6.0 * x * weight, 4.0 * z * weight) - 1.0).abs() < 1e-9,
+            "{x}: {both}"
+        );
+    }
 }
 
 #[test]
@@ -237,7 +314,7 @@ fn the_adhesive_force_is_the_stated_one_whatever_k1_and_approach() {
 fn bad_scenes_name_field_value_and_remedy() {
     let cases = [
         ("k1_n_per_m = 60.0", "k2 = 60.0", "unknown field `k2`"),
-        ("duration_s = 0.6", "duration_s = -1.0", "phases[1].duration_s = -1"),
+        ("duration_s = 0.6", "duration_s = -1.0", "[[phases]] 2 (heat): duration_s = -1"),
         ("count = 60", "count = 0", "particles.packing.count = 0"),
         ("relative_density = 0.5", "relative_density = 0.7", "was not reached: 60 particles"),
         ("\"three-stage\"", "\"four-stage\"", "sintering.kinetics = four-stage"),
@@ -248,10 +325,30 @@ fn bad_scenes_name_field_value_and_remedy() {
         ("bond_number = 50.0", "bond_number = 5.0\nforce_n = 1e-8", "one of adhesion.force_n and"),
         ("bond_number = 50.0", "bond_number = -1.0", "adhesion.bond_number = -1"),
         ("bond_number = 50.0", "force_n = 0.0", "adhesion.force_n = 0"),
-        ("bond_number = 50.0", "bond_number = 5e5", "a K1 of"),
-        ("k1_n_per_m = 0.5", "k1_n_per_m = 0.02", "k1_n_per_m = 0.02: the adhesive force alone"),
-        ("bond_number = 50.0", "bond_number = 1e-4", "lower k1_n_per_m"),
+        (
+            "bond_number = 50.0",
+            "bond_number = 5e5",
+            "material.k1_n_per_m = 60: the adhesive force alone",
+        ),
+        (
+            "k1_n_per_m = 0.5",
+            "k1_n_per_m = 0.02",
+            "[[phases]] 1 (settle): k1_n_per_m = 0.02: the adhesive force alone",
+        ),
+        (
+            "bond_number = 50.0",
+            "bond_number = 1e-4",
+            "adhesion.bond_number = 0.0001: so small a force",
+        ),
+        ("k1_n_per_m = 60.0", "k1_n_per_m = 1e9", "adhesion.bond_number = 50: so small a force"),
+        (
+            "k1_n_per_m = 60.0",
+            "k1_n_per_m = 60.0\nfinal_contact_ratio = 1.3",
+            "material.final_contact_ratio = 1.3: two equal",
+        ),
+        ("-9.81]", "-9.81e9]", "gravity.acceleration_m_per_s2 = "),
         ("[adhesion]\nbond_number = 50.0", "", "adhesion = left out: with gravity the ratio"),
+        ("tau_s = 3.81", "tau_s = 3.81\nneck_viscosity = -1.0", "sintering.neck_viscosity = -1"),
         ("tau_s = 3.81", "tau_s = 3.81\napproach = \"near\"", "unknown variant `near`"),
         ("tau_s = 3.81", "tau_s = 3.81\nwhen_necks_meet = \"go-on\"", "unknown variant `go-on`"),
         (

@@ -228,7 +228,7 @@ fn text(start: f64, table: &Table) -> String {
          row of the bed with it. The rates of the two closed laws where the pores close are {:.3} and {:.3} per tau_s: they \
          belong to pores of different shapes, and the step is left as it is.\n\n\
          K1 is a numerical stiffness: a hundred times as stiff the bed takes the same times, with an adhesive force that is not stated and grows with it. \
-         A stated force on softer contacts begins with wider necks, `a/R = (fa/(K1 R))^(1/2)`, and the first stage is then shorter.\n",
+         Where the force is stated a heated balance chooses the stiffness (study bed-settling).\n",
         table.markdown(),
         1.5 * start,
         1.125 * start,

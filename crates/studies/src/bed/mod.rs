@@ -5,5 +5,6 @@ pub(crate) mod accuracy;
 pub(crate) mod cost;
 mod lammps;
 pub(crate) mod laws;
+pub(crate) mod necks;
 mod packing;
 pub(crate) mod settling;

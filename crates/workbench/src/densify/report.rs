@@ -79,8 +79,10 @@ pub struct Reached {
     pub time_s: TimeTo,
     /// Draws that reach it.
     pub draws: usize,
-    /// Draws that do not reach it within the scene's time. They count as later than all others.
+    /// Draws that do not reach it. They count as later than all others.
     pub never: usize,
+    /// Those of them that no longer time would help: their pairs end below it, and with them the run or its contact ratios.
+    pub ended_below: usize,
     /// Draws whose pairs have ended before they reach it.
     pub outside_model: usize,
 }
@@ -167,10 +169,14 @@ impl Report {
             .flatten();
         let curves: Vec<Curve> = computed.iter().map(|(_, curve)| curve.clone()).collect();
         let ended: Vec<f64> = draws.iter().filter_map(|draw| draw.pairs_end_at).collect();
+        let stays = |draw: &&DrawRecord| {
+            draw.time_to_target_s.is_none() && draw.pairs_end_at.is_some_and(|at| draw.last <= at)
+        };
         let record = Reached {
             time_s: TimeTo::of(&times),
             draws: reached.len(),
             never: draws.len() - reached.len(),
+            ended_below: draws.iter().filter(stays).count(),
             outside_model: outside,
         };
         let pairs_end = PairsEndAt {
@@ -300,12 +306,25 @@ impl Report {
             )),
             None => lines.push(format!("  {what}: half of the draws or more never reach it")),
         }
-        if target.never > 0 {
-            lines.push(format!(
-                "    {} of {} draws do not reach it within the scene's time and count as later than all others",
-                target.never,
-                self.draws.len()
-            ));
+        let never = |count: usize, why: &str| {
+            let all = self.draws.len();
+            format!(
+                "    {count} of {all} draws do not reach it{why} and count as later than all others"
+            )
+        };
+        if target.ended_below > 0 {
+            let why = match plan.target {
+                Target::ContactRatio(_) => {
+                    ": their pairs end at a smaller one, and what follows has a density only (ask for less, or for a density),"
+                }
+                Target::RelativeDensity(_) => {
+                    ": their pairs end at a smaller one, and the run with them (when_necks_meet = \"closure\" goes on),"
+                }
+            };
+            lines.push(never(target.ended_below, why));
+        }
+        if target.never > target.ended_below {
+            lines.push(never(target.never - target.ended_below, " within the scene's time"));
         }
         match self.pairs_end.at {
             Some(at) => lines.push(format!(

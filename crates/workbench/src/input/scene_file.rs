@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use dem_core::bed::{AdhesionTable, BedError, Mode, Outline, SceneFile, WhenNecksMeet};
+use dem_core::bed::{
+    AdhesionTable, BedError, Mode, Outline, SceneFile, SinteringTable, WhenNecksMeet,
+};
 use serde_json::Value;
 
 use crate::error::{Failure, InputError, Mistake, RunError};
@@ -94,24 +96,7 @@ impl SceneInput {
             significant(material.final_contact_ratio, 4),
             significant(material.k1_n_per_m, 3)
         ));
-        if let Some(table) = &file.sintering {
-            lines.push(format!(
-                "sintering     {}: C1 {} 1/(Pa s), tau_s {} s at R = {} um, delta_c {} m",
-                table.kinetics,
-                significant(table.c1, 4),
-                significant(table.tau_s, 4),
-                significant(1e6 * table.calibrated_radius_m, 4),
-                significant(table.delta_c, 4)
-            ));
-            lines.push(format!(
-                "              approach {}; where necks meet: {}",
-                table.approach,
-                match table.when_necks_meet {
-                    WhenNecksMeet::Closure => "open and closed pores",
-                    WhenNecksMeet::Stop => "the end",
-                }
-            ));
-        }
+        lines.extend(file.sintering.iter().flat_map(sintering_in_words));
         let mut around = Vec::new();
         if let Some(region) = &file.region {
             around.push(format!(
@@ -160,6 +145,34 @@ impl SceneInput {
     }
 }
 
+/// The growth of contacts in words.
+fn sintering_in_words(table: &SinteringTable) -> [String; 2] {
+    let necks = if table.neck_viscosity > 0.0 {
+        let times = significant(table.neck_viscosity, 3);
+        format!(", shear and rolling resisted {times} times as by a Newtonian neck")
+    } else {
+        String::new()
+    };
+    [
+        format!(
+            "sintering     {}: C1 {} 1/(Pa s), tau_s {} s at R = {} um, delta_c {} m",
+            table.kinetics,
+            significant(table.c1, 4),
+            significant(table.tau_s, 4),
+            significant(1e6 * table.calibrated_radius_m, 4),
+            significant(table.delta_c, 4)
+        ),
+        format!(
+            "              approach {}{necks}; where necks meet: {}",
+            table.approach,
+            match table.when_necks_meet {
+                WhenNecksMeet::Closure => "open and closed pores",
+                WhenNecksMeet::Stop => "the end",
+            }
+        ),
+    ]
+}
+
 /// A bed that cannot be made as the file says.
 pub fn refused(place: &str, error: &BedError) -> InputError {
     match error {
@@ -186,7 +199,7 @@ pub fn refused(place: &str, error: &BedError) -> InputError {
 /// A run that ended early, with what is `kept` of it: a mistake of the scene, or a failed run.
 pub fn failed(place: &str, error: &BedError, kept: Option<&str>) -> Failure {
     match error {
-        BedError::NoBalance { .. } => {
+        BedError::NoBalance { .. } | BedError::NoRest { .. } => {
             let run = RunError::new(format_args!("{place}: {error}"))
                 .help("lower the tolerance of the phase, or use mode = \"dynamic\"");
             kept.map_or(run.clone(), |kept| run.help(kept)).into()

@@ -4,10 +4,12 @@ use rayon::prelude::*;
 
 use super::network::{Network, Spring};
 use super::settings::{QuasiStaticReport, QuasiStaticSettings};
+use super::shear::{Shear, add_reactions};
 use crate::bed::contact::{Growth, LawConstants, Memory};
 use crate::bed::engine::Bed;
 use crate::bed::error::BedError;
-use crate::bed::material::ContactConstants;
+use crate::bed::material::{ContactConstants, effective_radius};
+use crate::bed::necks::Neck;
 use crate::bed::neighbours::index_of;
 use crate::bed::vec3::{Vec3, ZERO, add, dot, norm, scale, sub};
 use crate::kinetics::RateCoefficients;
@@ -55,6 +57,10 @@ struct Bond {
     pull: f64,
     /// `K1 alpha/(g dt)` \[N/m\]; 0 without growth.
     drag: f64,
+    /// Mean overlap of the step by which its neck resists turning.
+    overlap: f64,
+    /// Mean distance of the centres over the step, over the sum of the radii.
+    arm: f64,
 }
 
 const GROUND: u32 = u32::MAX;
@@ -64,6 +70,9 @@ const CHUNK: usize = 256;
 
 /// Background drag over that of a contact.
 const HOLD: f64 = 1e-4;
+
+/// The same where necks resist shear and rolling: they hold all but whole clusters, and bend far more easily than they are drawn out.
+const HOLD_WITH_NECKS: f64 = 1e-7;
 
 /// Largest displacement of a particle in one iteration, in mean radii.
 const FURTHEST: f64 = 0.2;
@@ -211,6 +220,7 @@ impl Bed {
             if is_first && outcome.free_growth > x1.max(constants.start) {
                 slope = slope.max(self.chord(x1, &outcome, &constants, step));
             }
+            let reach = radius + self.particles.radius_m[j];
             bonds.push(Bond {
                 i: i as u32,
                 j: j as u32,
@@ -223,6 +233,11 @@ impl Bed {
                 } else {
                     0.0
                 },
+                overlap: logarithmic_mean(
+                    memory.overlap.max(constants.start),
+                    x1.max(constants.start),
+                ),
+                arm: 1.0 - 0.5 * constants.unit * (memory.overlap + x1) / reach,
             });
         }
         for k in self.wall_list.row(i) {
@@ -245,6 +260,8 @@ impl Bed {
                 stiffness: k1 * outcome.slope,
                 pull: k1 * unit * (alpha - outcome.force),
                 drag: 0.0,
+                overlap: 0.0,
+                arm: 1.0,
             });
         }
     }
@@ -264,8 +281,35 @@ impl Bed {
         (self.law.law.adhesion - outcome.force) / (alone - x1)
     }
 
-    /// Net forces on the particles, the hold taken off, and the force on a strain of the box.
-    fn net(&self, bonds: &[Bond], hold: f64, free_box: bool) -> (Vec<Vec3>, f64) {
+    /// The necks that resist shear over a step; without growth they are elastic, in the same proportions, as those of an incompressible solid.
+    fn necks(&self, bonds: &[Bond]) -> Vec<Shear> {
+        if !self.has_necks() {
+            return Vec::new();
+        }
+        let radius = &self.particles.radius_m;
+        let neck = |bond: &Bond| {
+            let [i, j] = [bond.i as usize, bond.j as usize];
+            let effective = effective_radius(radius[i], radius[j]);
+            let resistance = if bond.drag > 0.0 {
+                self.material.neck_viscosity() * bond.drag
+            } else {
+                bond.stiffness
+            };
+            Shear {
+                ends: [i, j],
+                normal: bond.normal,
+                arm: bond.arm,
+                radius: [radius[i], radius[j]],
+                neck: Neck::new(resistance, bond.overlap * effective * effective),
+            }
+        };
+        bonds.iter().filter(|bond| bond.j != GROUND).map(neck).collect()
+    }
+
+    /// Net forces on the particles, the hold taken off, and the force on a strain of the box; with necks that resist shear the
+    /// torques over the radius after the forces.
+    fn net(&self, bonds: &[Bond], held: &Held<'_>, free_box: bool) -> (Vec<Vec3>, f64) {
+        let &Held { hold, necks, turned } = held;
         let gravity = self.gravity();
         let particles = &self.particles;
         let mut force: Vec<Vec3> = particles
@@ -282,6 +326,11 @@ impl Bed {
                 force[bond.j as usize] = sub(force[bond.j as usize], push);
             }
             strain_force -= bond.pull * bond.length;
+        }
+        if !necks.is_empty() {
+            force.extend(turned.iter().map(|&turned| scale(turned, -hold)));
+            let moves: Vec<Vec3> = particles.half_velocity.iter().chain(turned).copied().collect();
+            add_reactions(necks, &moves, -1.0, &mut force);
         }
         (force, if free_box { strain_force } else { 0.0 })
     }
@@ -326,10 +375,16 @@ impl Bed {
         let adhesion = self.material.adhesion_n(mean_radius);
         let mut strain = strained;
         let mut bonds = self.bonds(step, true);
-        let hold = hold(&bonds);
-        let (mut force, mut strain_force) = self.net(&bonds, hold, settings.free_box);
+        let share = if self.has_necks() { HOLD_WITH_NECKS } else { HOLD };
+        let hold = hold(&bonds, share, self.material.k1_n_per_m());
+        let mut necks = self.necks(&bonds);
+        let mut turned = if necks.is_empty() { Vec::new() } else { vec![ZERO; n] };
+        let net = |bed: &Self, bonds: &[Bond], necks: &[Shear], turned: &[Vec3]| {
+            bed.net(bonds, &Held { hold, necks, turned }, settings.free_box)
+        };
+        let (mut force, mut strain_force) = net(self, &bonds, &necks, &turned);
         let mut residual = f64::INFINITY;
-        for _ in 0..MOST {
+        'newton: for _ in 0..MOST {
             let largest = force.iter().map(|&f| norm(f)).fold(0.0, f64::max);
             let strained = strain_force.abs() / (bonds.len().max(1) as f64 * 2.0 * mean_radius);
             residual = largest.max(strained) / adhesion;
@@ -337,7 +392,10 @@ impl Bed {
                 return Ok(strain);
             }
             report.newton += 1;
-            let network = network(&bonds, n, hold, settings.free_box);
+            let mut network = network(&bonds, (n, force.len()), hold, settings.free_box);
+            if !necks.is_empty() {
+                network = network.with_necks(necks.clone());
+            }
             let mut solution = network.solve(&force, strain_force, ACCURACY);
             report.conjugate_gradients += solution.iterations;
             for by in &mut solution.moves {
@@ -353,17 +411,24 @@ impl Bed {
             };
             let at_start = downhill(&force, strain_force);
             let mut share = 1.0;
-            self.displace(&solution.moves, share, by_strain);
+            let (shifts, turns) = solution.moves.split_at(n);
+            self.displace(shifts, share, by_strain);
+            turn(&mut turned, turns, share);
             loop {
                 bonds = self.bonds(step, false);
-                (force, strain_force) = self.net(&bonds, hold, settings.free_box);
+                necks = self.necks(&bonds);
+                (force, strain_force) = net(self, &bonds, &necks, &turned);
                 let slope = downhill(&force, strain_force);
                 // Beyond the lowest point by more than there was to go: back to where the slope vanishes.
                 if slope > -0.5 * at_start || share < 0.02 {
                     break;
                 }
+                if slope.is_nan() {
+                    break 'newton;
+                }
                 let less = share * (at_start / (at_start - slope)).clamp(0.1, 0.9);
-                self.displace(&solution.moves, less - share, by_strain);
+                self.displace(shifts, less - share, by_strain);
+                turn(&mut turned, turns, less - share);
                 share = less;
             }
             strain += share * by_strain;
@@ -373,21 +438,43 @@ impl Bed {
     }
 }
 
-/// The hold of a particle: a share of the drag of a contact, or of its stiffness without growth.
-fn hold(bonds: &[Bond]) -> f64 {
+/// The mean of x whose inverse is the mean of 1/x, between two x that it passes through evenly.
+fn logarithmic_mean(a: f64, b: f64) -> f64 {
+    let apart = b / a - 1.0;
+    if apart.abs() < 1e-6 { 0.5 * (a + b) } else { a * apart / apart.ln_1p() }
+}
+
+/// What holds particles besides their contacts: the background, and necks that resist shear, with the turns of the particles since the
+/// start of the step; both empty where necks do not.
+struct Held<'a> {
+    hold: f64,
+    necks: &'a [Shear],
+    turned: &'a [Vec3],
+}
+
+fn turn(turned: &mut [Vec3], turns: &[Vec3], share: f64) {
+    for (turned, &by) in turned.iter_mut().zip(turns) {
+        *turned = add(*turned, scale(by, share));
+    }
+}
+
+/// The hold of a particle: a share of the drag of a contact, of its stiffness without growth, or of K1 without contacts.
+fn hold(bonds: &[Bond], share: f64, k1: f64) -> f64 {
     let mean = |of: fn(&Bond) -> f64| {
         let (sum, count) = bonds
             .iter()
             .map(of)
             .filter(|&value| value > 0.0)
             .fold((0.0, 0u32), |(sum, count), value| (sum + value, count + 1));
-        (count > 0).then(|| HOLD * sum / f64::from(count))
+        (count > 0).then(|| share * sum / f64::from(count))
     };
-    mean(|bond| bond.drag).or_else(|| mean(|bond| bond.stiffness)).unwrap_or(1e-300)
+    mean(|bond| bond.drag).or_else(|| mean(|bond| bond.stiffness)).unwrap_or(share * k1)
 }
 
-fn network(bonds: &[Bond], n: usize, hold: f64, free_box: bool) -> Network {
+/// `rows`: the shifts of the `n` particles, and their turns where necks resist these.
+fn network(bonds: &[Bond], (n, rows): (usize, usize), hold: f64, free_box: bool) -> Network {
     let mut ground = vec![[hold; 3]; n];
+    ground.resize(rows, [hold; 3]);
     let mut springs = Vec::with_capacity(bonds.len());
     for bond in bonds {
         if bond.j == GROUND {

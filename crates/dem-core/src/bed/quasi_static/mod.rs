@@ -13,20 +13,24 @@
 //! the steps of the singular start grow geometrically.
 //!
 //! Where the contacts leave a particle or a group free to move, a background drag holds it that is a ten-thousandth
-//! of the drag of the contacts: it makes the balance unique and hardly changes it.
+//! of the drag of the contacts: it makes the balance unique and hardly changes it. Particles that nothing [carries](carried)
+//! against gravity fall against that drag onto what is near below them; a fall that goes on ends the run.
 //!
 //! Contacts are made and broken between steps only. Within a step every contact carries a force that rises
 //! with its overlap, also where it opens: so there is one balance (the minimum of a function that is convex apart from
 //! the rotation of the contacts), and [Newton's method](balance) finds it. A step in which particles meet, or part,
 //! by more than a little is cut where they do. A new contact starts as the contact of its overlap that
-//! carries nothing. Damping, drag and friction, which act on velocities or need a history of sliding, are left out.
+//! carries nothing. Damping, drag and friction, which act on velocities or need a history of sliding, are left out. Necks that
+//! resist shear and rolling, where the scene has them, are dashpots over the step, and the turns of the particles unknowns beside their shifts.
 //!
 //! The step is chosen so that the change of D over it, times half the growth in it, which is the error of the implicit rule,
 //! moves the contact ratios by no more than the tolerance in root mean square.
 
 mod balance;
+mod carried;
 mod network;
 mod settings;
+mod shear;
 
 pub use settings::{QuasiStaticReport, QuasiStaticSettings};
 
@@ -47,6 +51,9 @@ const NEW_OVERLAP: f64 = 50.0;
 /// Length of the first step over the time in which the start overlap would double.
 const FIRST: f64 = 0.1;
 
+/// Fall of a particle that nothing carries, in mean radii, beyond which it is taken to be one that does not end.
+const FURTHEST_FALL: f64 = 10.0;
+
 impl Bed {
     /// Advances to a time through states of force balance; at the present time it only balances the bed. It ends before that
     /// time where the settings say so.
@@ -55,7 +62,7 @@ impl Bed {
     ///
     /// # Errors
     ///
-    /// [`BedError::NoBalance`], [`BedError::WorkLimit`], [`BedError::Field`].
+    /// [`BedError::NothingCarries`], [`BedError::NoBalance`], [`BedError::NoRest`], [`BedError::WorkLimit`], [`BedError::Field`].
     pub fn advance_quasi_static(
         &mut self,
         until_s: f64,
@@ -65,27 +72,21 @@ impl Bed {
         self.check_quasi_static(settings)?;
         self.particles.velocity_m_per_s.fill(ZERO);
         self.particles.half_velocity.fill(ZERO);
+        self.stop_turning();
         self.fastest = 0.0;
         let rate = self.rate();
         let ends = settings.ends_where_necks_meet && rate.is_some();
         let equal = self.equal_constants()?;
         let still = Step { length_s: 0.0, rate, settings, equal: &equal };
         if report.balanced_at_s != Some(self.time_s) {
-            self.come_to_rest(&still, report)?;
+            self.come_to_rest(&still, report).map_err(|error| self.cause(error))?;
         }
         let mut step_s = report.next_step_s.unwrap_or_else(|| self.first_step_s(rate, &equal));
-        let mut strain_rate = 0.0;
+        let (mut strain_rate, mut fallen_m) = (0.0, 0.0);
         let mut balanced = self.clone();
         while self.time_s < until_s {
             let left_s = until_s - self.time_s;
-            // No sliver at the end.
-            let this_s = if step_s >= left_s {
-                left_s
-            } else if 2.0 * step_s > left_s {
-                0.5 * left_s
-            } else {
-                step_s
-            };
+            let this_s = without_sliver(step_s, left_s);
             if report.steps + report.rejected >= settings.max_work {
                 let (max_work, time_s) = (settings.max_work, self.time_s);
                 return Err(BedError::WorkLimit { max_work, time_s });
@@ -98,7 +99,10 @@ impl Bed {
                 {
                     (error, mean_error, strain)
                 }
-                Err(error) if this_s < 1e-12 * until_s => return Err(error),
+                failed if this_s < 1e-12 * until_s => {
+                    return Err(self
+                        .cause(failed.err().unwrap_or(BedError::NoRest { time_s: self.time_s })));
+                }
                 failed => {
                     self.clone_from(&balanced);
                     report.rejected += 1;
@@ -122,6 +126,7 @@ impl Bed {
             let growth = (0.5 * settings.tolerance / error.max(1e-300)).sqrt().clamp(0.5, 2.0);
             step_s = if this_s < step_s { step_s.max(this_s * growth) } else { this_s * growth };
             strain_rate = strain / this_s;
+            fallen_m = self.fallen_m(fallen_m, this_s)?;
             if ends && self.pairs_have_ended() {
                 break;
             }
@@ -134,6 +139,22 @@ impl Bed {
         self.phase_start_s = self.time_s;
         self.phase_steps = 0;
         Ok(())
+    }
+
+    /// A balance of forces knows no springs of friction and necks, and no rotation but that within a step.
+    fn stop_turning(&mut self) {
+        let (particles, pairs) = (&mut self.particles, &mut self.pairs);
+        for values in [
+            &mut particles.spin,
+            &mut particles.angular_velocity_per_s,
+            &mut pairs.spring,
+            &mut pairs.torque,
+            &mut pairs.turn,
+            &mut pairs.moment,
+            &mut self.wall_list.spring,
+        ] {
+            values.fill(ZERO);
+        }
     }
 
     fn check_quasi_static(&self, settings: &QuasiStaticSettings) -> Result<(), BedError> {
@@ -171,7 +192,19 @@ impl Bed {
         shortest
     }
 
-    /// Balance without growth, repeated until no contact opens or closes.
+    /// How far particles that nothing carries have fallen without a pause, by the furthest of each step.
+    fn fallen_m(&self, so_far_m: f64, step_s: f64) -> Result<f64, BedError> {
+        let Some(loose) = self.loose() else { return Ok(0.0) };
+        let fallen = |(moved, is_loose): (&Vec3, &bool)| if *is_loose { norm(*moved) } else { 0.0 };
+        let moved = self.particles.velocity_m_per_s.iter().zip(&loose.is_loose);
+        let so_far_m = so_far_m + step_s * moved.map(fallen).fold(0.0, f64::max);
+        if so_far_m > FURTHEST_FALL * self.mean_radius() {
+            return Err(loose.error(self.time_s));
+        }
+        Ok(so_far_m)
+    }
+
+    /// Balance without growth, repeated until no contact opens or closes and all particles are carried.
     fn come_to_rest(
         &mut self,
         still: &Step<'_>,
@@ -179,18 +212,31 @@ impl Bed {
     ) -> Result<(), BedError> {
         /// From then on contacts only open.
         const CLOSING: u32 = 20;
-        let mut round = 0;
-        loop {
+        /// With what is not at rest by then something is wrong.
+        const MOST: u32 = 1000;
+        let mut was_carried = false;
+        for round in 1..=MOST {
             self.particles.half_velocity.fill(ZERO);
-            self.balance(still, 0.0, report)?;
+            let strain = self.balance(still, 0.0, report)?;
+            let share = self.meeting(still, strain);
+            if share < 1.0 {
+                let moves = self.particles.half_velocity.clone();
+                self.displace(&moves, share - 1.0, strain);
+            }
             self.particles.half_velocity.fill(ZERO);
             self.follow()?;
-            let changed = self.take(still, round < CLOSING).changed;
-            round += 1;
-            if changed == 0 {
-                return Ok(());
+            let may_close = round <= CLOSING;
+            let changed = self.take(still, may_close).changed;
+            let loose = self.loose();
+            was_carried |= loose.is_none();
+            match loose {
+                Some(loose) if !may_close && !was_carried => return Err(loose.error(self.time_s)),
+                Some(_) if may_close => {}
+                _ if changed == 0 && share == 1.0 => return Ok(()),
+                _ => {}
             }
         }
+        Err(BedError::NoRest { time_s: self.time_s })
     }
 
     fn quasi_static_step(
@@ -219,11 +265,13 @@ impl Bed {
         Ok(Taken::Whole { error, mean_error, strain })
     }
 
-    /// The share of a step after which the first particles meet or part: 1 where none of those that do overlap, or
-    /// are apart, by more than they may.
+    /// The share of a step after which the first particles meet or part, or leave what the neighbour list sees: 1 where none
+    /// of those that do overlap, or are apart, by more than they may.
     fn meeting(&self, step: &Step<'_>, strain: f64) -> f64 {
         let allowed = self.law.law.adhesion.max(NEW_OVERLAP * step.settings.tolerance);
-        let mut share: f64 = 1.0;
+        let moved = &self.particles.half_velocity;
+        let furthest = moved.iter().map(|&by| norm(by)).fold(0.0, f64::max);
+        let mut share = if furthest > 0.5 * self.skin { 0.5 * self.skin / furthest } else { 1.0 };
         let mut meet = |memory: &Memory, before: f64, after: f64| {
             // Half of what is allowed, on a straight way there.
             if memory.is_contact() {
@@ -236,7 +284,6 @@ impl Bed {
                 share = share.min((0.5 * allowed - before) / (after - before));
             }
         };
-        let moved = &self.particles.half_velocity;
         for i in 0..self.particles.len() {
             let radius_i = self.particles.radius_m[i];
             for k in self.list.row(i) {
@@ -344,6 +391,17 @@ impl Bed {
         changes.error = (error / count).sqrt();
         changes.mean_error = mean / count;
         changes
+    }
+}
+
+/// A step of the wanted length or less that leaves no sliver at the end.
+fn without_sliver(step_s: f64, left_s: f64) -> f64 {
+    if step_s >= left_s {
+        left_s
+    } else if 2.0 * step_s > left_s {
+        0.5 * left_s
+    } else {
+        step_s
     }
 }
 

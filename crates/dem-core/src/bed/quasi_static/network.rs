@@ -8,6 +8,7 @@
 
 use rayon::prelude::*;
 
+use super::shear::{Shear, add_reactions};
 use crate::bed::vec3::{Vec3, ZERO, add, dot, scale, sub};
 
 /// Particles of a block.
@@ -39,6 +40,8 @@ pub(crate) struct Network {
     inverse: Vec<Symmetric>,
     /// Stiffness of the strain; zero where the box is rigid.
     strain_stiffness: f64,
+    /// Necks that resist shear: the first half of the rows then are the shifts of the particles, the second half their turns.
+    necks: Vec<Shear>,
 }
 
 /// A spring between two particles.
@@ -92,18 +95,41 @@ impl Network {
                 *place += 1;
             }
         }
-        let mut network = Self { start, links, ground, inverse: Vec::new(), strain_stiffness };
-        network.inverse = (0..n).map(|i| network.inverse_block(i)).collect();
+        let mut network = Self { start, links, ground, strain_stiffness, ..Self::default() };
+        network.inverse = (0..n).map(|i| network.inverse_block(i, [0.0; 6])).collect();
         network
+    }
+
+    /// With necks between the particles of the first half of the rows, whose turns are the second half.
+    pub(crate) fn with_necks(mut self, necks: Vec<Shear>) -> Self {
+        let rows = self.ground.len();
+        let mut blocks = vec![[0.0; 6]; rows];
+        for neck in &necks {
+            let [x, y, z] = neck.normal;
+            for (end, &particle) in neck.ends.iter().enumerate() {
+                let rows = [particle, rows / 2 + particle];
+                for (row, [along, across]) in rows.into_iter().zip(neck.diagonal(end)) {
+                    let own = [x * x, y * y, z * z, y * z, x * z, x * y];
+                    for (at, product) in own.into_iter().enumerate() {
+                        let one = if at < 3 { across } else { 0.0 };
+                        blocks[row][at] += one + (along - across) * product;
+                    }
+                }
+            }
+        }
+        self.inverse = (0..rows).map(|i| self.inverse_block(i, blocks[i])).collect();
+        Self { necks, ..self }
     }
 
     fn row(&self, i: usize) -> &[Link] {
         &self.links[self.start[i] as usize..self.start[i + 1] as usize]
     }
 
-    fn inverse_block(&self, i: usize) -> Symmetric {
+    /// The inverse of a diagonal block; `own`: what necks add to it.
+    fn inverse_block(&self, i: usize, own: Symmetric) -> Symmetric {
         let [mut a, mut b, mut c] = self.ground[i];
-        let (mut f, mut g, mut h) = (0.0, 0.0, 0.0);
+        let [mut f, mut g, mut h] = [own[3], own[4], own[5]];
+        (a, b, c) = (a + own[0], b + own[1], c + own[2]);
         for link in self.row(i) {
             let [x, y, z] = link.along;
             a += x * x;
@@ -201,7 +227,13 @@ impl Network {
         } else {
             s.par_chunks_mut(BLOCK).enumerate().map(rows).collect()
         };
-        sums.iter().fold([0.0; 2], |sum, block| [sum[0] + block[0], sum[1] + block[1]])
+        let [product, strain] =
+            sums.iter().fold([0.0; 2], |sum, block| [sum[0] + block[0], sum[1] + block[1]]);
+        if self.necks.is_empty() {
+            return [product, strain];
+        }
+        add_reactions(&self.necks, z, 1.0, s);
+        [block_sums(z.iter().zip(&*s).map(|(&z, &s)| dot(z, s))), strain]
     }
 
     /// The vectors of the next iteration; returns `r . z`.
