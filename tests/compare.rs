@@ -84,7 +84,7 @@ fn observations_that_weights_cannot_leave_out_are_left_out_by_calibrating_again(
 fn the_report_says_what_is_fair_what_is_informed_and_where_phi_came_from() {
     let sandbox = Sandbox::new();
     sandbox
-        .run("compare --material ps --samples 1024 --noise inferred --out c --quiet")
+        .run("compare --material ps --samples 2048 --noise inferred --out c --quiet")
         .succeeded();
     let text = fs::read_to_string(sandbox.path().join("c/compare.md")).expect("compare.md");
     for words in [
@@ -98,7 +98,7 @@ fn the_report_says_what_is_fair_what_is_informed_and_where_phi_came_from() {
         assert!(text.contains(words), "{words:?} is not in\n{text}");
     }
     let with_phi =
-        compared(&sandbox, "--material ps --samples 1024 --noise inferred --phi --out p");
+        compared(&sandbox, "--material ps --samples 2048 --noise inferred --phi --out p");
     for kinetics in KINETICS {
         let informed = entry(&with_phi, kinetics)["informed"].as_array().expect("parameters");
         let phi = informed.iter().find(|one| one["name"] == "phi").expect("phi");
@@ -143,7 +143,7 @@ fn the_table_of_kinetics_and_noise_says_which_noise_the_data_prefer_and_what_it_
 #[test]
 fn the_regime_map_reports_the_product_that_it_sees() {
     let sandbox = Sandbox::new();
-    let line = "--material pa12 --kinetics regime-map --samples 1024 --out r";
+    let line = "--material pa12 --kinetics regime-map --samples 2048 --out r";
     let ran = sandbox.run(line);
     assert!(ran.succeeded().stdout.contains("c1 * delta_c^2"), "{}", ran.stdout);
     assert!(ran.stdout.contains("enter only as"), "{}", ran.stdout);
@@ -159,7 +159,7 @@ fn the_regime_map_reports_the_product_that_it_sees() {
             .expect("a table")
             .contains("| c1 * delta_c^2 | m2/(Pa s) |")
     );
-    sandbox.run("--material pa12 --samples 1024 --out t --quiet").succeeded();
+    sandbox.run("--material pa12 --samples 2048 --out t --quiet").succeeded();
     let other = fs::read_to_string(sandbox.path().join("t/posterior.json")).expect("a posterior");
     let other: Value = serde_json::from_str(&other).expect("JSON");
     assert!(

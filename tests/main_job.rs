@@ -117,12 +117,12 @@ fn the_posteriors_agree_with_an_independent_program() {
 #[test]
 fn the_same_plan_replaces_its_run_and_another_plan_moves_it_aside() {
     let sandbox = Sandbox::new();
-    let first = sandbox.run("--material ps --samples 1024 --out run");
+    let first = sandbox.run("--material ps --samples 2048 --out run");
     first.succeeded();
-    let again = sandbox.run("--material ps --samples 1024 --out run");
+    let again = sandbox.run("--material ps --samples 2048 --out run");
     assert!(again.succeeded().stderr.contains("replaced the earlier run"), "{}", again.stderr);
     assert!(!sandbox.path().join("run.1").exists());
-    let other = sandbox.run("--material ps --samples 1024 --seed 2 --out run");
+    let other = sandbox.run("--material ps --samples 2048 --seed 2 --out run");
     assert!(other.succeeded().stderr.contains("run.1"), "{}", other.stderr);
     assert_eq!(sandbox.posterior("run.1")["plan"]["sampler"]["seed"], 1);
     assert_eq!(sandbox.posterior("run")["plan"]["sampler"]["seed"], 2);
@@ -173,7 +173,7 @@ fn every_kinetics_calibrates_and_regime_map_says_what_it_cannot_tell_apart() {
 fn each_solver_that_is_forced_gives_the_same_posterior_as_the_closed_form() {
     let mean = |options: &str| {
         let sandbox = Sandbox::new();
-        sandbox.run(&format!("--material pa12 --samples 1024 --out run {options}")).succeeded();
+        sandbox.run(&format!("--material pa12 --samples 2048 --out run {options}")).succeeded();
         let file = sandbox.posterior("run");
         assert!(
             file["plan"]["experiments"][0]["simulator"]["solver"]["reason"]
@@ -233,7 +233,7 @@ fn inspect_reads_a_run_and_check_says_whether_to_trust_it() {
 #[test]
 fn a_posterior_that_is_cut_off_edited_or_of_another_version_is_refused_with_its_place() {
     let sandbox = Sandbox::new();
-    sandbox.run("--material ps --samples 1024 --out run").succeeded();
+    sandbox.run("--material ps --samples 2048 --out run").succeeded();
     let path = sandbox.path().join("run/posterior.json");
     let whole = fs::read_to_string(&path).expect("posterior.json");
     fs::write(&path, &whole[..whole.len() / 2]).expect("cut");
@@ -252,7 +252,7 @@ fn a_posterior_that_is_cut_off_edited_or_of_another_version_is_refused_with_its_
 fn a_run_that_cannot_succeed_ends_with_exit_1_the_reason_and_nothing_written() {
     let sandbox = Sandbox::new();
     // Far more certain measurements than any curve can meet: every likelihood is zero.
-    let ran = sandbox.run("--material ps --noise fixed:1e-300 --samples 1024 --out run");
+    let ran = sandbox.run("--material ps --noise fixed:1e-300 --samples 2048 --out run");
     assert_eq!(ran.code, 1, "{ran:#?}");
     assert!(ran.stderr.contains("evidence"), "{ran:#?}");
     assert!(!sandbox.path().join("run").exists());
@@ -269,7 +269,7 @@ fn fewer_points_than_parameters_are_calibrated_with_a_warning() {
 #[test]
 fn the_papers_tau_s_moves_with_the_radius_of_the_experiment() {
     let sandbox = Sandbox::new();
-    sandbox.run("-e pa12-r30 --samples 1024 --out run").succeeded();
+    sandbox.run("-e pa12-r30 --samples 2048 --out run").succeeded();
     let file = sandbox.posterior("run");
     let tau_s = file["experiments"][0]["neck_growth"]["paper"]["si"][1].as_f64().expect("a number");
     // 1.2e-4 / 31.5e-6 s, times 29.8318/31.5.
@@ -281,7 +281,7 @@ fn the_papers_tau_s_moves_with_the_radius_of_the_experiment() {
 #[test]
 fn the_band_of_a_new_measurement_is_wider_than_that_of_the_curve_or_left_out() {
     let sandbox = Sandbox::new();
-    sandbox.run("-m ps --noise fixed-relative:0.05 --samples 1024 --out relative").succeeded();
+    sandbox.run("-m ps --noise fixed-relative:0.05 --samples 2048 --out relative").succeeded();
     let curves = &sandbox.posterior("relative")["experiments"][0]["neck_growth"]["curves"];
     let width = |band: &str, point: usize| {
         let end = |side: usize| curves[band][side][point].as_f64().expect("a number");
@@ -293,7 +293,7 @@ fn the_band_of_a_new_measurement_is_wider_than_that_of_the_curve_or_left_out() {
     assert!(width("curve90", last) < 1e-3);
 
     sandbox.write("own.csv", "time_s,contact_ratio,sigma\n1,0.4,0.02\n3,0.9,0.03\n9,1.2,0.02\n");
-    sandbox.run("-m pa12 -e own.csv --noise fixed:table --samples 1024 --out rows").succeeded();
+    sandbox.run("-m pa12 -e own.csv --noise fixed:table --samples 2048 --out rows").succeeded();
     assert!(
         sandbox.posterior("rows")["experiments"][0]["neck_growth"]["curves"]["noisy90"].is_null()
     );
@@ -302,7 +302,7 @@ fn the_band_of_a_new_measurement_is_wider_than_that_of_the_curve_or_left_out() {
 #[test]
 fn one_observation_at_time_zero_and_the_fewest_samples_give_a_result_with_warnings() {
     let sandbox = Sandbox::new();
-    let ran = sandbox.run("-m pa12 --window :0.3 --samples 1024 --out zero");
+    let ran = sandbox.run("-m pa12 --window :0.3 --samples 2048 --out zero");
     assert!(ran.succeeded().stdout.contains("NOT INFORMED"), "{}", ran.stdout);
     assert!(sandbox.posterior("zero")["experiments"][0]["neck_growth"]["fit"]["frenkel"].is_null());
     for samples in [16, 17, 31, 100] {
@@ -319,7 +319,7 @@ fn one_observation_at_time_zero_and_the_fewest_samples_give_a_result_with_warnin
 fn an_interrupted_run_leaves_the_earlier_results_and_nothing_else() {
     use std::process::{Command, Stdio};
     let sandbox = Sandbox::new();
-    sandbox.run("-m peek --samples 1024 --out run").succeeded();
+    sandbox.run("-m peek --samples 2048 --out run").succeeded();
     let before = sandbox.snapshot();
     let child = Command::new(env!("CARGO_BIN_EXE_calibrate"))
         .current_dir(sandbox.path())

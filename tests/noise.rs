@@ -129,7 +129,7 @@ fn a_second_opinion_that_is_not_given_is_said_and_lengths_have_the_unit_of_their
         .collect();
     let table = |rows: &str| format!("time_s,contact_ratio\n{rows}");
     fs::write(sandbox.path().join("many.csv"), table(&rows)).expect("written");
-    let ran = sandbox.run("--material ps --experiment many.csv --samples 1024 --out many");
+    let ran = sandbox.run("--material ps --experiment many.csv --samples 2048 --out many");
     assert!(
         ran.succeeded().stdout.contains("not computed beside the result for 201 observations"),
         "{}",
@@ -138,10 +138,10 @@ fn a_second_opinion_that_is_not_given_is_said_and_lengths_have_the_unit_of_their
     // One row fewer, and it is there.
     let fewer: String = rows.lines().skip(1).map(|line| format!("{line}\n")).collect();
     fs::write(sandbox.path().join("fewer.csv"), table(&fewer)).expect("written");
-    let ran = sandbox.run("--material ps --experiment fewer.csv --samples 1024 --out fewer");
+    let ran = sandbox.run("--material ps --experiment fewer.csv --samples 2048 --out fewer");
     assert!(ran.succeeded().stdout.contains("with correlated errors (sampled"), "{}", ran.stdout);
     sandbox
-        .run("--material peek --noise correlated:linear --samples 1024 --out linear --quiet")
+        .run("--material peek --noise correlated:linear --samples 2048 --out linear --quiet")
         .succeeded();
     let draws = fs::read_to_string(sandbox.path().join("linear/draws.csv")).expect("draws.csv");
     assert!(draws.contains(",correlation_length [s],white_share [1],"), "{draws}");

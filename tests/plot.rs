@@ -13,7 +13,7 @@ fn figure(sandbox: &Sandbox, folder: &str, name: &str) -> Vec<u8> {
 #[test]
 fn saved_figures_are_redrawn_byte_for_byte_and_options_change_them() {
     let sandbox = Sandbox::new();
-    sandbox.run("--material ps --samples 1024 --quiet --out run").succeeded();
+    sandbox.run("--material ps --samples 2048 --quiet --out run").succeeded();
     let before = sandbox.snapshot();
     sandbox.run("plot run --quiet").succeeded();
     assert_eq!(sandbox.snapshot(), before, "redrawn in place, the folder is the same");

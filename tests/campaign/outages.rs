@@ -130,6 +130,17 @@ fn what_was_placed_with_failures_can_be_kept_and_all_runs_count() {
     let again = sandbox.run("--resume results/line");
     assert!(again.succeeded().stderr.contains("runs are placed again"), "{again:?}");
     assert_eq!(sandbox.posterior_bytes("results/line"), quiet.posterior_bytes("results/line"));
+    // Where stages overlap, everything may have been placed before the first failure was counted.
+    let sandbox = unreliable(64, "exit 4");
+    sandbox.write("down", "");
+    let plan = line_plan(64, "0").replace("samples = 64", "samples = 64\nbatch = 8\noverlap = 16");
+    sandbox.write("line.toml", plan);
+    sandbox.run("--plan line.toml --quiet");
+    let counted = sandbox.run("--resume results/line --quiet");
+    assert!(counted.stderr.contains("simulations failed"), "{counted:?}");
+    mend(&sandbox);
+    sandbox.run("--resume results/line --retry-failed --keep-placed --quiet").succeeded();
+    assert_eq!(status(&sandbox, "results/line")["failed"], 0);
     sandbox.run("--resume results/line --keep-placed").refused(&["--retry-failed"]);
 }
 
@@ -325,6 +336,39 @@ fn runs_of_a_program_that_was_replaced_while_its_driver_was_killed_are_made_agai
     assert!(again.succeeded().stderr.contains("runs are made again: a program"), "{again:#?}");
     let samples = |sandbox: &Sandbox| fs::read(sandbox.path().join("results/line/samples.csv"));
     assert!(samples(&sandbox).expect("samples") == samples(&quiet).expect("samples"));
+}
+
+/// Put back before anything looks; by a link that is switched, too.
+#[test]
+fn runs_of_a_program_that_was_another_one_between_two_looks_are_made_again() {
+    let quiet = line(24, "0");
+    quiet.run("--plan line.toml --quiet").succeeded();
+    let samples = |sandbox: &Sandbox| fs::read(sandbox.path().join("results/line/samples.csv"));
+    // The third run puts the wrong program into its place, the fourth puts the right one back.
+    let swap = "n=$(wc -l < \"$RUNS\"); if [ $n = 3 ]; then SWAP wrong.sh; elif [ $n = 4 ]; then SWAP right.sh; fi\nsleep";
+    let moved = "cd \"$(dirname \"$RUNS\")\" && cp";
+    let by_copy = format!("{moved} {{}} new && mv new line.sh && cd - > /dev/null");
+    let by_link = format!("{moved} -P link-{{}} new && mv new line.sh && cd - > /dev/null");
+    for how in [by_copy, by_link] {
+        let sandbox = line(24, "0");
+        let swap = ["wrong.sh", "right.sh"].iter().fold(swap.to_owned(), |text, name| {
+            text.replace(&format!("SWAP {name}"), &how.replace("{}", name))
+        });
+        let right = LINE_SH.replacen("sleep", &swap, 1);
+        sandbox.write("right.sh", &right);
+        sandbox.write("wrong.sh", right.replacen("a * t", "a * t + 3", 1));
+        for name in ["right.sh", "wrong.sh"] {
+            let link = sandbox.path().join(format!("link-{name}"));
+            std::os::unix::fs::symlink(name, link).expect("linked");
+        }
+        fs::remove_file(sandbox.path().join("line.sh")).expect("removed");
+        std::os::unix::fs::symlink("right.sh", sandbox.path().join("line.sh")).expect("linked");
+        sandbox.write("line.toml", line_plan(24, "0").replace("parallel = 2", "parallel = 1"));
+        let ran = sandbox.run("--plan line.toml");
+        let said = "was written while runs were made, and is what it was";
+        assert!(ran.succeeded().stderr.contains(said), "{ran:#?}");
+        assert!(samples(&sandbox).expect("samples") == samples(&quiet).expect("samples"));
+    }
 }
 
 #[test]

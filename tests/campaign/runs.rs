@@ -327,6 +327,11 @@ fn input_files_are_put_into_the_folder_of_every_run_and_a_change_is_noticed() {
     assert!(samples("files").expect("samples") == samples("line").expect("samples"));
     assert!(!sandbox.path().join("case/mine").exists(), "runs have copies");
 
+    // One more file in a folder that is copied is a change too.
+    sandbox.write("case/deep/more", "");
+    sandbox.run("--resume results/files").refused(&["case has changed since the run began"]);
+    fs::remove_file(sandbox.path().join("case/deep/more")).expect("removed");
+    sandbox.run("--resume results/files --quiet").succeeded();
     // Changed after the run: it is not taken up with both.
     sandbox.write("case/deep/program.awk", "BEGIN { print 1 }");
     sandbox.run("--resume results/files").refused(&["program.awk has changed since the run began"]);

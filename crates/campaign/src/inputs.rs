@@ -160,10 +160,17 @@ pub(crate) fn put(
     if let Some(parent) = to.parent() {
         fs::create_dir_all(parent)?;
     }
+    if file.by == Put::Copy && folder.canonicalize()?.starts_with(from.canonicalize()?) {
+        let what = "the folder of the runs lies in it; give --out another place";
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, what));
+    }
     match file.by {
         Put::Copy => copy(from, &to),
         Put::Link => link(from, &to),
-        Put::Fill => fs::read_to_string(from).and_then(|text| fs::write(&to, fill(&text, value))),
+        Put::Fill => {
+            fs::write(&to, fill(&fs::read_to_string(from)?, value))?;
+            fs::set_permissions(&to, from.metadata()?.permissions())
+        }
     }
 }
 
@@ -197,9 +204,11 @@ fn link(from: &Path, to: &Path) -> io::Result<()> {
     }
 }
 
+/// What is in a folder, without links that lead nowhere (as editors leave them).
 fn entries(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let entries = fs::read_dir(folder)?.map(|entry| Ok(entry?.path()));
     let mut entries = entries.collect::<io::Result<Vec<_>>>()?;
+    entries.retain(|entry| entry.exists());
     entries.sort();
     Ok(entries)
 }
@@ -283,6 +292,7 @@ mod tests {
         // A folder that holds itself.
         std::os::unix::fs::symlink("..", from.join("deep/loop")).expect("linked");
         std::os::unix::fs::symlink("../y", from.join("deep/y")).expect("linked");
+        std::os::unix::fs::symlink("nowhere", from.join("deep/.#y")).expect("linked");
         let whole = from.display().to_string();
         let put_in = |by, to: &str| {
             let file = InputFile { from: whole.clone(), to: to.into(), by };
@@ -298,6 +308,12 @@ mod tests {
         }
         let names = ["deep/er/x", "deep/y", "y"].map(|name| from.join(name));
         assert_eq!(files_below(&from).expect("read"), names);
+        // A folder with that of the run in it would be copied into itself.
+        let within =
+            InputFile { from: dir.path().display().to_string(), to: "z".into(), by: Put::Copy };
+        assert!(
+            put(&within, &run, |_| None).expect_err("within").to_string().contains("lies in it")
+        );
         // What is neither file nor folder would be waited for.
         let pipe = from.join("pipe");
         let mkfifo = std::process::Command::new("mkfifo").arg(&pipe).status().expect("mkfifo");

@@ -73,7 +73,8 @@ pub fn calibrate_joint(
         let Some(last) = sampler.take().map_err(|error| error.after(&stages))? else { break };
         sampler.revise().map_err(|error| error.after(&stages))?;
         // The share of failures among a handful of simulations says nothing yet.
-        if sampler.pool.len() >= FEWEST_TO_JUDGE.min(settings.samples) {
+        let enough = sampler.pool.len() >= FEWEST_TO_JUDGE.min(settings.samples);
+        if enough && !sampler.target.will_revise() {
             refuse_failures(&sampler.pool, settings)?;
         }
         let record = stage_record(&sampler, problem, tuned, last);

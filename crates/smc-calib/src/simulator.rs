@@ -40,6 +40,11 @@ pub trait Simulator: Sync {
         Vec::new()
     }
 
+    /// Whether answers to samples that are in will change later: failures among them are not judged until then.
+    fn will_revise(&self) -> bool {
+        false
+    }
+
     /// Runs the parameter sets of samples `first`, `first + 1`, .., given row by row in `thetas`, and fills
     /// `outputs` row by row; one result per row, in order.
     ///

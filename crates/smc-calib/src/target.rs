@@ -41,6 +41,11 @@ pub trait Target: Sync {
         Vec::new()
     }
 
+    /// Whether answers will change later; see [`crate::Simulator::will_revise`].
+    fn will_revise(&self) -> bool {
+        false
+    }
+
     /// Log likelihoods of samples `first`, `first + 1`, .. at normal scores `z`, row by row; fills `ln_l` and
     /// `kept`. Returns the failures and their places from `first`, in order; `ln_l` is minus infinity there.
     ///
@@ -337,6 +342,10 @@ impl Target for CurveTarget<'_> {
 
     fn revised(&self, samples: usize) -> Vec<usize> {
         self.problem.simulator.revised(samples)
+    }
+
+    fn will_revise(&self) -> bool {
+        self.problem.simulator.will_revise()
     }
 
     fn announce(&self, first: usize, z: &[f64]) {

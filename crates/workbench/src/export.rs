@@ -179,6 +179,10 @@ impl Simulator for Replay<'_> {
         self.counting.reach(&self.stored.plan, samples)
     }
 
+    fn will_revise(&self) -> bool {
+        self.counting.will_change()
+    }
+
     fn simulate(&self, _: &[f64], _: &mut [f64]) -> Result<(), SimError> {
         Err(SimError::fatal("only samples are stored"))
     }

@@ -64,6 +64,12 @@ impl Counting {
         rounds.filter_map(|round| round.failures.get(&run)).map(String::as_str).next()
     }
 
+    /// Whether something will count otherwise later.
+    pub(crate) fn will_change(&self) -> bool {
+        let samples = self.samples.load(Ordering::Relaxed);
+        self.given_up.0.iter().any(|round| round.placed > samples)
+    }
+
     /// So many samples are in now: the samples that count otherwise than before.
     pub(crate) fn reach(&self, plan: &Plan, samples: usize) -> Vec<usize> {
         let before = self.samples.swap(samples, Ordering::Relaxed);

@@ -12,8 +12,17 @@ use crate::pair::model::NeckGrowth;
 use crate::plan::{Plan, SimulatorPlan, run_number};
 use crate::watch::Watch;
 
+/// What has happened to the programs of a run.
+#[derive(Debug)]
+pub(crate) enum Change {
+    /// One is another than at the beginning, in words.
+    Another(String),
+    /// A file was written or put into its place again, and is what it was: it may have been another one for a while.
+    Written(String),
+}
+
 /// Looks at the programs of runs.
-type Look<'a> = dyn FnMut(&BTreeSet<u64>) -> Option<String> + Send + 'a;
+type Look<'a> = dyn FnMut(&BTreeSet<u64>) -> Option<Change> + Send + 'a;
 
 /// Where and by what the programs of a plan are run.
 pub(crate) struct Runner<'a> {
@@ -25,7 +34,7 @@ pub(crate) struct Runner<'a> {
     pub(crate) ahead: Option<&'a Feed<'a>>,
     /// Numbers of the runs that were given and since whose end the programs were not looked at.
     pub(crate) unsure: BTreeSet<u64>,
-    /// Whether a program is another one than at the beginning, in words; asked with the runs of which that is not known yet.
+    /// Whether a program is another one than at the beginning, or was written; asked with the runs of which that is not known yet.
     pub(crate) changed: Box<Look<'a>>,
     /// Failures that count until all that was placed with them is in.
     pub(crate) given_up: Counting,
@@ -83,11 +92,56 @@ pub(crate) fn stored(
     }
 }
 
-/// Refuses programs that are other ones than at the beginning.
-fn unchanged(change: Option<String>) -> Result<(), ExecutorError> {
-    change.map_or(Ok(()), |change| {
-        Err(ExecutorError::Simulator(format!("{change}: runs of both would be mixed")))
-    })
+impl Runner<'_> {
+    /// Makes runs, and looks at their programs before them, so that none is made by another one, and after them, as it may have
+    /// been replaced meanwhile. Which of the runs another program made is not known: all are made again.
+    fn make(&mut self, tasks: &[Task], watch: &dyn Watch) -> Result<(), ExecutorError> {
+        let campaign = self.campaign;
+        let open = |number: &u64| campaign.outcome(*number).is_none();
+        self.unsure.extend(tasks.iter().map(|task| task.number).filter(open));
+        let mut again = false;
+        loop {
+            let mut ran = Ok(());
+            let mut change = (self.changed)(&self.unsure);
+            if change.is_none() {
+                ran = self.executor.run(campaign, tasks, &mut *self.on_event, watch.stop());
+                let left: BTreeSet<u64> = self.unsure.iter().copied().filter(open).collect();
+                change = (self.changed)(&left);
+                if change.is_none() {
+                    self.unsure = left;
+                }
+            }
+            let Some(change) = change else { return ran };
+            let once_more = matches!(change, Change::Written(_)) && self.ahead.is_none() && !again;
+            if let (Some(feed), false) = (self.ahead, once_more) {
+                feed.finish();
+            }
+            let unsure: Vec<u64> = self.unsure.iter().copied().collect();
+            let made_again = campaign.forget(&unsure)?;
+            match change {
+                Change::Another(change) => {
+                    let said = format!("{change}: runs of both would be mixed");
+                    return Err(ExecutorError::Simulator(said));
+                }
+                Change::Written(_) if ran.is_err() => return ran,
+                Change::Written(file) if once_more => {
+                    again = made_again > 0;
+                    if again {
+                        watch.note(&format!(
+                            "{file} was written while runs were made, and is what it was: {made_again} runs are made again, as it may have \
+                             been another one for a while"
+                        ));
+                    }
+                }
+                Change::Written(file) => {
+                    return Err(ExecutorError::Simulator(format!(
+                        "{file} was written while runs were made, and is what it was; whether it was so all the time is not known, \
+                         and {made_again} runs are to be made again"
+                    )));
+                }
+            }
+        }
+    }
 }
 
 impl<'a> Experiments<'a> {
@@ -196,27 +250,8 @@ impl<'a> Experiments<'a> {
     ) {
         let tasks = self.tasks(first, thetas, results);
         let mut runner = runner.lock().unwrap_or_else(PoisonError::into_inner);
-        let Runner { campaign, executor, ahead, unsure, changed, given_up, on_event } =
-            &mut *runner;
-        // Before the runs, so that none is made by another program, and after them, as it may have been replaced meanwhile.
-        let open = |number: &u64| campaign.outcome(*number).is_none();
-        unsure.extend(tasks.iter().map(|task| task.number).filter(open));
-        let made = unchanged(changed(unsure)).and_then(|()| {
-            let ran = executor.run(campaign, &tasks, on_event, self.watch.stop());
-            let left: BTreeSet<u64> = unsure.iter().copied().filter(open).collect();
-            unchanged(changed(&left)).map(|()| {
-                *unsure = left;
-                ran
-            })
-        });
-        let made = made.unwrap_or_else(|error| {
-            if let Some(feed) = ahead {
-                feed.finish();
-            }
-            // Which of these runs the other program made is not known: all are made again.
-            let unsure: Vec<u64> = std::mem::take(unsure).into_iter().collect();
-            campaign.forget(&unsure).map_err(ExecutorError::from).and(Err(error))
-        });
+        let made = runner.make(&tasks, self.watch);
+        let Runner { campaign, given_up, .. } = &mut *runner;
         if let Err(error) = made {
             *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
             results.fill(Err(SimError::Interrupted));
@@ -279,21 +314,24 @@ impl Simulator for Experiments<'_> {
         runner.given_up.reach(self.plan, samples)
     }
 
+    fn will_revise(&self) -> bool {
+        let Some(runner) = &self.runner else { return false };
+        runner.lock().unwrap_or_else(PoisonError::into_inner).given_up.will_change()
+    }
+
     fn announce(&self, first: usize, thetas: &[f64]) {
         let Some(runner) = &self.runner else { return };
         let mut runner = runner.lock().unwrap_or_else(PoisonError::into_inner);
-        let Runner { campaign, ahead: Some(feed), unsure, changed, .. } = &mut *runner else {
+        let Runner { campaign, ahead: Some(feed), unsure, .. } = &mut *runner else {
             return;
         };
         let rows = thetas.len() / self.parameters();
         let results = self.built_in(thetas, &mut vec![0.0; rows * self.observables]);
-        // Before any run, as for a batch; a run that is not given here is given, and its errors said, with its batch.
         let tasks = self.tasks(first, thetas, &results);
         let new = tasks.iter().map(|task| task.number);
         unsure.extend(new.filter(|number| campaign.outcome(*number).is_none()));
-        if changed(unsure).is_none() {
-            let _ = feed.give(&tasks);
-        }
+        // A run that is not given here is given, and its errors said, with its batch.
+        let _ = feed.give(&tasks);
     }
 
     fn simulate_batch(

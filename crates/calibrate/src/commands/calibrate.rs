@@ -93,7 +93,7 @@ pub(crate) struct CalibrateArgs {
     #[arg(short = 'n', long, value_name = "N", default_value_t = 16_384, value_parser = arguments::samples, help_heading = "Sampling")]
     samples: usize,
 
-    /// Adaptive stages, over which the proposal is refined [default: 8; up to 1000 simulations 20
+    /// Adaptive stages, over which the proposal is refined [default: 8; below 2048 simulations 20
     /// small ones, placed by a Gaussian process]
     #[arg(long, value_name = "N", value_parser = arguments::iterations, help_heading = "Sampling")]
     iterations: Option<usize>,

@@ -198,6 +198,9 @@ impl Attempt<'_> {
                 Err(NoWorker::Error(ExecutorError::Interrupted { detached: false }))
             }
             Some(Reply::Ended(ended)) => match self.judge(Some(ended)) {
+                Verdict::Failed(kind @ FailureKind::Timeout { .. }, _) => Err(refused(format!(
+                    "{kind}; every line that it prints must be flushed at once (in Python print(..., flush=True))"
+                ))),
                 Verdict::Failed(kind, _) | Verdict::Cut(kind, _) => Err(refused(kind.to_string())),
                 verdict => Err(NoWorker::Verdict(verdict)),
             },
@@ -245,10 +248,13 @@ impl Attempt<'_> {
         let limit = limit(&self.command.call);
         let stderr = program.folder().join(STDERR);
         let (folder, stop, was_full) = (self.folder, self.stop, &mut self.disk_was_full);
+        // It may have written while it had nothing to do.
+        streams::bound(&stderr);
         let reply = program.exchange(line, limit, stop, &mut || {
             *was_full |= judge::disk_is_full(folder);
             streams::bound(&stderr);
         });
+        streams::bound(&stderr);
         program.move_stderr(&folder.join(STDERR));
         reply.ok()
     }

@@ -73,7 +73,8 @@ pub(super) fn request(id: u64, spec: &CampaignSpec, task: &Task, folder: &Path) 
 /// Reads the answer to request `id`. The words of an error are the same for the same cause.
 pub(super) fn answer(line: &[u8], id: u64) -> Result<Answer, &'static str> {
     let Value::Object(mut answer) = read(line)? else { return Err("not an object") };
-    if answer.get("id").and_then(Value::as_u64) != Some(id) {
+    // R and others write whole numbers as 1.0.
+    if answer.get("id").and_then(Value::as_f64) != Some(id as f64) {
         return Err("to another request");
     }
     match (answer.remove("values"), answer.remove("failure")) {

@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 
 use crate::output::checksums::hex;
+use crate::simulator::Change;
 
 /// The file with the fingerprints, beside the runs.
 pub(super) const FILE: &str = "programs.json";
@@ -37,11 +38,15 @@ impl Fingerprints {
                 files.extend(named(argument, folder));
             }
             for file in &command.call.files {
+                files.push(PathBuf::from(&file.from));
                 files.extend(files_below(Path::new(&file.from)).unwrap_or_default());
             }
         }
         let prints = files.into_iter().filter_map(|file| {
-            let print = fingerprint(&file).ok()?;
+            let print = match file.is_dir() {
+                true => hex(&Sha256::digest(names_below(&file)?)[..16]),
+                false => fingerprint(&file).ok()?,
+            };
             Some((file.display().to_string(), print))
         });
         Self(prints.collect())
@@ -60,25 +65,32 @@ impl Fingerprints {
     }
 }
 
-/// Whether the programs of a run are still those that it began with; files are read again only where their length or time
-/// of change is another than at the last look.
+/// Whether the programs of a run are still those that it began with; files are read again only where their length, time
+/// of change or place is another than at the last look.
 pub(super) struct Guard<'a> {
     spec: &'a CampaignSpec,
     folder: PathBuf,
     before: Fingerprints,
-    seen: Vec<Option<(u64, SystemTime)>>,
+    seen: Option<Vec<Option<String>>>,
     unchecked: Unchecked,
+    lenient: bool,
 }
 
 impl<'a> Guard<'a> {
-    pub(super) fn new(campaign: &'a Campaign, folder: &Path, before: Fingerprints) -> Self {
+    /// `lenient`: what is written and stays the same is the same.
+    pub(super) fn new(
+        campaign: &'a Campaign,
+        folder: &Path,
+        before: Fingerprints,
+        lenient: bool,
+    ) -> Self {
         let (spec, folder, unchecked) =
             (campaign.spec(), folder.to_owned(), Unchecked::of(campaign));
-        Self { spec, folder, before, seen: Vec::new(), unchecked }
+        Self { spec, folder, before, seen: None, unchecked, lenient }
     }
 
-    /// What has changed, in words; `unsure` are the runs of which it will not be known until the next look.
-    pub(super) fn change(&mut self, unsure: &BTreeSet<u64>) -> Option<String> {
+    /// What has changed; `unsure` are the runs of which it will not be known until the next look.
+    pub(super) fn change(&mut self, unsure: &BTreeSet<u64>) -> Option<Change> {
         let change = self.looked_at();
         if change.is_none() {
             self.unchecked.note(unsure);
@@ -86,20 +98,29 @@ impl<'a> Guard<'a> {
         change
     }
 
-    fn looked_at(&mut self) -> Option<String> {
-        let look = |file: &String| {
-            Some((std::fs::metadata(file).ok()?.len(), last_change(Path::new(file))?))
-        };
-        let seen: Vec<_> = self.before.0.keys().map(look).collect();
-        if seen == self.seen {
+    fn looked_at(&mut self) -> Option<Change> {
+        let seen: Vec<_> = self.before.0.keys().map(|file| stamp(Path::new(file))).collect();
+        if self.seen.as_ref() == Some(&seen) {
             return None;
         }
-        let change = Fingerprints::of(self.spec, &self.folder).change(&self.before);
-        if change.is_none() {
-            self.seen = seen;
+        if let Some(change) = Fingerprints::of(self.spec, &self.folder).change(&self.before) {
+            return Some(Change::Another(change));
         }
-        change
+        let earlier = self.seen.replace(seen.clone())?;
+        let written = earlier.iter().zip(&seen).position(|(was, is)| was != is)?;
+        let file = self.before.0.keys().nth(written)?;
+        (!self.lenient).then(|| Change::Written(file.clone()))
     }
+}
+
+/// What is told from a look at a file without reading it: where it is, its length, when it changed. Of a folder the names in it.
+fn stamp(file: &Path) -> Option<String> {
+    if file.is_dir() {
+        return names_below(file);
+    }
+    let length = std::fs::metadata(file).ok()?.len();
+    let place = std::fs::canonicalize(file).ok()?;
+    Some(format!("{} {length} {:?}", place.display(), last_change(file)?))
 }
 
 /// Runs that are being made, beside all others: their programs are looked at only once they have ended.
@@ -134,9 +155,14 @@ impl Unchecked {
     }
 }
 
-/// Time at which a file was last written or put into its place.
+/// Time at which a file was last written or put into its place, or a link on the way to it was.
 fn last_change(file: &Path) -> Option<SystemTime> {
-    let there = std::fs::metadata(file).ok()?;
+    let links = file.ancestors().filter(|part| part.is_symlink());
+    let links = links.filter_map(|link| changed(&std::fs::symlink_metadata(link).ok()?));
+    changed(&std::fs::metadata(file).ok()?).into_iter().chain(links).max()
+}
+
+fn changed(there: &std::fs::Metadata) -> Option<SystemTime> {
     let written = there.modified().ok()?;
     #[cfg(unix)]
     {
@@ -179,6 +205,12 @@ fn named(text: &str, folder: &Path) -> Vec<PathBuf> {
         lengths.map(|length| PathBuf::from(&name[..length]))
     });
     names.filter(|path| path.is_file()).collect()
+}
+
+/// The names of all files below a folder, one to a line.
+fn names_below(folder: &Path) -> Option<String> {
+    let names = files_below(folder).ok()?.into_iter();
+    Some(names.map(|name| format!("{}\n", name.display())).collect())
 }
 
 fn fingerprint(path: &Path) -> io::Result<String> {

@@ -270,7 +270,8 @@ impl Driver<'_> {
         options: &RunOptions,
     ) -> Result<Finished, Failure> {
         let before = store::began_with(self.campaign);
-        let mut guard = Guard::new(self.campaign, self.stored.folder(), before);
+        let mut guard =
+            Guard::new(self.campaign, self.stored.folder(), before, options.accept_changes);
         let runner = Runner {
             campaign: self.campaign,
             executor,

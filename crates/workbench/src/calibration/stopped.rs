@@ -90,11 +90,13 @@ pub(super) fn retry_failed(
         campaign.replace_extra(given_up::FILE, pretty(&now)?.as_bytes()).map_err(refused)?;
         return campaign.forget(&again).map_err(refused);
     }
-    let again = campaign.forget_failed(&|outcome| is_wanted(words, outcome)).map_err(refused)?;
-    if !before.is_empty() && !again.is_empty() {
+    if !before.is_empty() {
+        // In this order: what is placed anew is placed as if nothing had been given up.
+        campaign.place_again().map_err(refused)?;
         let none = pretty(&GivenUp::default())?;
         campaign.replace_extra(given_up::FILE, none.as_bytes()).map_err(refused)?;
     }
+    let again = campaign.forget_failed(&|outcome| is_wanted(words, outcome)).map_err(refused)?;
     Ok(again.len())
 }
 

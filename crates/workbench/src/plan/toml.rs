@@ -203,7 +203,7 @@ mod tests {
             for kinetics in Kinetics::ALL {
                 reads_back(&PairOptions { kinetics, ..of(material) });
             }
-            for samples in [16, 100, 999, 1000, 1001, 1024, 4096, 65_537] {
+            for samples in [16, 100, 1000, 1024, 2047, 2048, 4096, 65_537] {
                 for iterations in [None, Some(3), Some(8), Some(20)] {
                     reads_back(&PairOptions { samples, iterations, ..of(material) });
                 }
