@@ -138,7 +138,7 @@ fn storm(kind: Kind, samples: usize, seed: u64) -> usize {
             8 => Blow::Copy,
             _ => Blow::None,
         };
-        let patience = Duration::from_secs_f64(2.0 * random.share());
+        let patience = Duration::from_secs_f64(0.01 * samples as f64 * random.share());
         let started = Instant::now();
         let mut struck = false;
         while driver.child.try_wait().expect("a child").is_none() {

@@ -263,8 +263,9 @@ fn text(table: &Table, furthest: f64, (heat, spread): &(Table, f64)) -> String {
          here).\n\n\
          The bed of Bond number 100 without friction, the first packing, then heated (Frenkel, from balance to balance):\n\n{}\n\
          A heated balance takes, unless it is told another, the K1 at which adhesion gives the contacts the neck of the pair, and takes back what the softness of \
-         settling had pressed into the bed: the times then differ by at most {:.1} % over K1 of 0.25 to 4 N/m, what is left of it is the packing itself, which settles \
-         another way. Five percent is the tolerance that is stated, and held by a test. With a soft K1 of its own heat starts from wider necks and a denser bed.\n",
+         settling had pressed into the bed: the times in this table then differ by at most {:.1} % over K1 of 0.25 to 4 N/m. Nearly all of that is the packing, which settles \
+         another way and begins denser. The tolerances that are stated: 0.03 of the density that a bed settles to, up to a Bond number of 100; and 5 % of the time that one \
+         and the same bed takes, whatever K1 it had settled with (a test holds it). With a K1 of its own that is soft, heat starts from wider necks.\n",
         SEEDS.len(),
         table.markdown(),
         heat.markdown(),
