@@ -65,6 +65,15 @@ fn each_material_at_a_thousand_simulations_agrees_with_quadrature() {
     assert!(ran.succeeded().stdout.contains("NOT TO BE TRUSTED"), "{}", ran.stdout);
 }
 
+/// On both sides of the number from which on samples are placed without the surrogate, and of earlier ones.
+#[test]
+fn no_number_of_simulations_between_a_thousand_and_a_few_thousand_is_a_cliff() {
+    for samples in [1001, 2047, 2048] {
+        let options = format!("--material peek --samples {samples} --no-other-kinetics --verify");
+        Sandbox::new().run(&options).succeeded();
+    }
+}
+
 /// Moments and evidence computed once by another program: midpoint sums on grids of 300^3 points in log10 of
 /// the parameters, over the box that holds the mass, with the closed form, priors and likelihood written down
 /// again from the paper.
