@@ -156,6 +156,17 @@ pub fn closure_time(from: f64, to: f64) -> f64 {
     (open + closed).max(0.0)
 }
 
+/// The rate of the relative density by the same laws, per tau_s: by open pores below [`CLOSED`], by closed ones from there.
+#[must_use]
+pub fn closure_rate(density: f64) -> f64 {
+    if density >= CLOSED {
+        return 1.5 * (1.0 - density.min(1.0)).powf(2.0 / 3.0) * density.min(1.0).cbrt();
+    }
+    let x = cell_aspect(density);
+    let by_aspect = 6.0 * PI * x - 3.0 * JOINTS * x * x;
+    by_aspect * 0.5 / UNIT * (3.0 * PI - JOINTS * x).cbrt() * x.powf(2.0 / 3.0)
+}
+
 /// The relative density that a bed of density `from` has after a time, in tau_s: the inverse of [`closure_time`]. It
 /// ends at 1.
 ///
@@ -294,6 +305,18 @@ mod tests {
             let time = pore_time(from) - pore_time(to);
             assert!((time / expected - 1.0).abs() < 1e-9, "pores {from} {to}: {time} {expected}");
         }
+    }
+
+    #[test]
+    fn the_rate_is_that_of_the_printed_laws_and_of_the_times() {
+        for density in [0.05, 0.3, 0.647, 0.9, 0.941, 0.943, 0.99] {
+            let printed = if density < CLOSED { cell_rate(density) } else { pore_rate(density) };
+            let rate = closure_rate(density);
+            assert!((rate / printed - 1.0).abs() < 1e-12, "{density}: {rate} {printed}");
+            let took = closure_time(density - 1e-4, density + 1e-4);
+            assert!((rate * took / 2e-4 - 1.0).abs() < 1e-4, "{density}: {rate} {took}");
+        }
+        assert_eq!(closure_rate(1.0), 0.0);
     }
 
     #[test]

@@ -55,9 +55,14 @@ pub(super) fn check_adhesion(table: Option<&AdhesionTable>, pulls: bool) -> Resu
             let remedy = "the Bond number needs the weight: give [gravity], or adhesion.force_n";
             Err(field("adhesion.bond_number", number, remedy))
         }
-        Some(_) => {
+        Some(AdhesionTable { force_n, .. }) => {
             let remedy = "give one of adhesion.force_n and adhesion.bond_number";
-            Err(field("adhesion", "none or both of its fields", remedy))
+            let given = if force_n.is_some() {
+                "both force_n and bond_number"
+            } else {
+                "neither force_n nor bond_number"
+            };
+            Err(field("adhesion", given, remedy))
         }
     }
 }

@@ -4,7 +4,7 @@
 //! FNV-1a sum of all that. A vector is its length and its elements. The description of the scene (material,
 //! surroundings, growth) is not in it: a checkpoint is read into the bed of the same scene.
 
-use super::closure::Law;
+use super::closure::{EndRates, Law};
 use super::contact::Memory;
 use super::engine::{Bed, Drive};
 use super::error::BedError;
@@ -13,11 +13,12 @@ use super::measure::{Energies, Sample};
 use super::quasi_static::QuasiStaticReport;
 use super::run::{Run, Series};
 use super::scene::Scene;
+use super::stiffness::PhaseEntry;
 use super::vec3::Vec3;
 
 const MAGIC: &[u8; 8] = b"dem-bed\0";
 const RUN_MAGIC: &[u8; 8] = b"dem-run\0";
-const VERSION: u64 = 3;
+const VERSION: u64 = 4;
 
 /// Something that is stored as a fixed number of bytes.
 trait Stored: Sized {
@@ -112,7 +113,7 @@ macro_rules! stored_struct {
         }
     };
 }
-stored_struct!(Energies: translation_j, rotation_j, elastic_j, adhesion_j, gravity_j);
+stored_struct!(Energies: translation_j, rotation_j, elastic_j, springs_j, adhesion_j, gravity_j);
 stored_struct!(
     Sample: time_s, relative_density, coordination, mean_contact_ratio, contact_ratio_deciles, mean_driving,
     largest_driving, inertial_number, necks_meet, law, energies
@@ -121,7 +122,9 @@ stored_struct!(
     QuasiStaticReport: steps, rejected, newton, conjugate_gradients, error_estimate, mean_error,
     squared_error, balanced_at_s, next_step_s
 );
-stored_struct!(Series: samples, phase, phase_start_s, quasi_static, hand_over, stopped);
+stored_struct!(EndRates: by_pairs, by_closed_law);
+stored_struct!(PhaseEntry: k1_n_per_m, box_before_m, box_m, keeps_overlaps);
+stored_struct!(Series: samples, phase, phase_start_s, quasi_static, hand_over, end_rates, entries, stopped);
 
 impl Stored for Law {
     fn put(&self, to: &mut Vec<u8>) {

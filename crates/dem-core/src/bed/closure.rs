@@ -3,7 +3,8 @@
 //! A bed is a sum of pairs as long as the necks of a particle are apart. Where they meet on more than [`NECKS_MEET`] of the
 //! particles, or where the pores close ([`CLOSED`]), the density goes on by the [closed laws](crate::densification) of open
 //! and then of closed pores, from the density of the bed there, one cell and then one pore for each particle; or the run
-//! ends. A bed whose volume does not follow its particles (open sides, a box that is not free), or that does not fill its
+//! ends. These laws are isotropic and free: they know no sides that stay where they are, and no resistance of necks. The rates before and after are
+//! recorded ([`EndRates`]). A bed whose volume does not follow its particles (open sides, a box that is not free), or that does not fill its
 //! volume ([`LEAST_CLOSING`]), has no such law: its pairs go on, and make no new contacts.
 
 use serde::{Deserialize, Serialize};
@@ -63,6 +64,16 @@ impl Law {
             Self::Pores => "pores",
         }
     }
+}
+
+/// Rates of the relative density where the pairs end, per tau_s of a particle of the mean volume. The closed laws are those of a bed that shrinks
+/// alike in all directions and whose necks resist nothing: sides that stay where they are, and necks that resist, make the two rates differ.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EndRates {
+    /// By the contacts.
+    pub by_pairs: f64,
+    /// By the closed law that follows.
+    pub by_closed_law: f64,
 }
 
 impl Bed {

@@ -35,7 +35,9 @@ pub enum BedError {
     /// Two particles overlap at the start by more than an adhesive contact.
     #[error(
         "particles {first} and {second} overlap by {overlap} effective radii at the start, more than the adhesive \
-         contact's {allowed}: move them apart"
+         contact's {allowed}: move them apart",
+        overlap = short(overlap),
+        allowed = short(allowed),
     )]
     OverlappingStart {
         /// One particle, by its place in the scene.
@@ -50,7 +52,8 @@ pub enum BedError {
     /// A particle is outside the box.
     #[error(
         "particle {particle} at {position_m:?} m with radius {radius_m} m reaches out of the box along axis {axis}: \
-         move it inside or enlarge box.size_m"
+         move it inside or enlarge box.size_m",
+        radius_m = short(radius_m),
     )]
     OutsideBox {
         /// The particle, by its place in the scene.
@@ -65,7 +68,9 @@ pub enum BedError {
     /// A periodic side is so short that a particle could touch two images of another.
     #[error(
         "box.size_m[{axis}] = {size_m} m is periodic and shorter than twice the reach of the neighbour list, {needed_m} m: \
-         enlarge the box or take more particles"
+         enlarge the box or take more particles",
+        needed_m = short_up(needed_m),
+        size_m = short(size_m),
     )]
     PeriodicSideTooShort {
         /// 0, 1 or 2.
@@ -79,7 +84,10 @@ pub enum BedError {
     #[error(
         "step of {step_s} s at t = {time_s} s is at or above the stability limit {limit_s} s of a particle with \
          {contacts} contacts: lower step_over_collision_time below {}",
-        step_over_collision_time * limit_s / step_s
+        short(&(0.999 * step_over_collision_time * limit_s / step_s)),
+        step_s = short(step_s),
+        time_s = short(time_s),
+        limit_s = short(limit_s),
     )]
     UnstableStep {
         /// The step.
@@ -96,7 +104,10 @@ pub enum BedError {
     /// A particle moved further in one step than the neighbour list can follow, or to a place that is not a number.
     #[error(
         "at t = {time_s} s a particle moves {displacement_m} m in one step, more than the {allowed_m} m that the neighbour \
-         list allows: lower the starting velocities or step_over_collision_time"
+         list allows: lower the starting velocities or step_over_collision_time",
+        time_s = short(time_s),
+        displacement_m = short(displacement_m),
+        allowed_m = short(allowed_m),
     )]
     RunAway {
         /// Time \[s\].
@@ -109,7 +120,8 @@ pub enum BedError {
     /// No packing of the wanted density was found.
     #[error(
         "a random packing of relative density {wished} was not reached: {particles} particles jam at about {reached}; \
-         wish for less, or use a lattice"
+         wish for less, or use a lattice",
+        reached = short(reached),
     )]
     PackingDensity {
         /// Wanted relative density.
@@ -123,7 +135,10 @@ pub enum BedError {
     #[error(
         "adhesion: the load on a particle at the bottom of the bed, {load_over_adhesion} of the adhesive force, would drive the growth; \
          heat fewer layers, state an adhesion.force_n of {needed_n} N or more, or allow it by gravity.allowed_load_over_adhesion \
-         (now {allowed})"
+         (now {allowed})",
+        allowed = short(allowed),
+        load_over_adhesion = short(load_over_adhesion),
+        needed_n = short_up(needed_n),
     )]
     WeightDrives {
         /// Load on a bottom contact over fa.
@@ -136,7 +151,9 @@ pub enum BedError {
     /// The contacts are too soft for the adhesive force that is stated.
     #[error(
         "{place} = {k1}: the adhesive force alone would press two particles {overlap} radii into each other, and hard \
-         particles are meant; a K1 of {needed_k1} N/m or more will do, or a smaller adhesion"
+         particles are meant; a K1 of {needed_k1} N/m or more will do, or a smaller adhesion",
+        overlap = short(overlap),
+        needed_k1 = short_up(needed_k1),
     )]
     Adhesion {
         /// The field of the stiffness, as it is called in the scene file.
@@ -151,7 +168,9 @@ pub enum BedError {
     /// The contacts are so soft that the bed is denser than its matter.
     #[error(
         "at t = {time_s} s the particles overlap so far that the relative density would be {relative_density}: \
-         raise k1_n_per_m (now {k1}), or lower what presses the bed"
+         raise k1_n_per_m (now {k1}), or lower what presses the bed",
+        time_s = short(time_s),
+        relative_density = short(relative_density),
     )]
     Overfull {
         /// Time \[s\].
@@ -164,7 +183,9 @@ pub enum BedError {
     /// Mass scaling has made inertia too large.
     #[error(
         "at t = {time_s} s the inertial number {inertial_number} exceeds inertial_number_limit = {limit}: lower mass_scaling, \
-         or use mode = \"quasi-static\""
+         or use mode = \"quasi-static\"",
+        time_s = short(time_s),
+        inertial_number = short(inertial_number),
     )]
     Inertia {
         /// Time \[s\].
@@ -177,7 +198,10 @@ pub enum BedError {
     /// The quasi-static mode found no force balance.
     #[error(
         "no force balance at t = {time_s} s after {iterations} iterations: residual force {residual} of the adhesive force, \
-         wanted {wanted}; begin with a phase of mode = \"dynamic\" in which the bed comes to rest, or heat in that mode"
+         wanted {wanted}; begin with a phase of mode = \"dynamic\" in which the bed comes to rest, or heat in that mode",
+        time_s = short(time_s),
+        residual = short(residual),
+        wanted = short(wanted),
     )]
     NoBalance {
         /// Time \[s\].
@@ -192,7 +216,8 @@ pub enum BedError {
     /// The quasi-static mode came near no force balance in ever shorter steps.
     #[error(
         "at t = {time_s} s contacts open and close, or particles roll, without an end in force balance; begin with a phase of \
-         mode = \"dynamic\" in which the bed comes to rest, or heat in that mode"
+         mode = \"dynamic\" in which the bed comes to rest, or heat in that mode",
+        time_s = short(time_s),
     )]
     NoRest {
         /// Time \[s\].
@@ -202,7 +227,8 @@ pub enum BedError {
     #[error(
         "at t = {time_s} s nothing carries particle {particle} along axis {axis}, where gravity acts: no chain of contacts leads from it to \
          a wall across that axis, and a balance of forces follows no fall; begin with a phase of mode = \"dynamic\" in which the \
-         bed comes to rest on a wall (box.sides), or leave [gravity] out"
+         bed comes to rest on a wall (box.sides), or leave [gravity] out",
+        time_s = short(time_s),
     )]
     NothingCarries {
         /// The particle, by its place in the scene.
@@ -213,7 +239,10 @@ pub enum BedError {
         time_s: f64,
     },
     /// The run used all the work it was allowed.
-    #[error("max_work = {max_work} steps were used up at t = {time_s} s: raise max_work")]
+    #[error(
+        "max_work = {max_work} steps were used up at t = {time_s} s: raise max_work",
+        time_s = short(time_s),
+    )]
     WorkLimit {
         /// The limit.
         max_work: u64,
@@ -223,6 +252,22 @@ pub enum BedError {
     /// A checkpoint cannot be read.
     #[error("checkpoint: {0}")]
     Checkpoint(&'static str),
+}
+
+/// A number that is needed, to four digits and not less.
+fn short_up(value: &f64) -> String {
+    let rounded: f64 = format!("{value:.3e}").parse().unwrap_or(*value);
+    short(&if rounded < *value { value * (1.0 + 5e-4) } else { *value })
+}
+
+/// A number that was computed, to four digits.
+fn short(value: &f64) -> String {
+    let rounded = format!("{value:.3e}").parse().unwrap_or(*value);
+    if rounded == 0.0 || (1e-3..1e6).contains(&rounded.abs()) {
+        rounded.to_string()
+    } else {
+        format!("{rounded:e}")
+    }
 }
 
 pub(crate) fn field(

@@ -22,6 +22,11 @@ impl Slider {
         }
     }
 
+    /// Energy of a spring \[J\].
+    pub(crate) fn energy_j(&self, spring: Vec3) -> f64 {
+        0.5 * self.stiffness * dot(spring, spring)
+    }
+
     /// Turns the spring into the tangential plane, stretches it by a step, lets it slide, and
     /// returns the force.
     ///

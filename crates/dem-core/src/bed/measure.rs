@@ -46,6 +46,8 @@ pub struct Energies {
     pub rotation_j: f64,
     /// Elastic energy of the overlaps, `K2 (delta - delta0)^2 / 2`.
     pub elastic_j: f64,
+    /// Elastic energy of the springs of friction and of necks that resist, `k_t xi^2/2` and `k_t a^2 theta^2/8`.
+    pub springs_j: f64,
     /// Energy of adhesion, `-fa delta`.
     pub adhesion_j: f64,
     /// Potential energy of gravity, `-m g . r`.
@@ -56,7 +58,12 @@ impl Energies {
     /// Sum of all energies.
     #[must_use]
     pub fn total_j(&self) -> f64 {
-        self.translation_j + self.rotation_j + self.elastic_j + self.adhesion_j + self.gravity_j
+        self.translation_j
+            + self.rotation_j
+            + self.elastic_j
+            + self.springs_j
+            + self.adhesion_j
+            + self.gravity_j
     }
 }
 
@@ -163,7 +170,13 @@ impl Bed {
                 if memory.is_contact() {
                     let unit = self.material.wall_unit(p.radius_m[i]);
                     self.add_contact_energy(&mut energies, unit, memory.overlap, memory.plastic);
+                    if let Some(&spring) = self.wall_list.spring.get(k) {
+                        energies.springs_j += self.slider().energy_j(spring);
+                    }
                 }
+            }
+            for k in self.list.row(i).filter(|&k| self.pairs.memory[k].is_contact()) {
+                energies.springs_j += self.spring_energy_j(i, k);
             }
         }
         for contact in self.contacts() {
@@ -172,6 +185,17 @@ impl Bed {
             self.add_contact_energy(&mut energies, unit, overlap, plastic_overlap);
         }
         energies
+    }
+
+    /// Energy of the tangential springs of a contact of two particles.
+    fn spring_energy_j(&self, i: usize, k: usize) -> f64 {
+        let Some(&spring) = self.pairs.spring.get(k) else { return 0.0 };
+        let held = self.slider().energy_j(spring);
+        let Some(&turn) = self.pairs.turn.get(k) else { return held };
+        let radius = &self.particles.radius_m;
+        let effective = effective_radius(radius[i], radius[index_of(self.list.other[k])]);
+        let neck_squared_m2 = self.pairs.memory[k].overlap * effective * effective;
+        held + self.neck_law().turn_energy_j(turn, neck_squared_m2)
     }
 
     fn add_contact_energy(&self, energies: &mut Energies, unit_m: f64, x: f64, p: f64) {

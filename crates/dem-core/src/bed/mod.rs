@@ -73,7 +73,7 @@ mod stiffness;
 mod vec3;
 
 pub use adhesion::AdhesionTable;
-pub use closure::{LEAST_CLOSING, Law, NECKS_MEET, WhenNecksMeet};
+pub use closure::{EndRates, LEAST_CLOSING, Law, NECKS_MEET, WhenNecksMeet};
 pub use engine::{Bed, Drive, Work};
 pub use error::BedError;
 pub use material::{Friction, Growing, Material, final_contact_ratio};
@@ -91,3 +91,4 @@ pub use scene_file::{
     SinteringTable,
 };
 pub use start::{Start, Surroundings};
+pub use stiffness::PhaseEntry;

@@ -1,10 +1,10 @@
 //! Resistance of sintered necks to shear, rolling and twist.
 //!
-//! A contact that grows is a viscous neck. Along the line of the centres it gives way with the speed of its growth, `D rate R` under the
-//! force `D fa`: its resistance there is
+//! A contact that grows is a viscous neck. Along the line of the centres it gives way with the speed of its growth, `D rate s R` under the
+//! force `D fa`, s the factor of the [approach](crate::densification::Approach): its resistance there is
 //!
 //! ```text
-//! c_n = fa/(R rate) = alpha K1/rate   [N s/m],   rate = dx/dt of the kinetics.
+//! c_n = fa/(s R rate) = alpha K1/rate   [N s/m],   rate = dx/dt of the kinetics.
 //! ```
 //!
 //! A Newtonian neck of radius a and of any length l resists being drawn out with `3 eta pi a^2/l` and being sheared with `eta pi a^2/l`: a
@@ -20,7 +20,7 @@
 //! (F. Parhami, R.M. McMeeking, Mech. Mater. 27 (1998) 111): nu is then a free number.
 //!
 //! Newton's law sees each of these dashpots in series with a spring, the friction's or `2/7 K1`, as the normal contact is a dashpot and a spring, with the friction's
-//! damping beside the spring. The balance of forces has the dashpots alone. Necks take the place of friction between particles while contacts grow; walls do not sinter.
+//! damping beside the spring. The balance of forces has the dashpots alone, and without growth nothing. Necks take the place of friction between particles while contacts grow; walls do not sinter.
 
 use super::material::Friction;
 use super::vec3::{Vec3, add, dot, scale, sub};
@@ -73,6 +73,11 @@ impl NeckLaw {
             stiffness: friction.tangential_stiffness_over_k1 * k1,
             damping_over_normal: friction.tangential_damping_over_normal,
         }
+    }
+
+    /// Energy of the spring that holds a turn of a neck \[J\].
+    pub(crate) fn turn_energy_j(&self, turn: Vec3, neck_squared_m2: f64) -> f64 {
+        0.5 * self.stiffness * BENDING * neck_squared_m2 * dot(turn, turn)
     }
 
     /// Force on the first body and moment on it, after a step with relative velocities `sliding` and `turning`.

@@ -9,7 +9,7 @@ use super::run::Series;
 /// Columns of [`write_csv`].
 pub const CSV_HEADER: &str = "phase,time_s,relative_density,coordination,mean_contact_ratio,contact_ratio_10,\
 contact_ratio_50,contact_ratio_90,mean_driving,largest_driving,inertial_number,necks_meet,translation_j,\
-rotation_j,elastic_j,adhesion_j,gravity_j,law";
+rotation_j,elastic_j,springs_j,adhesion_j,gravity_j,law";
 
 /// Writes a time series as CSV, one row for each observation, numbers in full precision; `law` is `pairs`, `cell` or `pores`.
 ///
@@ -36,6 +36,7 @@ pub fn write_csv(series: &Series, to: &mut impl Write) -> io::Result<()> {
             e.translation_j,
             e.rotation_j,
             e.elastic_j,
+            e.springs_j,
             e.adhesion_j,
             e.gravity_j,
         ] {

@@ -20,6 +20,19 @@ pub enum Side {
     LowerWall,
 }
 
+impl Side {
+    /// Its name in a scene file.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Open => "open",
+            Self::Periodic => "periodic",
+            Self::Walls => "walls",
+            Self::LowerWall => "lower-wall",
+        }
+    }
+}
+
 /// A box with one corner in the origin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Region {

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::closure::{LEAST_CLOSING, Law, WhenNecksMeet};
+use super::closure::{EndRates, LEAST_CLOSING, Law, WhenNecksMeet};
 use super::engine::{Bed, Drive};
 use super::error::{BedError, field};
 use super::material::{Growing, Material};
@@ -11,8 +11,9 @@ use super::phase::{Mode, Phase};
 use super::quasi_static::{QuasiStaticReport, QuasiStaticSettings};
 use super::region::Side;
 use super::scene::Scene;
+use super::stiffness::PhaseEntry;
 use super::vec3::norm;
-use crate::densification::closure_density;
+use crate::densification::{closure_density, closure_rate};
 
 /// Observations of a run of a scene.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -27,6 +28,10 @@ pub struct Series {
     pub quasi_static: QuasiStaticReport,
     /// The bed where its pairs ended: the necks met, or the pores closed.
     pub hand_over: Option<Sample>,
+    /// Rates of the density there by the two laws, where a closed law follows.
+    pub end_rates: Option<EndRates>,
+    /// What each phase began with.
+    pub entries: Vec<PhaseEntry>,
     /// Whether the run was stopped by its observer.
     pub stopped: bool,
 }
@@ -127,23 +132,33 @@ impl Run {
     }
 
     fn begin(&mut self, phase: &Phase) -> Result<(), BedError> {
+        let box_before_m = self.bed.around.region.size_m;
+        let entry = PhaseEntry {
+            k1_n_per_m: self.bed.material().k1_n_per_m(),
+            box_before_m,
+            box_m: box_before_m,
+            keeps_overlaps: false,
+        };
         if self.closed_from().is_some() {
             let now_s = self.series.samples.last().map_or(0.0, |sample| sample.time_s);
             self.series.phase_start_s.push(now_s);
+            self.series.entries.push(entry);
             return Ok(());
         }
         let material = *self.scene.bed.material();
         let is_hot_balance = phase.heated && phase.mode == Mode::QuasiStatic;
-        let own = material.pair_k1_n_per_m().filter(|_| is_hot_balance);
-        let k1 = phase.k1_n_per_m.or(own).unwrap_or(material.k1_n_per_m());
-        let material = material.with_k1(k1)?;
+        let k1_n_per_m = material.k1_of(phase);
+        let material = material.with_k1(k1_n_per_m)?;
+        let mut keeps_overlaps = false;
         if is_hot_balance && material.has_stated_adhesion() && self.bed.is_elastic() {
             // The stated force does not go by K1.
             self.scene.check_load(&self.bed)?;
-            self.harden(material, phase)?;
+            keeps_overlaps = !self.harden(material, phase)?;
         } else {
             self.bed.change_stiffness(material);
         }
+        let box_m = self.bed.around.region.size_m;
+        self.series.entries.push(PhaseEntry { k1_n_per_m, box_m, keeps_overlaps, ..entry });
         if phase.heated {
             self.scene.check_load(&self.bed)?;
         }
@@ -168,8 +183,8 @@ impl Run {
     }
 
     /// Takes on another stiffness from balance to balance, in steps that the balance can follow. Where it follows no step the contacts keep the
-    /// overlaps they have.
-    fn harden(&mut self, material: Material, phase: &Phase) -> Result<(), BedError> {
+    /// overlaps they have; returns whether they do not.
+    fn harden(&mut self, material: Material, phase: &Phase) -> Result<bool, BedError> {
         let settings = phase.quasi_static(self.scene.free_box);
         let wanted = material.k1_n_per_m();
         let mut step = STIFFER;
@@ -191,8 +206,9 @@ impl Run {
                 Err(error) => return Err(error),
             }
         }
+        let followed = self.bed.material().k1_n_per_m() == wanted;
         self.bed.change_stiffness(material);
-        Ok(())
+        Ok(followed)
     }
 
     /// To the present observation.
@@ -223,11 +239,33 @@ impl Run {
         let end = self.bed.sample();
         self.check_density(&end)?;
         self.series.hand_over = Some(end);
+        if self.closed_from().is_some() {
+            self.series.end_rates = self.end_rates(phase, &end);
+        }
         self.bed.closed = true;
         if self.closed_from().is_none() && !self.has_stopped() {
             self.steps_by_pairs(phase, false, left)?;
         }
         Ok(())
+    }
+
+    /// The rates by the contacts, which are followed a little further for it, and by the closed law; `None` where they cannot be followed.
+    fn end_rates(&self, phase: &Phase, end: &Sample) -> Option<EndRates> {
+        let mut bed = self.bed.clone();
+        let tau_s = bed.closure_tau_s(self.scene.growing.as_ref()?);
+        let ahead_s = RATE_OVER_TAU * tau_s;
+        if phase.mode == Mode::QuasiStatic {
+            let settings = phase.quasi_static(self.scene.free_box);
+            let mut report = self.series.quasi_static;
+            bed.advance_quasi_static(bed.time_s() + ahead_s, &settings, &mut report).ok()?;
+        } else {
+            bed.advance(((ahead_s / bed.step_s()) as u64).max(1)).ok()?;
+        }
+        let took = (bed.time_s() - end.time_s) / tau_s;
+        Some(EndRates {
+            by_pairs: (bed.relative_density()? - end.relative_density) / took,
+            by_closed_law: closure_rate(end.relative_density),
+        })
     }
 
     /// Follows the pairs to the present observation, or to where they end; returns the steps that were left out.
@@ -305,6 +343,9 @@ impl Run {
 const STIFFER: f64 = 3.0;
 const LEAST_STIFFER: f64 = 1.05;
 
+/// Part of tau_s over which the rate by the contacts is taken where they end.
+const RATE_OVER_TAU: f64 = 0.02;
+
 /// A dynamic phase looks whether necks meet after such a part of tau_s.
 const LOOK_EVERY_TAU: f64 = 0.002;
 
@@ -346,7 +387,7 @@ impl Scene {
     ///
     /// The load on a particle at the bottom is the weight of the particles above it: the total weight over
     /// the number of particles in the lowest layer, taken as the base over `4 R^2`.
-    fn check_load(&self, bed: &Bed) -> Result<(), BedError> {
+    pub(super) fn check_load(&self, bed: &Bed) -> Result<(), BedError> {
         let Some(load_over_adhesion) = bed.load_over_adhesion() else { return Ok(()) };
         let allowed = self.allowed_load_over_adhesion;
         if load_over_adhesion <= allowed {
@@ -386,6 +427,16 @@ impl Phase {
 }
 
 impl Bed {
+    /// Whether the load at the bottom is what it is wherever the particles are: gravity goes along axes whose layers have sides.
+    pub(super) fn load_stays(&self) -> bool {
+        let gravity = self.around.gravity_m_per_s2;
+        let bounded = |axis: usize| {
+            matches!(self.around.region.sides[axis % 3], Side::Periodic | Side::Walls)
+                && gravity[axis % 3] == 0.0
+        };
+        (0..3).all(|axis| gravity[axis] == 0.0 || (bounded(axis + 1) && bounded(axis + 2)))
+    }
+
     /// Load on a particle at the bottom over its adhesive force; `None` without gravity.
     ///
     /// Of gravity along several axes each side carries its component: the largest of these loads.

@@ -238,15 +238,17 @@ impl SceneFile {
             within(&name, radius_m, 1e-9, 1e3, "give the radius in metres, 1e-9 to 1e3")?;
         }
         let particles = radii_m.len();
-        let mean_radius_m = radii_m.iter().sum::<f64>() / particles.max(1) as f64;
-        if particles > 0 {
-            self.material_of(mean_radius_m)?;
+        if particles == 0 {
+            let remedy = "the table is empty: give a position and a radius for each particle";
+            return Err(field("particles.table.radii_m", "[]", remedy));
         }
+        let mean_radius_m = radii_m.iter().sum::<f64>() / particles as f64;
+        let material = self.material_of(mean_radius_m)?;
         let growing = self.growing()?;
         for (index, phase) in self.phases.iter().enumerate() {
             phase.check(index, growing.is_some())?;
-            if let Some(k1) = phase.k1_n_per_m.filter(|_| particles > 0) {
-                let softer = self.material_of(mean_radius_m)?.with_k1(k1);
+            if let Some(k1) = phase.k1_n_per_m {
+                let softer = material.with_k1(k1);
                 softer.map_err(|error| match self.in_words_of_the_file(error) {
                     BedError::Adhesion { k1, overlap, needed_k1, .. } => {
                         let place = phase.field_name(index, "k1_n_per_m");
@@ -274,7 +276,8 @@ impl SceneFile {
         }
         let allowed = self.allowed_load();
         within("gravity.allowed_load_over_adhesion", allowed, 1e-6, 1e6, "use 1e-6 to 1e6")?;
-        Ok(Outline { particles, mean_radius_m, growing })
+        let phase_k1_n_per_m = self.phases.iter().map(|phase| material.k1_of(phase)).collect();
+        Ok(Outline { particles, mean_radius_m, growing, phase_k1_n_per_m })
     }
 
     /// Checks everything and places the particles, making packings.
@@ -303,7 +306,7 @@ impl SceneFile {
             }
         }
         let bed = Bed::new(material, around, &start)?;
-        Ok(Scene {
+        let scene = Scene {
             name: self.name.clone(),
             bed,
             growing,
@@ -311,7 +314,11 @@ impl SceneFile {
             free_box: self.free_box(),
             when_necks_meet: self.sintering.as_ref().map(|s| s.when_necks_meet).unwrap_or_default(),
             allowed_load_over_adhesion: self.allowed_load(),
-        })
+        };
+        if scene.phases.iter().any(|phase| phase.heated) && scene.bed.load_stays() {
+            scene.check_load(&scene.bed)?;
+        }
+        Ok(scene)
     }
 
     fn free_box(&self) -> bool {
@@ -337,8 +344,11 @@ impl SceneFile {
                 let name = "particles.lattice.radius_m";
                 within(name, *radius_m, 1e-9, 1e3, "give the radius in metres, 1e-9 to 1e3")?;
                 let pair = self.material_of(*radius_m)?.pair_of_radius(*radius_m)?;
-                let overlap = overlap.unwrap_or_else(|| pair.x0() * self.approach().factor());
-                within("particles.lattice.overlap", overlap, -100.0, 1.0, "use -100 to 1 radii")?;
+                let adhesive = pair.x0() * self.approach().factor();
+                let overlap = overlap.unwrap_or(adhesive);
+                let remedy = "use -100 radii up to the overlap of the adhesive contact, which is that of a field left out";
+                let most = adhesive * (1.0 + 1e-6);
+                within("particles.lattice.overlap", overlap, -100.0, most, remedy)?;
                 let origin_m = origin_m.unwrap_or([*radius_m; 3]);
                 Ok((lattice(counts, *radius_m, overlap, origin_m)?, self.given_box()?))
             }
@@ -430,7 +440,8 @@ impl SceneFile {
         within("gravity.acceleration_m_per_s2", gravity, 0.0, 1e6, "use 0 to 1e6 m/s2")?;
         check_adhesion(self.adhesion.as_ref(), gravity > 0.0)?;
         let still = self.phases.iter().find(|phase| phase.mode == Mode::QuasiStatic);
-        if let (Some(_), Some(phase)) = (&self.friction, still) {
+        let rubs = self.friction.filter(|friction| friction.coefficient != 0.0);
+        if let (Some(_), Some(phase)) = (rubs, still) {
             let remedy = "a balance of forces has no friction: use mode = \"dynamic\" in every phase (mass_scaling makes it \
                           shorter), or leave [friction] out";
             let with = format!("given with the quasi-static phase {}", phase.name);
@@ -464,4 +475,6 @@ pub struct Outline {
     pub mean_radius_m: f64,
     /// Growth of contacts, where the scene has it.
     pub growing: Option<Growing>,
+    /// Loading stiffness K1 of each phase \[N/m\].
+    pub phase_k1_n_per_m: Vec<f64>,
 }

@@ -2,14 +2,41 @@
 //!
 //! K1 is a numerical stiffness, and so is the overlap `fa/K1` that adhesion alone gives to a contact. A bed settles with a soft one, for the
 //! length of the steps; heat would then start from necks, and from a density, that the softness has made. A heated quasi-static phase, whose
-//! steps do not go by K1, therefore begins with hard contacts: those whose adhesive overlap is the pair's, 1e-3 R, if it has no K1 of its own. The bed, its box
-//! included, is stretched by what the mean contact gives back, below one percent, and balanced again; which particles touch is what it was.
+//! steps do not go by K1, therefore begins with hard contacts: those whose adhesive overlap is the pair's, 1e-3 R, if it has no K1 of its own. The bed is
+//! stretched by what the mean contact gives back, below one percent, and balanced again; which particles touch is what it was. Periodic sides, which are
+//! parts of the bed, are stretched with it, and a bed with a surface grows up to where its surface comes to be; two walls stay where they are, and the bed between them as
+//! wide as it is.
 
 use super::engine::Bed;
 use super::error::BedError;
 use super::material::Material;
 use super::neighbours::index_of;
-use super::vec3::{norm, scale};
+use super::phase::{Mode, Phase};
+use super::region::Side;
+use super::vec3::norm;
+
+/// What a phase began with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PhaseEntry {
+    /// Loading stiffness K1 \[N/m\].
+    pub k1_n_per_m: f64,
+    /// Lengths of the box as the phase before left them \[m\].
+    pub box_before_m: [f64; 3],
+    /// And once its contacts had the stiffness of this phase \[m\].
+    pub box_m: [f64; 3],
+    /// Whether no balance was found on the way to that stiffness, so that the contacts keep the overlaps of another.
+    pub keeps_overlaps: bool,
+}
+
+impl Material {
+    /// K1 of a phase \[N/m\]: its own, or that which gives contacts the neck of the pair where a heated balance has a stated adhesive force, or
+    /// the material's.
+    pub(crate) fn k1_of(&self, phase: &Phase) -> f64 {
+        let is_hot_balance = phase.heated && phase.mode == Mode::QuasiStatic;
+        let of_the_pair = self.pair_k1_n_per_m().filter(|_| is_hot_balance);
+        phase.k1_n_per_m.or(of_the_pair).unwrap_or(self.k1_n_per_m())
+    }
+}
 
 impl Bed {
     /// Takes on a material of another stiffness. Where the adhesive force is stated the contacts keep their overlaps and
@@ -49,11 +76,20 @@ impl Bed {
             }
         }
         let factor = 1.0 + excess / f64::from(count.max(1));
-        for position in &mut self.particles.position_m {
-            *position = scale(*position, factor);
+        for axis in 0..3 {
+            // Gravity that points down the axis leaves a surface below the upper wall.
+            let is_surface = self.around.gravity_m_per_s2[axis] < 0.0;
+            let side = self.around.region.sides[axis];
+            if side == Side::Walls && !is_surface {
+                continue;
+            }
+            for position in &mut self.particles.position_m {
+                position[axis] *= factor;
+            }
+            if side == Side::Periodic {
+                self.around.region.size_m[axis] *= factor;
+            }
         }
-        self.around.region.size_m = self.around.region.size_m.map(|size| size * factor);
-        self.walls = self.around.region.walls();
         self.rebuild()?;
         for i in 0..self.particles.len() {
             for k in self.list.row(i) {

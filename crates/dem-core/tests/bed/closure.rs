@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use dem_core::bed::{Law, SceneFile, Series};
-use dem_core::densification::{Approach, CLOSED, affine_density, closure_time};
+use dem_core::densification::{Approach, CLOSED, affine_density, closure_rate, closure_time};
 use dem_core::{Kinetics, SolverKind, SolverSettings, simulate};
 
 use crate::builders::spec;
@@ -120,6 +120,12 @@ fn a_lattice_hands_over_where_its_pores_close_before_its_necks_meet() {
     let series = run(&lattice);
     ends_where_matter_ends(&series, 3.81);
     let end = series.hand_over.expect("ends");
+    // rho = rho0/(1 - x/2)^3 with x = t/tau_s, followed for another 0.02 tau_s.
+    let (rates, rho) = (series.end_rates.expect("a closed law follows"), end.relative_density);
+    let left = (std::f64::consts::PI / 6.0 / rho).cbrt();
+    let further = rho * (left / (left - 0.01)).powi(3);
+    assert!((rates.by_pairs / ((further - rho) / 0.02) - 1.0).abs() < 0.01, "{rates:?}");
+    assert_eq!(rates.by_closed_law, closure_rate(rho));
     assert!(end.necks_meet == 0.0 && end.relative_density >= CLOSED, "{end:?}");
 }
 

@@ -1,6 +1,6 @@
 //! Invariance of the result under place, direction, numbering, threads and calls.
 
-use dem_core::bed::{Bed, Drive, Region, Side, Start, Surroundings};
+use dem_core::bed::{Bed, Drive, Friction, Region, Side, Start, Surroundings};
 use dem_core::{Damping, Kinetics};
 
 use crate::builders::{cloud, growing, material, positions, velocities};
@@ -68,21 +68,39 @@ fn momentum_is_conserved_to_rounding() {
 
 #[test]
 fn energy_never_grows_where_nothing_puts_it_in() {
-    // Collisions, adhesion, plastic loading and cohesion, but no heat: what a contact loses does not come back.
-    for restitution in [0.1, 0.8, 1.0] {
-        let material = material(|spec| spec.damping = Damping::Restitution(restitution));
-        let mut bed = Bed::new(material, periodic(), &crowd()).expect("valid");
+    // Collisions, adhesion, plastic loading, cohesion and friction, but no heat: what a contact loses does not come back.
+    let rough = |coefficient: f64, tangential_damping_over_normal: f64| Friction {
+        coefficient,
+        tangential_stiffness_over_k1: 2.0 / 7.0,
+        tangential_damping_over_normal,
+    };
+    for (restitution, friction, neck_viscosity) in [
+        (0.1, None, 0.0),
+        (0.8, None, 0.0),
+        (1.0, None, 0.0),
+        (1.0, Some(rough(10.0, 0.0)), 0.0),
+        (0.8, Some(rough(0.3, 0.5)), 0.0),
+        (0.8, Some(rough(0.3, 0.5)), 1.0),
+    ] {
+        let material = material(|spec| spec.damping = Damping::Restitution(restitution))
+            .with_neck_viscosity(neck_viscosity)
+            .expect("in its range");
+        let around = Surroundings { friction, ..periodic() };
+        let mut bed = Bed::new(material, around, &crowd()).expect("valid");
         bed.begin(&Drive { step_over_collision_time: 0.005, ..Drive::default() }).expect("stable");
         let first = bed.energies().total_j();
-        let (mut least, mut contacts) = (first, 0);
+        let (mut least, mut contacts, mut held) = (first, 0, 0.0f64);
         for _ in 0..300 {
             bed.advance(10).expect("runs");
             let now = bed.energies().total_j();
+            held = held.max(bed.energies().springs_j);
             assert!(now < least + 1e-3 * first, "e = {restitution}: {now} after {least}");
             least = least.min(now);
             contacts = contacts.max(bed.contacts().count());
         }
         assert!(contacts > 20, "nothing collides: {contacts}");
+        // Far more than the bound: without it the sum would grow.
+        assert_eq!(held > 5e-3 * first, friction.is_some(), "e = {restitution}: {held} of {first}");
         let lost = restitution == 1.0 || least < 0.9 * first;
         assert!(lost, "e = {restitution}: nothing is lost, {least} of {first}");
     }

@@ -4,8 +4,8 @@ use std::ops::ControlFlow;
 
 use dem_core::Kinetics;
 use dem_core::bed::{
-    Bed, BedError, Drive, Material, QuasiStaticReport, QuasiStaticSettings, Region, Scene,
-    SceneFile, Side, Start, Surroundings,
+    Bed, BedError, Drive, Friction, Material, QuasiStaticReport, QuasiStaticSettings, Region,
+    Scene, SceneFile, Side, Start, Surroundings,
 };
 
 use crate::builders::{PA12_SINTERING, growing, material, positions, spec};
@@ -278,4 +278,129 @@ fn necks_give_the_same_bits_on_any_number_of_threads_and_after_a_checkpoint() {
     let zero = packed("neck_viscosity = 0.0").run(|_, _| ControlFlow::Continue(()));
     assert!(zero == none.run(|_, _| ControlFlow::Continue(())));
     assert!(zero.expect("runs") != one);
+}
+
+/// A bed that settles and is heated from balance to balance.
+fn settled(neck_viscosity: &str) -> Scene {
+    let text = format!(
+        r#"
+        name = "settled"
+        [material]
+        youngs_modulus_pa = 1.65e9
+        surface_tension_n_per_m = 40.7e-3
+        density_kg_per_m3 = 1000.0
+        k1_n_per_m = 0.5
+        [sintering]
+        kinetics = "frenkel"
+        c1 = 1.0
+        tau_s = 3.81
+        delta_c = 1e-7
+        calibrated_radius_m = 31.5e-6
+        {neck_viscosity}
+        [box]
+        size_m = [252e-6, 252e-6, 1e-3]
+        sides = ["periodic", "periodic", "lower-wall"]
+        [particles.packing]
+        count = 60
+        relative_density = 0.45
+        radii = {{ equal = {{ radius_m = 31.5e-6 }} }}
+        seed = 1
+        [adhesion]
+        bond_number = 100.0
+        [gravity]
+        acceleration_m_per_s2 = [0.0, 0.0, -9.81]
+        [drag]
+        viscosity_pa_s = 2e-4
+        [[phases]]
+        name = "settle"
+        duration_s = 0.05
+        heated = false
+        outputs = 1
+        [[phases]]
+        name = "heat"
+        duration_s = 1.5
+        heated = true
+        mode = "quasi-static"
+        outputs = 15
+        tolerance = 3e-3
+        "#
+    );
+    SceneFile::parse(&text, "settled").expect("parses").build().expect("valid")
+}
+
+#[test]
+fn resistance_that_goes_to_nothing_tends_to_none() {
+    let run = |nu: &str| settled(nu).run(|_, _| ControlFlow::Continue(())).expect("runs").samples;
+    let (none, little) = (run(""), run("neck_viscosity = 1e-6"));
+    // The first observation of the heat is of a balance without growth.
+    for (a, b) in none.iter().zip(&little).take(3) {
+        assert!((a.relative_density / b.relative_density - 1.0).abs() < 1e-6, "{a:?} {b:?}");
+        assert!((a.mean_contact_ratio - b.mean_contact_ratio).abs() < 1e-6, "{a:?} {b:?}");
+        assert_eq!(a.coordination, b.coordination);
+    }
+    let (a, b) = (none[8], little[8]);
+    assert!((a.relative_density / b.relative_density - 1.0).abs() < 0.02, "{a:?} {b:?}");
+}
+
+#[test]
+fn rates_before_and_after_the_hand_over_differ_where_fixed_sides_and_necks_resist() {
+    let rates = |nu: &str| {
+        let series = settled(nu).run(|_, _| ControlFlow::Continue(())).expect("runs");
+        let end = series.hand_over.expect("necks meet");
+        let rates = series.end_rates.expect("a closed law follows");
+        // The last two observations by the contacts say the same, roughly.
+        let before = series.samples.iter().rposition(|s| s.time_s < end.time_s).expect("before");
+        let [a, b] = [series.samples[before - 1], end];
+        let seen = 3.81 * (b.relative_density - a.relative_density) / (b.time_s - a.time_s);
+        assert!((rates.by_pairs / seen - 1.0).abs() < 0.4, "{rates:?} {seen}");
+        rates
+    };
+    let stiff = rates("neck_viscosity = 10.0");
+    assert!(stiff.by_closed_law > 1.5 * stiff.by_pairs, "{stiff:?}");
+}
+
+#[test]
+fn springs_of_necks_hold_the_energy_of_the_motion_that_they_stop() {
+    // Dashpots so strong that the springs alone give way, and so hard that the neck hardly grows while they do.
+    let distance = (2.0 - ADHESIVE) * R;
+    let friction = Friction {
+        coefficient: 0.0,
+        tangential_stiffness_over_k1: 2.0 / 7.0,
+        tangential_damping_over_normal: 0.0,
+    };
+    let k1 = 1e6 * spec().k1;
+    // Sliding, twist, bending; of two spins the springs take all, of sliding a part: the point of contact has the mass of 2/m + 5/m.
+    for (velocity, axis, share) in
+        [(1e-2, None, 2.0 / 7.0), (0.0, Some(0), 1.0), (0.0, Some(1), 1.0)]
+    {
+        let spin = |sign: f64| {
+            let mut spin = [0.0; 3];
+            if let Some(axis) = axis {
+                spin[axis] = 100.0 * sign;
+            }
+            spin
+        };
+        let start = Start {
+            position_m: vec![[0.0; 3], [distance, 0.0, 0.0]],
+            radius_m: vec![R; 2],
+            velocity_m_per_s: vec![[0.0, 0.5 * velocity, 0.0], [0.0, -0.5 * velocity, 0.0]],
+            angular_velocity_per_s: vec![spin(1.0), spin(-1.0)],
+        };
+        let around = Surroundings { friction: Some(friction), ..Surroundings::NOTHING };
+        let mut bed = Bed::new(sticky(k1 * ADHESIVE * R, 1e6), around, &start).expect("valid");
+        bed.begin(&heated()).expect("stable");
+        let moving = |bed: &Bed| bed.energies().translation_j + bed.energies().rotation_j;
+        let (first, mut most) = (moving(&bed), 0.0f64);
+        // A quarter of a period of the turns, with omega^2 = 2 (2/7 K1 x R^2/4)/(2/5 m R^2).
+        let period_s = 2.0 * PI / (k1 / MASS * ADHESIVE / 2.8).sqrt();
+        let steps = (0.3 * period_s / bed.step_s()) as u64;
+        for _ in 0..steps {
+            bed.advance(1).expect("runs");
+            let held = bed.energies().springs_j;
+            most = most.max(held / first);
+            let sum = (moving(&bed) + held) / first;
+            assert!((sum - 1.0).abs() < 0.03, "{axis:?}: {sum} at {} s", bed.time_s());
+        }
+        assert!((most / share - 1.0).abs() < 0.03, "{axis:?}: {most}");
+    }
 }

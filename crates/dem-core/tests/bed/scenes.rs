@@ -183,9 +183,10 @@ fn densification_of_a_bed_does_not_move_when_k1_is_doubled() {
     }
 }
 
-/// Half a second to 0.6, from a bed that settled with a K1, in a phase with `own` fields.
-fn time_to_sixty_percent(settling_k1: &str, own: &str) -> f64 {
+/// Half a second to 0.6, from a bed of a seed that settled with a K1, in a phase with `own` fields.
+fn time_to_sixty_percent(seed: u64, settling_k1: &str, own: &str) -> f64 {
     let text = SMALL_BED
+        .replace("seed = 1", &format!("seed = {seed}"))
         .replace("three-stage", "frenkel")
         .replace("k1_n_per_m = 0.5", &format!("k1_n_per_m = {settling_k1}"))
         .replace("outputs = 6", "outputs = 12")
@@ -203,13 +204,21 @@ fn time_to_sixty_percent(settling_k1: &str, own: &str) -> f64 {
 
 #[test]
 fn times_of_a_settled_bed_do_not_go_by_the_stiffness_it_settled_with() {
-    // K1 over a range of twenty; adhesive overlaps of 1.0e-2 to 5e-4. Five percent: beds settle by chance too.
-    let times = ["0.2", "0.5", "4.0"].map(|k1| time_to_sixty_percent(k1, ""));
-    let [low, high] = [f64::min, f64::max].map(|of| times.into_iter().fold(times[0], of));
-    assert!(high / low < 1.05, "{times:?}");
-    // With a K1 of its own as soft as the settling bed's, heat starts from wide necks.
-    let soft = time_to_sixty_percent("0.5", "k1_n_per_m = 0.5");
-    assert!(soft < 0.95 * low, "{soft} {times:?}");
+    // K1 over a range of twenty; adhesive overlaps of 1.0e-2 to 5e-4. Each settles anew, another way, by chance.
+    let mut bias = 0.0;
+    for seed in [1, 2, 3] {
+        let times = ["0.2", "0.5", "4.0"].map(|k1| time_to_sixty_percent(seed, k1, ""));
+        let [low, high] = [f64::min, f64::max].map(|of| times.into_iter().fold(times[0], of));
+        assert!(high / low < 1.1, "{times:?}");
+        bias += (times[2] / times[0]).ln() / 3.0;
+        if seed == 1 {
+            // With a K1 of its own as soft as the settling bed's, heat starts from wide necks.
+            let soft = time_to_sixty_percent(seed, "0.5", "k1_n_per_m = 0.5");
+            assert!(soft < 0.95 * low, "{soft} {times:?}");
+        }
+        eprintln!("{times:?}");
+    }
+    assert!(bias.abs() < 0.05, "{bias}");
 }
 
 #[test]
@@ -236,14 +245,23 @@ fn heated_balance_with_a_stated_adhesion_starts_from_the_neck_of_the_pair() {
 #[test]
 fn heating_is_refused_where_the_weight_would_drive_it_with_the_adhesion_that_would_do() {
     let text = SMALL_BED.replace("bond_number = 50.0", "bond_number = 10.0");
-    let short = text.replace("duration_s = 0.1", "duration_s = 1e-5");
-    let run = |text: &str| scene(text).expect("valid").run(|_, _| ControlFlow::Break(()));
-    assert!(run(&short).is_ok(), "the observer ends the run before the heat");
-    let error =
-        scene(&short).expect("valid").run(|_, _| ControlFlow::Continue(())).expect_err("heavy");
+    // Before it settles: sides that bound its layers decide the load.
+    let error = scene(&text).expect_err("heavy");
+    let message = error.to_string();
+    assert!(message.contains("of the bed, 0.375 of the adhesive force"), "{message}");
+    assert!(message.contains("of 4.819e-8 N or more"), "{message}");
     let BedError::WeightDrives { load_over_adhesion, needed_n, .. } = error else {
-        panic!("{error}")
+        panic!("{message}")
     };
+    assert!(scene(&text.replace("heated = true", "heated = false")).is_ok());
+    // Where they do not, a bed that has settled is looked at.
+    let open = text
+        .replace("relative_density = 0.5", "relative_density = 0.4")
+        .replace("sides = [\"periodic\"", "sides = [\"walls\"")
+        .replace("[0.0, 0.0, -9.81]", "[0.0, -1e-3, -9.81]")
+        .replace("duration_s = 0.1", "duration_s = 1e-5");
+    let run = |text: &str| scene(text).expect("valid").run(|_, _| ControlFlow::Continue(()));
+    assert!(matches!(run(&open), Err(BedError::WeightDrives { .. })));
     // Sixty particles over 16 in a layer, of a tenth of fa each.
     assert!((load_over_adhesion / (0.1 * 60.0 / 16.0) - 1.0).abs() < 0.01, "{load_over_adhesion}");
     let weight = 4.0 / 3.0 * std::f64::consts::PI * 31.5e-6f64.powi(3) * 1000.0 * 9.81;
@@ -281,6 +299,7 @@ fn load_of_gravity_along_several_axes_is_the_largest_that_a_side_carries() {
 fn contacts_too_soft_for_the_weight_on_them_are_refused_before_the_bed_is_denser_than_its_matter() {
     let text = SMALL_BED
         .replace("bond_number = 50.0", "bond_number = 0.01")
+        .replace("-9.81]", "-9.81]\nallowed_load_over_adhesion = 1e3")
         .replace("k1_n_per_m = 60.0", "k1_n_per_m = 1.0")
         .replace("k1_n_per_m = 0.5", "k1_n_per_m = 2e-4");
     let error = scene(&text).expect("valid").run(|progress, _| {
@@ -321,8 +340,23 @@ fn bad_scenes_name_field_value_and_remedy() {
         ("radius_m = 31.5e-6 }", "radius_m = 0.0 }", "radii.radius_m = 0"),
         ("count = 60", "count = 6000", "the particles need more than the box"),
         ("[252e-6, 252e-6, 1e-3]", "[52e-6, 252e-6, 1e-2]", "periodic and shorter"),
-        ("bond_number = 50.0", "", "adhesion = none or both of its fields"),
-        ("bond_number = 50.0", "bond_number = 5.0\nforce_n = 1e-8", "one of adhesion.force_n and"),
+        ("bond_number = 50.0", "", "adhesion = neither force_n nor bond_number: give one"),
+        (
+            "bond_number = 50.0",
+            "bond_number = 5.0\nforce_n = 1e-8",
+            "adhesion = both force_n and bond_number: give one of adhesion.force_n and",
+        ),
+        (
+            "[particles.packing]\ncount = 60\nrelative_density = 0.5\nradii = { equal = { radius_m = 31.5e-6 } }\nseed = 1",
+            "[particles.table]\npositions_m = []\nradii_m = []",
+            "particles.table.radii_m = []: the table is empty",
+        ),
+        (
+            "[particles.packing]\ncount = 60\nrelative_density = 0.5\nradii = { equal = { radius_m = 31.5e-6 } }\nseed = 1",
+            "[particles.lattice]\ncounts = [4, 4, 2]\nradius_m = 31.5e-6\noverlap = 0.1",
+            "particles.lattice.overlap = 0.1: use -100 radii up to the overlap of the adhesive contact",
+        ),
+        ("[drag]", "[friction]\ncoefficient = 0.0\n[drag]", ""),
         ("bond_number = 50.0", "bond_number = -1.0", "adhesion.bond_number = -1"),
         ("bond_number = 50.0", "force_n = 0.0", "adhesion.force_n = 0"),
         (
@@ -390,4 +424,44 @@ fn bad_scenes_name_field_value_and_remedy() {
     );
     let error = scene(&outside).expect_err("in the floor").to_string();
     assert!(error.contains("particle 0"), "{error}");
+}
+
+#[test]
+fn hardening_stretches_what_is_periodic_and_leaves_two_walls_where_they_are() {
+    let between = SMALL_BED.replace("[\"periodic\", \"periodic\"", "[\"walls\", \"periodic\"");
+    for text in [SMALL_BED, &between] {
+        let scene = scene(text).expect("valid");
+        let mut bed = scene.bed().clone();
+        let series = scene
+            .run(|progress, now| {
+                bed.clone_from(now);
+                if progress.phase == 1 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            })
+            .expect("runs");
+        let [settled, heated] = [series.entries[0], series.entries[1]];
+        assert_eq!(settled.k1_n_per_m, 0.5);
+        assert_eq!(heated.k1_n_per_m, bed.material().k1_n_per_m());
+        assert!(heated.k1_n_per_m > 1.5 && !heated.keeps_overlaps, "{heated:?}");
+        assert_eq!(settled.box_m, settled.box_before_m);
+        assert_eq!(heated.box_before_m, settled.box_m);
+        assert_eq!(heated.box_m, bed.surroundings().region.size_m);
+        // Overlaps of 4e-3 R become 1e-3 R.
+        let grown = [0, 1, 2].map(|axis| heated.box_m[axis] / heated.box_before_m[axis] - 1.0);
+        assert!((5e-4..4e-3).contains(&grown[1]), "{grown:?}");
+        assert_eq!(grown[0], if text == SMALL_BED { grown[1] } else { 0.0 });
+        assert_eq!(grown[2], 0.0);
+    }
+}
+
+#[test]
+fn the_stiffness_of_every_phase_is_known_before_the_run() {
+    let outline = |text: &str| SceneFile::parse(text, "scene").expect("a scene").outline();
+    let found = outline(SMALL_BED).expect("valid").phase_k1_n_per_m;
+    let weight = 4.0 / 3.0 * std::f64::consts::PI * 31.5e-6f64.powi(3) * 1000.0 * 9.81;
+    assert_eq!(found[0], 0.5);
+    assert!((found[1] / (50.0 * weight / (1e-3 * 31.5e-6)) - 1.0).abs() < 1e-12, "{found:?}");
+    let own = SMALL_BED.replace("tolerance = 1e-3", "tolerance = 1e-3\nk1_n_per_m = 7.0");
+    assert_eq!(outline(&own).expect("valid").phase_k1_n_per_m, [0.5, 7.0]);
+    let dynamic = SMALL_BED.replace("mode = \"quasi-static\"", "mode = \"dynamic\"");
+    assert_eq!(outline(&dynamic).expect("valid").phase_k1_n_per_m, [0.5, 60.0]);
 }

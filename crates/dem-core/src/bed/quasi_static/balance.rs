@@ -281,20 +281,17 @@ impl Bed {
         (self.law.law.adhesion - outcome.force) / (alone - x1)
     }
 
-    /// The necks that resist shear over a step; without growth they are elastic, in the same proportions, as those of an incompressible solid.
-    fn necks(&self, bonds: &[Bond]) -> Vec<Shear> {
-        if !self.has_necks() {
+    /// The necks that resist shear over a step: those that grow. Without growth nothing flows, and contacts slide and roll freely, whatever
+    /// resistance their necks are going to have.
+    fn necks(&self, bonds: &[Bond], step: &Step<'_>) -> Vec<Shear> {
+        if !self.has_flowing_necks(step) {
             return Vec::new();
         }
         let radius = &self.particles.radius_m;
         let neck = |bond: &Bond| {
             let [i, j] = [bond.i as usize, bond.j as usize];
             let effective = effective_radius(radius[i], radius[j]);
-            let resistance = if bond.drag > 0.0 {
-                self.material.neck_viscosity() * bond.drag
-            } else {
-                bond.stiffness
-            };
+            let resistance = self.material.neck_viscosity() * bond.drag;
             Shear {
                 ends: [i, j],
                 normal: bond.normal,
@@ -304,6 +301,10 @@ impl Bed {
             }
         };
         bonds.iter().filter(|bond| bond.j != GROUND).map(neck).collect()
+    }
+
+    fn has_flowing_necks(&self, step: &Step<'_>) -> bool {
+        self.has_necks() && step.length_s > 0.0 && step.rate.is_some()
     }
 
     /// Net forces on the particles, the hold taken off, and the force on a strain of the box; with necks that resist shear the
@@ -375,9 +376,9 @@ impl Bed {
         let adhesion = self.material.adhesion_n(mean_radius);
         let mut strain = strained;
         let mut bonds = self.bonds(step, true);
-        let share = if self.has_necks() { HOLD_WITH_NECKS } else { HOLD };
+        let share = if self.has_flowing_necks(step) { HOLD_WITH_NECKS } else { HOLD };
         let hold = hold(&bonds, share, self.material.k1_n_per_m());
-        let mut necks = self.necks(&bonds);
+        let mut necks = self.necks(&bonds, step);
         let mut turned = if necks.is_empty() { Vec::new() } else { vec![ZERO; n] };
         let net = |bed: &Self, bonds: &[Bond], necks: &[Shear], turned: &[Vec3]| {
             bed.net(bonds, &Held { hold, necks, turned }, settings.free_box)
@@ -416,7 +417,7 @@ impl Bed {
             turn(&mut turned, turns, share);
             loop {
                 bonds = self.bonds(step, false);
-                necks = self.necks(&bonds);
+                necks = self.necks(&bonds, step);
                 (force, strain_force) = net(self, &bonds, &necks, &turned);
                 let slope = downhill(&force, strain_force);
                 // Beyond the lowest point by more than there was to go: back to where the slope vanishes.
