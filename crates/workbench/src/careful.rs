@@ -47,6 +47,10 @@ pub(crate) enum Careful {
     InertiaFelt { inertial_number: f64, limit: f64 },
     /// A bed in which the necks of a particle meet.
     NecksMeet { time_s: f64, contact_ratio: f64, limit: f64, then: String },
+    /// A phase whose contacts are so soft that the stiffness decides how the bed settles.
+    SoftSettling { phase: String, k1_n_per_m: f64, load: f64, limit: f64, needed_n_per_m: f64 },
+    /// A bed that no balance follows to the stiffness of its heat.
+    KeepsOverlaps { phase: String, k1_n_per_m: f64 },
     /// A bed of another powder than that of the posterior.
     OtherPowder { what: String, unit: String, scene: f64, calibrated: f64 },
     /// A bed whose contacts stop at another contact ratio than those of the posterior.
@@ -120,6 +124,13 @@ impl Careful {
             Self::NecksMeet { time_s, contact_ratio, limit, then } => {
                 necks_meet(*time_s, *contact_ratio, *limit, then)
             }
+            Self::SoftSettling { phase, k1_n_per_m, load, limit, needed_n_per_m } => {
+                soft_settling(phase, *k1_n_per_m, [*load, *limit], *needed_n_per_m)
+            }
+            Self::KeepsOverlaps { phase, k1_n_per_m } => format!(
+                "phase {phase}: no balance was found on the way to K1 = {} N/m, at which adhesion gives contacts the neck of the pair: they keep the overlaps of a softer K1, and heat starts from wider necks and a denser bed",
+                short(k1_n_per_m)
+            ),
             Self::OtherPowder { what, unit, scene, calibrated } => format!(
                 "the scene's {what} is {} {unit}, the posterior was calibrated with {} {unit}: another powder?",
                 short(scene), short(calibrated)
@@ -188,6 +199,10 @@ impl Careful {
             Self::NeverReached { .. } => "ask for a smaller --contact-ratio",
             Self::InertiaFelt { .. } => "mode = \"quasi-static\" in that phase leaves it out",
             Self::NecksMeet { .. } => "sintering.when_necks_meet = \"stop\" ends the run there",
+            Self::SoftSettling { .. } => "set it as k1_n_per_m of that phase, or of [material]",
+            Self::KeepsOverlaps { .. } => {
+                "let the bed settle longer, or with a K1 nearer to that of the heat"
+            }
             Self::OtherPowder { .. } => {
                 "write the powder of the posterior into [material] of the scene, or calibrate that of the scene"
             }
@@ -227,6 +242,16 @@ fn necks_meet(time_s: f64, contact_ratio: f64, limit: f64, then: &str) -> String
         significant(time_s, 3),
         significant(contact_ratio, 3),
         100.0 * limit
+    )
+}
+
+/// Words on contacts that settle softly; `load` and its limit are `fa/(K1 R)`.
+fn soft_settling(phase: &str, k1: f64, [load, limit]: [f64; 2], needed: f64) -> String {
+    format!(
+        "phase {phase}: with K1 = {} N/m adhesion alone presses contacts into each other by fa/(K1 R) = {}, above {limit}: the numerical stiffness has a part in how the bed settles, and the times of its heat move by ten percent and more with it; K1 of {} N/m or more is hard enough",
+        significant(k1, 3),
+        significant(load, 2),
+        significant(needed, 2)
     )
 }
 

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use dem_core::bed::{BedError, Sample, SceneFile};
+use dem_core::bed::{BedError, EndRates, Law, Sample, SceneFile};
 use figures::{CurvesFigure, MarkedCurve, Role};
 use workbench::densify::crossing;
 use workbench::error::{Failure, RunError};
@@ -56,10 +56,11 @@ const BEDS: [(&str, &str); 2] = [
     ),
 ];
 
-/// Densities over t/tau_s, contacts per particle and a/R at the end of the pairs.
+/// Densities over t/tau_s while the pairs hold, contacts per particle and a/R at the end of the pairs.
 struct Course {
     points: Vec<(f64, f64)>,
     pairs_end: Option<Sample>,
+    rates: Option<EndRates>,
 }
 
 pub(crate) fn run(out: &Path) -> Result<(), Failure> {
@@ -75,6 +76,8 @@ pub(crate) fn run(out: &Path) -> Result<(), Failure> {
         "pairs end at t/tau_s",
         "density there",
         "contacts per particle there",
+        "d rho/dt there by the pairs [1/tau_s]",
+        "by the closed law",
     ]);
     let mut curves = Vec::new();
     for (bed, scene) in BEDS {
@@ -132,21 +135,22 @@ fn course(bed: &str, neck_viscosity: f64) -> Result<Course, BedError> {
     let series = scene.run(|_, _| ControlFlow::Continue(()))?;
     let from_s = series.phase_start_s[heat];
     let heated = series.samples.iter().zip(&series.phase).filter(|(_, phase)| **phase == heat);
-    let points = heated.map(|(s, _)| ((s.time_s - from_s) / TAU_S, s.relative_density)).collect();
+    let by_pairs = heated.filter(|(s, _)| s.law == Law::Pairs).map(|(s, _)| s);
+    let points = by_pairs.chain(&series.hand_over);
+    let points = points.map(|s| ((s.time_s - from_s) / TAU_S, s.relative_density)).collect();
     let pairs_end =
         series.hand_over.map(|end| Sample { time_s: (end.time_s - from_s) / TAU_S, ..end });
-    Ok(Course { points, pairs_end })
+    Ok(Course { points, pairs_end, rates: series.end_rates })
 }
 
 fn row(bed: &str, neck_viscosity: f64, course: &Course) -> Vec<String> {
     let first = course.points[0].1;
-    let bend = course.pairs_end.map(|end| (end.time_s, end.relative_density));
     let mut row = vec![bed.to_owned(), neck_viscosity.to_string(), format!("{first:.4}")];
     row.extend(LEVELS.map(|level| {
         let after = course.points.iter().position(|point| point.1 >= level * first);
         after.filter(|&after| after > 0).map_or_else(String::new, |after| {
             let ends = [course.points[after - 1], course.points[after]];
-            format!("{:.4}", crossing(ends, bend, level * first))
+            format!("{:.4}", crossing(ends, None, level * first))
         })
     }));
     row.extend(course.pairs_end.map_or([const { String::new() }; 3], |end| {
@@ -155,6 +159,9 @@ fn row(bed: &str, neck_viscosity: f64, course: &Course) -> Vec<String> {
             format!("{:.3}", end.relative_density),
             format!("{:.2}", end.coordination),
         ]
+    }));
+    row.extend(course.rates.map_or([const { String::new() }; 2], |rates| {
+        [rates.by_pairs, rates.by_closed_law].map(|rate| format!("{rate:.2}"))
     }));
     row
 }
@@ -177,7 +184,9 @@ fn text(table: &Table) -> String {
          F.T. Trouton, Proc. R. Soc. Lond. A 77 (1906) 426). One bed is jammed and shrinks in all directions, the other has settled with a Bond number of 100 and \
          sinks between sides that stay where they are.\n\n{}\n\
          A jammed bed that shrinks evenly needs no shear: all contacts get shorter alike, and the resistance of the necks changes next to nothing. Between fixed sides \
-         the contacts across cannot get shorter unless particles move past each other, and there the resistance decides.\n",
+         the contacts across cannot get shorter unless particles move past each other, and there the resistance decides.\n\n\
+         Densities are those of the contacts: cells are empty, and curves end, where the pairs do. The closed laws that a run goes on by are isotropic and free: they know neither \
+         fixed sides nor the resistance of necks, and the last two columns say how far the rate jumps where they take over. What follows there in a run is theirs, not this bed's.\n",
         table.markdown(),
     )
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use dem_core::bed::{
-    AdhesionTable, BedError, Mode, Outline, SceneFile, SinteringTable, WhenNecksMeet,
+    AdhesionTable, BedError, Mode, Outline, SceneFile, Side, SinteringTable, WhenNecksMeet,
 };
 use serde_json::Value;
 
@@ -100,8 +100,8 @@ impl SceneInput {
         let mut around = Vec::new();
         if let Some(region) = &file.region {
             around.push(format!(
-                "box {:?}{}",
-                region.sides,
+                "box {}{}",
+                region.sides.map(Side::name).join(", "),
                 if region.free { ", free to shrink" } else { "" }
             ));
         }
@@ -120,15 +120,15 @@ impl SceneInput {
         if file.drag.is_some() {
             around.push("drag".to_owned());
         }
-        if file.friction.is_some() {
-            around.push("friction".to_owned());
+        if let Some(friction) = &file.friction {
+            around.push(format!("friction {}", significant(friction.coefficient, 3)));
         }
         if !around.is_empty() {
             lines.push(format!("around        {}", around.join(", ")));
         }
-        for phase in &file.phases {
+        for (phase, k1) in file.phases.iter().zip(&outline.phase_k1_n_per_m) {
             lines.push(format!(
-                "phase         {}: {} s, {}, {}, {} observations",
+                "phase         {}: {} s, {}, {}, K1 {} N/m, {} observations",
                 phase.name,
                 significant(phase.duration_s, 4),
                 if phase.heated { "heated" } else { "not heated" },
@@ -138,6 +138,7 @@ impl SceneInput {
                     Mode::Dynamic => "dynamic".to_owned(),
                     Mode::QuasiStatic => "quasi-static".to_owned(),
                 },
+                significant(*k1, 3),
                 phase.outputs + 1
             ));
         }

@@ -93,7 +93,10 @@ pub(super) fn compute(
                 return Ok(Computed { run: *run, first });
             }
             Message::Failed(error) => {
-                let kept = kept.map(|observed| in_words(observed, total));
+                // Any other remedy makes another scene, which begins anew.
+                let limited = matches!(error, BedError::WorkLimit { .. });
+                let kept =
+                    kept.filter(|_| limited).map(|observed| in_words(observed, total));
                 return Err(scene_file::failed(&input.place, &error, kept.as_deref()));
             }
         }

@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use dem_core::bed::{Law, Mode, NECKS_MEET, Phase, Run, Sample, Series, WhenNecksMeet};
+use dem_core::bed::{
+    EndRates, Law, Mode, NECKS_MEET, Phase, Run, Sample, Series, WhenNecksMeet,
+};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -14,6 +16,10 @@ use crate::number::significant;
 pub const SCHEMA_VERSION: u32 = 2;
 /// Inertial number below which inertia is not felt.
 const INERTIA_FELT: f64 = 1e-3;
+/// Overlap by adhesion alone, fa/(K1 R), below which K1 hardly decides how a bed settles (study `bed-settling`).
+const SOFT: f64 = 2e-3;
+/// Relative difference of the rates before and after the hand-over that is mentioned.
+const RATES_DIFFER: f64 = 0.2;
 
 /// Everything that decides the result.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -82,8 +88,34 @@ pub struct PhaseRecord {
     pub heated: bool,
     /// When it began \[s\].
     pub start_s: f64,
+    /// Loading stiffness K1 that it was run with \[N/m\].
+    pub k1_n_per_m: f64,
+    /// Lengths of the box as the phase before left them \[m\]; none without a box.
+    pub box_before_m: Option<[f64; 3]>,
+    /// Lengths of the box at its first observation, with contacts of its stiffness \[m\].
+    pub box_m: Option<[f64; 3]>,
+    /// The bed at its first observation.
+    pub begin: State,
     /// The bed at its end.
     pub end: State,
+}
+
+/// Rates of the relative density where the pairs end, per tau_s of a particle of the mean volume.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct RatesRecord {
+    /// By the contacts, over the next 0.02 tau_s.
+    pub by_pairs_per_tau_s: f64,
+    /// By the law of open or closed pores that follows.
+    pub by_closed_law_per_tau_s: f64,
+}
+
+impl From<&EndRates> for RatesRecord {
+    fn from(rates: &EndRates) -> Self {
+        Self {
+            by_pairs_per_tau_s: rates.by_pairs,
+            by_closed_law_per_tau_s: rates.by_closed_law,
+        }
+    }
 }
 
 /// Work of a run.
@@ -126,6 +158,8 @@ pub struct SceneRecord {
     pub end: Option<State>,
     /// Where the pairs end: necks meet on more than one particle in twenty, or the pores close.
     pub pairs_end: Option<State>,
+    /// The rates there before and after, where a closed law follows.
+    pub pairs_end_rates: Option<RatesRecord>,
     /// Load on a particle at the bottom over its adhesive force.
     pub load_over_adhesion: Option<f64>,
     /// Work of the run.
@@ -138,24 +172,8 @@ impl SceneRecord {
     /// The record of a run that has ended.
     pub(super) fn new(input: &SceneInput, plan: ScenePlan, run: &Run) -> Self {
         let series = run.series();
-        let phases = input
-            .file
-            .phases
-            .iter()
-            .enumerate()
-            .filter_map(|(index, phase)| {
-                let end = series.phase.iter().rposition(|&of| of == index)?;
-                Some(PhaseRecord {
-                    name: phase.name.clone(),
-                    mode: match phase.mode {
-                        Mode::Dynamic => "dynamic",
-                        Mode::QuasiStatic => "quasi-static",
-                    },
-                    heated: phase.heated,
-                    start_s: *series.phase_start_s.get(index)?,
-                    end: State::from(&series.samples[end]),
-                })
-            })
+        let phases = (0..input.file.phases.len())
+            .filter_map(|index| PhaseRecord::of(input, series, index))
             .collect();
         let (work, report) = (run.bed().work(), &series.quasi_static);
         Self {
@@ -168,6 +186,7 @@ impl SceneRecord {
             start: series.samples.first().map(State::from),
             end: series.samples.last().map(State::from),
             pairs_end: series.hand_over.as_ref().map(State::from),
+            pairs_end_rates: series.end_rates.as_ref().map(RatesRecord::from),
             load_over_adhesion: run.bed().load_over_adhesion(),
             work: WorkRecord {
                 steps: work.steps,
@@ -178,7 +197,7 @@ impl SceneRecord {
                 conjugate_gradient_iterations: report.conjugate_gradients,
                 quasi_static_error: report.error_estimate,
             },
-            advice: advice(input, series),
+            advice: advice(input, run),
         }
     }
 
@@ -196,6 +215,7 @@ impl SceneRecord {
         }
         for phase in &self.phases {
             lines.push(format!("  {:<13} {}", phase.name, in_words(&phase.end)));
+            lines.push(format!("                {}", phase.stiffness_in_words()));
             if phase.heated {
                 lines.push(format!(
                     "                driven by {} fa on average, {} at most, at t = {} s",
@@ -239,8 +259,92 @@ pub(super) fn heated_from_s(series: &Series, phases: &[Phase]) -> Option<f64> {
     series.phase_start_s.get(first).copied()
 }
 
-fn advice(input: &SceneInput, series: &Series) -> Vec<String> {
+impl PhaseRecord {
+    fn of(input: &SceneInput, series: &Series, index: usize) -> Option<Self> {
+        let phase = &input.file.phases[index];
+        let first = series.phase.iter().position(|&of| of == index)?;
+        let last = series.phase.iter().rposition(|&of| of == index)?;
+        let entry = series.entries.get(index)?;
+        let has_box = input.file.region.is_some();
+        Some(Self {
+            name: phase.name.clone(),
+            mode: match phase.mode {
+                Mode::Dynamic => "dynamic",
+                Mode::QuasiStatic => "quasi-static",
+            },
+            heated: phase.heated,
+            start_s: *series.phase_start_s.get(index)?,
+            k1_n_per_m: entry.k1_n_per_m,
+            box_before_m: has_box.then_some(entry.box_before_m),
+            box_m: has_box.then_some(entry.box_m),
+            begin: State::from(&series.samples[first]),
+            end: State::from(&series.samples[last]),
+        })
+    }
+
+    /// Its stiffness, and what contacts that became harder have done to the box.
+    fn stiffness_in_words(&self) -> String {
+        let k1 = format!("with K1 = {} N/m", significant(self.k1_n_per_m, 3));
+        let (Some(before), Some(after)) = (self.box_before_m, self.box_m) else { return k1 };
+        if before == after {
+            return k1;
+        }
+        let um = |size: [f64; 3]| size.map(|length| significant(1e6 * length, 4)).join(" x ");
+        let density =
+            self.begin.relative_density.map_or_else(|| "?".to_owned(), |d| significant(d, 4));
+        format!(
+            "{k1}, balanced with which the bed begins at a density of {density}, its box of {} um stretched to {} um",
+            um(before),
+            um(after)
+        )
+    }
+}
+
+/// What the stiffness of the phases has done.
+fn advice_on_stiffness(input: &SceneInput, run: &Run, advice: &mut Vec<String>) {
+    let phases = || input.file.phases.iter().zip(&run.series().entries);
+    for (phase, entry) in phases().filter(|(_, entry)| entry.keeps_overlaps) {
+        let (phase, k1_n_per_m) = (phase.name.clone(), entry.k1_n_per_m);
+        advice.push(Careful::KeepsOverlaps { phase, k1_n_per_m }.to_string());
+    }
+    if input.file.adhesion.is_none() {
+        return;
+    }
+    let radius_m = input.outline.mean_radius_m;
+    let over_radius = run.bed().material().adhesion_n(radius_m) / radius_m;
+    let soft = phases().find(|(phase, entry)| {
+        phase.mode == Mode::Dynamic && over_radius > SOFT * entry.k1_n_per_m
+    });
+    if let Some((phase, entry)) = soft {
+        let soft = Careful::SoftSettling {
+            phase: phase.name.clone(),
+            k1_n_per_m: entry.k1_n_per_m,
+            load: over_radius / entry.k1_n_per_m,
+            limit: SOFT,
+            needed_n_per_m: over_radius / SOFT,
+        };
+        advice.push(soft.to_string());
+    }
+}
+
+/// What follows the end of the pairs by a closed law.
+fn closed_in_words(rates: Option<&EndRates>) -> String {
+    let then = "the density goes on by the laws of open and closed pores, and the contacts stay as they were";
+    let Some(EndRates { by_pairs, by_closed_law }) = rates else { return then.to_owned() };
+    if (by_closed_law - by_pairs).abs() <= RATES_DIFFER * by_pairs.abs() {
+        return then.to_owned();
+    }
+    format!(
+        "{then}; it densified at {} per tau_s by its pairs and goes on at {} by the closed law, which is that of a bed that shrinks alike in all directions and whose necks resist nothing",
+        significant(*by_pairs, 2),
+        significant(*by_closed_law, 2)
+    )
+}
+
+fn advice(input: &SceneInput, run: &Run) -> Vec<String> {
+    let series = run.series();
     let mut advice = Vec::new();
+    advice_on_stiffness(input, run, &mut advice);
     let phases = &input.file.phases;
     // The first observation of a phase is of the contacts as they were placed.
     let inertial = series
@@ -263,13 +367,10 @@ fn advice(input: &SceneInput, series: &Series) -> Vec<String> {
         let stops = input.file.sintering.as_ref().map(|table| table.when_necks_meet);
         let closed = series.samples.iter().any(|sample| sample.law != Law::Pairs);
         let then = match stops {
-            Some(WhenNecksMeet::Stop) => "the run ended there",
-            _ if closed => {
-                "the density goes on by the laws of open and closed pores, and the contacts stay as they were"
-            }
-            _ => "the pairs go on without new contacts, and what follows is a trend",
+            Some(WhenNecksMeet::Stop) => "the run ended there".to_owned(),
+            _ if closed => closed_in_words(series.end_rates.as_ref()),
+            _ => "the pairs go on without new contacts, and what follows is a trend".to_owned(),
         };
-        let then = then.to_owned();
         let meet = Careful::NecksMeet { time_s, contact_ratio, limit: NECKS_MEET, then };
         advice.push(meet.to_string());
     }
