@@ -18,6 +18,7 @@ mod plot;
 mod pointers;
 mod predict;
 mod readme;
+mod scene_words;
 mod scenes;
 mod simulate;
 mod spring;

@@ -53,7 +53,8 @@ pub(super) fn lines(laws: &[OtherLaw], bed: Option<f64>) -> Vec<String> {
         lines.push(format!("    {:<42} {median}", law.law));
     }
     lines.push(
-        "    open and closed pores have no zipping stage: they start at once, and are faster early".to_owned(),
+        "    open and closed pores have no zipping stage: they start at once, and are faster early"
+            .to_owned(),
     );
     lines.push(format!(
         "    they differ by a factor of {} ({} .. {} s): the interval above is the posterior's part alone",

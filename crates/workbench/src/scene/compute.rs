@@ -95,8 +95,7 @@ pub(super) fn compute(
             Message::Failed(error) => {
                 // Any other remedy makes another scene, which begins anew.
                 let limited = matches!(error, BedError::WorkLimit { .. });
-                let kept =
-                    kept.filter(|_| limited).map(|observed| in_words(observed, total));
+                let kept = kept.filter(|_| limited).map(|observed| in_words(observed, total));
                 return Err(scene_file::failed(&input.place, &error, kept.as_deref()));
             }
         }

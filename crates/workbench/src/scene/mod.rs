@@ -22,7 +22,9 @@ use crate::watch::Watch;
 use compute::{Computed, compute, vtk_name};
 use picture::{bed_figure, colour_range, series_figure};
 
-pub use record::{PhaseRecord, RatesRecord, SCHEMA_VERSION, ScenePlan, SceneRecord, State, WorkRecord};
+pub use record::{
+    PhaseRecord, RatesRecord, SCHEMA_VERSION, ScenePlan, SceneRecord, State, WorkRecord,
+};
 
 /// The record of a scene that ran.
 pub const SCENE_RECORD: &str = "scene.json";

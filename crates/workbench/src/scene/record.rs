@@ -2,9 +2,7 @@
 
 use std::path::Path;
 
-use dem_core::bed::{
-    EndRates, Law, Mode, NECKS_MEET, Phase, Run, Sample, Series, WhenNecksMeet,
-};
+use dem_core::bed::{EndRates, Law, Mode, NECKS_MEET, Phase, Run, Sample, Series, WhenNecksMeet};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -111,10 +109,7 @@ pub struct RatesRecord {
 
 impl From<&EndRates> for RatesRecord {
     fn from(rates: &EndRates) -> Self {
-        Self {
-            by_pairs_per_tau_s: rates.by_pairs,
-            by_closed_law_per_tau_s: rates.by_closed_law,
-        }
+        Self { by_pairs_per_tau_s: rates.by_pairs, by_closed_law_per_tau_s: rates.by_closed_law }
     }
 }
 
