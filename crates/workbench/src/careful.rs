@@ -124,24 +124,11 @@ impl Careful {
             Self::NecksMeet { time_s, contact_ratio, limit, then } => {
                 necks_meet(*time_s, *contact_ratio, *limit, then)
             }
-            Self::SoftSettling { phase, k1_n_per_m, load, limit, needed_n_per_m } => {
-                soft_settling(phase, *k1_n_per_m, [*load, *limit], *needed_n_per_m)
-            }
-            Self::KeepsOverlaps { phase, k1_n_per_m } => format!(
-                "phase {phase}: no balance was found on the way to K1 = {} N/m, at which adhesion gives contacts the neck of the pair: they keep the overlaps of a softer K1, and heat starts from wider necks and a denser bed",
-                short(k1_n_per_m)
-            ),
-            Self::OtherPowder { what, unit, scene, calibrated } => format!(
-                "the scene's {what} is {} {unit}, the posterior was calibrated with {} {unit}: another powder?",
-                short(scene), short(calibrated)
-            ),
-            Self::OtherFinalContactRatio { scene, calibrated } => format!(
-                "contacts of the scene grow up to a/R = {}, those of the calibrated pair up to {}: late densities differ",
-                significant(*scene, 4), significant(*calibrated, 4)
-            ),
-            Self::FailedBeds { failed, draws } => format!(
-                "the beds of {failed} of {draws} draws could not be computed and are in no number"
-            ),
+            Self::SoftSettling { .. }
+            | Self::KeepsOverlaps { .. }
+            | Self::OtherPowder { .. }
+            | Self::OtherFinalContactRatio { .. }
+            | Self::FailedBeds { .. } => self.of_a_bed(),
             Self::TargetOutsideModel { outside, draws, limit } => {
                 outside_model(*outside, *draws, *limit)
             }
@@ -171,6 +158,34 @@ impl Careful {
                 "the final contact ratio {} was read off the data that it helps to fit, for every kinetics alike",
                 short(value)
             ),
+        }
+    }
+
+    /// The same of a bed's material and stiffness.
+    fn of_a_bed(&self) -> String {
+        let short = |value: &f64| significant(*value, 3);
+        match self {
+            Self::SoftSettling { phase, k1_n_per_m, load, limit, needed_n_per_m } => {
+                soft_settling(phase, *k1_n_per_m, [*load, *limit], *needed_n_per_m)
+            }
+            Self::KeepsOverlaps { phase, k1_n_per_m } => format!(
+                "phase {phase}: no balance was found on the way to K1 = {} N/m, at which adhesion gives contacts the neck of the pair: they keep the overlaps of a softer K1, and heat starts from wider necks and a denser bed",
+                short(k1_n_per_m)
+            ),
+            Self::OtherPowder { what, unit, scene, calibrated } => format!(
+                "the scene's {what} is {} {unit}, the posterior was calibrated with {} {unit}: another powder?",
+                short(scene),
+                short(calibrated)
+            ),
+            Self::OtherFinalContactRatio { scene, calibrated } => format!(
+                "contacts of the scene grow up to a/R = {}, those of the calibrated pair up to {}: late densities differ",
+                significant(*scene, 4),
+                significant(*calibrated, 4)
+            ),
+            Self::FailedBeds { failed, draws } => format!(
+                "the beds of {failed} of {draws} draws could not be computed and are in no number"
+            ),
+            _ => String::new(),
         }
     }
 

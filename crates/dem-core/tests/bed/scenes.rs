@@ -329,77 +329,75 @@ fn the_adhesive_force_is_the_stated_one_whatever_k1_and_approach() {
     }
 }
 
+/// What is replaced in the scene, by what, and what the error says; nothing where there is none.
+const BAD: &[(&str, &str, &str)] = &[
+    ("k1_n_per_m = 60.0", "k2 = 60.0", "unknown field `k2`"),
+    ("duration_s = 0.6", "duration_s = -1.0", "[[phases]] 2 (heat): duration_s = -1"),
+    ("count = 60", "count = 0", "particles.packing.count = 0"),
+    ("relative_density = 0.5", "relative_density = 0.7", "was not reached: 60 particles"),
+    ("\"three-stage\"", "\"four-stage\"", "sintering.kinetics = four-stage"),
+    ("radius_m = 31.5e-6 }", "radius_m = 0.0 }", "radii.radius_m = 0"),
+    ("count = 60", "count = 6000", "the particles need more than the box"),
+    ("[252e-6, 252e-6, 1e-3]", "[52e-6, 252e-6, 1e-2]", "periodic and shorter"),
+    ("bond_number = 50.0", "", "adhesion = neither force_n nor bond_number: give one"),
+    (
+        "bond_number = 50.0",
+        "bond_number = 5.0\nforce_n = 1e-8",
+        "adhesion = both force_n and bond_number: give one of adhesion.force_n and",
+    ),
+    (
+        "[particles.packing]\ncount = 60\nrelative_density = 0.5\nradii = { equal = { radius_m = 31.5e-6 } }\nseed = 1",
+        "[particles.table]\npositions_m = []\nradii_m = []",
+        "particles.table.radii_m = []: the table is empty",
+    ),
+    (
+        "[particles.packing]\ncount = 60\nrelative_density = 0.5\nradii = { equal = { radius_m = 31.5e-6 } }\nseed = 1",
+        "[particles.lattice]\ncounts = [4, 4, 2]\nradius_m = 31.5e-6\noverlap = 0.1",
+        "particles.lattice.overlap = 0.1: use -100 radii up to the overlap of the adhesive contact",
+    ),
+    ("[drag]", "[friction]\ncoefficient = 0.0\n[drag]", ""),
+    ("bond_number = 50.0", "bond_number = -1.0", "adhesion.bond_number = -1"),
+    ("bond_number = 50.0", "force_n = 0.0", "adhesion.force_n = 0"),
+    (
+        "bond_number = 50.0",
+        "bond_number = 5e5",
+        "material.k1_n_per_m = 60: the adhesive force alone",
+    ),
+    (
+        "k1_n_per_m = 0.5",
+        "k1_n_per_m = 0.02",
+        "[[phases]] 1 (settle): k1_n_per_m = 0.02: the adhesive force alone",
+    ),
+    ("bond_number = 50.0", "bond_number = 1e-4", "adhesion.bond_number = 0.0001: so small a force"),
+    ("k1_n_per_m = 60.0", "k1_n_per_m = 1e9", "adhesion.bond_number = 50: so small a force"),
+    (
+        "k1_n_per_m = 60.0",
+        "k1_n_per_m = 60.0\nfinal_contact_ratio = 1.3",
+        "material.final_contact_ratio = 1.3: two equal",
+    ),
+    ("-9.81]", "-9.81e9]", "gravity.acceleration_m_per_s2 = "),
+    ("[adhesion]\nbond_number = 50.0", "", "adhesion = left out: with gravity the ratio"),
+    ("tau_s = 3.81", "tau_s = 3.81\nneck_viscosity = -1.0", "sintering.neck_viscosity = -1"),
+    ("tau_s = 3.81", "tau_s = 3.81\napproach = \"near\"", "unknown variant `near`"),
+    ("tau_s = 3.81", "tau_s = 3.81\nwhen_necks_meet = \"go-on\"", "unknown variant `go-on`"),
+    (
+        "[drag]",
+        "[friction]\ncoefficient = 0.3\n[drag]",
+        "friction = given with the quasi-static phase heat: a balance of forces has no friction",
+    ),
+    (
+        "acceleration_m_per_s2 = [0.0, 0.0, -9.81]",
+        "acceleration_m_per_s2 = [0.0, 0.0, 0.0]",
+        "the Bond number needs the weight",
+    ),
+    // The text as it is.
+    ("heated", "heated", ""),
+    ("density_kg_per_m3 = 1000.0", "density_kg_per_m3 = \"x\"", "scene.toml:6"),
+];
+
 #[test]
 fn bad_scenes_name_field_value_and_remedy() {
-    let cases = [
-        ("k1_n_per_m = 60.0", "k2 = 60.0", "unknown field `k2`"),
-        ("duration_s = 0.6", "duration_s = -1.0", "[[phases]] 2 (heat): duration_s = -1"),
-        ("count = 60", "count = 0", "particles.packing.count = 0"),
-        ("relative_density = 0.5", "relative_density = 0.7", "was not reached: 60 particles"),
-        ("\"three-stage\"", "\"four-stage\"", "sintering.kinetics = four-stage"),
-        ("radius_m = 31.5e-6 }", "radius_m = 0.0 }", "radii.radius_m = 0"),
-        ("count = 60", "count = 6000", "the particles need more than the box"),
-        ("[252e-6, 252e-6, 1e-3]", "[52e-6, 252e-6, 1e-2]", "periodic and shorter"),
-        ("bond_number = 50.0", "", "adhesion = neither force_n nor bond_number: give one"),
-        (
-            "bond_number = 50.0",
-            "bond_number = 5.0\nforce_n = 1e-8",
-            "adhesion = both force_n and bond_number: give one of adhesion.force_n and",
-        ),
-        (
-            "[particles.packing]\ncount = 60\nrelative_density = 0.5\nradii = { equal = { radius_m = 31.5e-6 } }\nseed = 1",
-            "[particles.table]\npositions_m = []\nradii_m = []",
-            "particles.table.radii_m = []: the table is empty",
-        ),
-        (
-            "[particles.packing]\ncount = 60\nrelative_density = 0.5\nradii = { equal = { radius_m = 31.5e-6 } }\nseed = 1",
-            "[particles.lattice]\ncounts = [4, 4, 2]\nradius_m = 31.5e-6\noverlap = 0.1",
-            "particles.lattice.overlap = 0.1: use -100 radii up to the overlap of the adhesive contact",
-        ),
-        ("[drag]", "[friction]\ncoefficient = 0.0\n[drag]", ""),
-        ("bond_number = 50.0", "bond_number = -1.0", "adhesion.bond_number = -1"),
-        ("bond_number = 50.0", "force_n = 0.0", "adhesion.force_n = 0"),
-        (
-            "bond_number = 50.0",
-            "bond_number = 5e5",
-            "material.k1_n_per_m = 60: the adhesive force alone",
-        ),
-        (
-            "k1_n_per_m = 0.5",
-            "k1_n_per_m = 0.02",
-            "[[phases]] 1 (settle): k1_n_per_m = 0.02: the adhesive force alone",
-        ),
-        (
-            "bond_number = 50.0",
-            "bond_number = 1e-4",
-            "adhesion.bond_number = 0.0001: so small a force",
-        ),
-        ("k1_n_per_m = 60.0", "k1_n_per_m = 1e9", "adhesion.bond_number = 50: so small a force"),
-        (
-            "k1_n_per_m = 60.0",
-            "k1_n_per_m = 60.0\nfinal_contact_ratio = 1.3",
-            "material.final_contact_ratio = 1.3: two equal",
-        ),
-        ("-9.81]", "-9.81e9]", "gravity.acceleration_m_per_s2 = "),
-        ("[adhesion]\nbond_number = 50.0", "", "adhesion = left out: with gravity the ratio"),
-        ("tau_s = 3.81", "tau_s = 3.81\nneck_viscosity = -1.0", "sintering.neck_viscosity = -1"),
-        ("tau_s = 3.81", "tau_s = 3.81\napproach = \"near\"", "unknown variant `near`"),
-        ("tau_s = 3.81", "tau_s = 3.81\nwhen_necks_meet = \"go-on\"", "unknown variant `go-on`"),
-        (
-            "[drag]",
-            "[friction]\ncoefficient = 0.3\n[drag]",
-            "friction = given with the quasi-static phase heat: a balance of forces has no friction",
-        ),
-        (
-            "acceleration_m_per_s2 = [0.0, 0.0, -9.81]",
-            "acceleration_m_per_s2 = [0.0, 0.0, 0.0]",
-            "the Bond number needs the weight",
-        ),
-        // The text as it is.
-        ("heated", "heated", ""),
-        ("density_kg_per_m3 = 1000.0", "density_kg_per_m3 = \"x\"", "scene.toml:6"),
-    ];
-    for (from, to, message) in cases {
+    for &(from, to, message) in BAD {
         let result = scene(&SMALL_BED.replace(from, to));
         match result {
             Ok(_) => assert_eq!(message, "", "{to} was accepted"),
