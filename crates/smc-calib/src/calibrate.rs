@@ -5,7 +5,7 @@ use crate::joint::{JointLikelihood, JointProblem};
 use crate::marginal::mean_and_sd;
 use crate::mixture::Proposal;
 use crate::pool::{Pool, effective_sample_size, exponentiate};
-use crate::sampler::{NextStage, Sampler, record};
+use crate::sampler::{NextStage, Sampler};
 use crate::summary::{Run, summarise};
 use crate::target::CurveTarget;
 use crate::trust::khat_holds;
@@ -173,7 +173,7 @@ pub(crate) fn stage_record(
         khat: psis::khat(&raw),
         means: Vec::new(),
         sds: Vec::new(),
-        proposal: record(proposal),
+        proposal: proposal.record(),
     };
     let mut worst_mean_error = f64::INFINITY;
     if ln_scale > f64::NEG_INFINITY {

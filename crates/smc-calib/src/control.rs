@@ -11,6 +11,9 @@
 //! only more points of q. Both are without bias. `phi` are 1, the coordinates, and their products: evidence, means and
 //! covariances.
 //!
+//! Where a Gaussian process places the samples ([`crate::small_budget`]), g is that process, the mixture of all proposals
+//! stands for q and all samples for the final stage: each sub-net's are held against a process through all others.
+//!
 //! Every sub-net of the stage has its own net for the second term, so that it is a replicate of the whole, and the
 //! spread of the sub-nets is an error bar of both terms together.
 
@@ -21,22 +24,79 @@ use crate::mixture::Proposal;
 use crate::neighbours::MOST_DIMENSIONS;
 use crate::normal::LN_SQRT_2PI;
 use crate::sampler::{Frozen, Sampler};
+use crate::small_budget::StandIn;
 use crate::sobol::scrambled_net;
 use crate::stream::{Purpose, stream};
 use crate::surrogate::{Surrogate, coefficients, monomials};
 use crate::trust::agree;
 use rayon::prelude::*;
 
-/// Points that the surrogate is integrated with, per sample of the final stage, and at least.
+/// Points that the surrogate is integrated with, per sample of the final stage, and at least; at least for a process.
 const POINTS: [usize; 2] = [8, 32_768];
+const POINTS_OF_PROCESS: usize = 8192;
 /// Samples with a log posterior density this far below the best have no part in the surrogate.
 const DEPTH: f64 = 16.0;
 /// Largest g/q, in units of the mean of f/q: a g above it is wrong more often than right.
 const CAP: f64 = 3.0;
-/// Parts of the final stage, each with a surrogate that its own samples had no part in.
+/// Parts of the final stage, each with a surrogate that its own samples had no part in; of a process, every sub-net is one.
 const FOLDS: usize = 2;
-/// Least share of the variance of f/q that the surrogate must explain.
+/// Fewest samples that a process is held against.
+const FEWEST: usize = 32;
+/// Least share of the variance of f/q that the surrogate must explain; that a process must, whose error is a pattern that a
+/// few samples do not show.
 const LEAST_EXPLAINED: f64 = 0.5;
+const LEAST_EXPLAINED_BY_PROCESS: f64 = 0.98;
+
+/// Samples that were drawn from one density q.
+struct Drawn<'a> {
+    /// The first of them in the pool; all after it are.
+    first: usize,
+    proposal: &'a Proposal,
+    /// Log of q over the prior at each.
+    ln_q: &'a [f64],
+    /// Log of likelihood times prior over q at each.
+    ln_w: &'a [f64],
+    folds: usize,
+    /// The process through all samples, where g is a process.
+    process: Option<StandIn<'a>>,
+}
+
+impl<'a> Drawn<'a> {
+    /// The final stage, where it is large enough for local quadratics.
+    fn finally(sampler: &'a Sampler<'_>, frozen: &'a Frozen) -> Option<Self> {
+        let (n, proposal) = sampler.final_stage()?;
+        let few = 8 * coefficients(sampler.pool.d);
+        let Frozen { first, ln_q, ln_w } = frozen;
+        (n >= few && *first >= few).then_some(Self {
+            first: *first,
+            proposal,
+            ln_q,
+            ln_w,
+            folds: FOLDS,
+            process: None,
+        })
+    }
+
+    /// All samples, for a process.
+    fn all(
+        sampler: &'a Sampler<'_>,
+        weights: &[f64],
+        ln_w: &'a [f64],
+        proposal: &'a Proposal,
+    ) -> Option<Self> {
+        let pool = &sampler.pool;
+        let n = pool.len();
+        let process = StandIn::new(sampler.target, pool, weights, 0..n, None)?;
+        (n >= FEWEST).then_some(Self {
+            first: 0,
+            proposal,
+            ln_q: &pool.ln_mixture_over_prior,
+            ln_w,
+            folds: sampler.replicates,
+            process: Some(process),
+        })
+    }
+}
 
 /// Centre and scale of every coordinate.
 struct Standard {
@@ -72,22 +132,21 @@ impl Standard {
     }
 }
 
-/// The integrals, where the final stage is large enough and the surrogate good enough to be of use.
+/// The integrals, where the surrogate is good enough to be of use.
 ///
 /// `weights` are the weights of all samples over `exp(ln_scale)`; moments are of `coordinate(j, z_j)`.
-pub(crate) fn integrals(
+fn integrals(
     sampler: &Sampler<'_>,
     weights: &[f64],
     ln_scale: f64,
-    frozen: &Frozen,
+    drawn: &Drawn<'_>,
     coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
 ) -> Option<Integrals> {
     let pool = &sampler.pool;
     let (d, r) = (pool.d, sampler.replicates);
-    let (n, proposal) = sampler.final_stage()?;
-    let first = frozen.first;
-    let p = coefficients(d);
-    if d > MOST_DIMENSIONS || r < 2 || n < 8 * p || first < 8 * p {
+    let Drawn { first, proposal, folds, .. } = *drawn;
+    let (n, p) = (pool.len() - first, coefficients(d));
+    if d > MOST_DIMENSIONS || r < 2 {
         return None;
     }
     // Failed samples too: f is zero there, but g need not be.
@@ -103,33 +162,43 @@ pub(crate) fn integrals(
     });
 
     // f/q over the scale at the samples of the final stage, and the log of q over the prior at all samples.
-    let target: Vec<f64> = frozen.ln_w.iter().map(|l| (l - ln_scale).exp()).collect();
-    let ln_q = [&sampler.ln_last_proposal(0..first)[..], &frozen.ln_q].concat();
-    let points = (POINTS[0] * n).max(POINTS[1]) / r;
+    let target: Vec<f64> = drawn.ln_w.iter().map(|l| (l - ln_scale).exp()).collect();
+    let ln_q = [&sampler.ln_last_proposal(0..first)[..], drawn.ln_q].concat();
+    let least = if drawn.process.is_some() { POINTS_OF_PROCESS } else { POINTS[1] };
+    let points = (POINTS[0] * n).max(least) / r;
     let metric = metric(proposal)?;
     let mut counts = vec![0.0; r];
     pool.replicate[first..].iter().for_each(|k| counts[*k as usize] += 1.0);
     let mut of_sub_nets = vec![0.0; r * p];
-    for fold in 0..FOLDS {
+    let mut controls = vec![0.0; n];
+    for fold in 0..folds {
         let (own, others): (Vec<usize>, Vec<usize>) =
-            (first..pool.len()).partition(|i| pool.replicate[*i] as usize % FOLDS == fold);
+            (first..pool.len()).partition(|i| pool.replicate[*i] as usize % folds == fold);
         let known: Vec<usize> = (0..first).chain(others.iter().copied()).collect();
-        let surrogate = surrogate(sampler, &known, &ln_q, &metric)?;
-        let cap = CAP * others.iter().map(|i| target[i - first]).sum::<f64>() / others.len() as f64;
-        let variate = Variate { surrogate, ln_scale, cap };
+        let model = match &drawn.process {
+            None => Model::Local(surrogate(sampler, &known, &ln_q, &metric)?),
+            process => {
+                let known = known.iter().copied();
+                let like = process.as_ref();
+                Model::Process(StandIn::new(sampler.target, pool, weights, known, like)?)
+            }
+        };
+        let cap = cap(others.iter().map(|i| target[i - first]), drawn.process.is_some());
+        let variate = Variate { model, ln_scale, cap };
         let control: Vec<f64> = own
             .par_iter()
             .with_min_len(64)
             .map_init(Vec::new, |found, i| variate.at(pool.point(*i), ln_q[*i], found))
             .collect();
         let target: Vec<f64> = own.iter().map(|i| target[i - first]).collect();
-        if !explains(&target, &control) {
+        if drawn.process.is_none() && !explains(&target, &control, LEAST_EXPLAINED) {
             return None;
         }
+        own.iter().zip(&control).for_each(|(i, control)| controls[i - first] = *control);
 
         // Per sub-net: the integral of g phi by a net of its own, and the mean of (f - g) phi / q.
         let seed = sampler.settings.seed;
-        of_sub_nets.par_chunks_mut(p).enumerate().skip(fold).step_by(FOLDS).for_each(
+        of_sub_nets.par_chunks_mut(p).enumerate().skip(fold).step_by(folds).for_each(
             |(k, sums)| {
                 let mut rng = stream(seed, Purpose::Surrogate, 0, k);
                 let net = scrambled_net(proposal.uniforms(), points, &mut rng);
@@ -146,21 +215,48 @@ pub(crate) fn integrals(
                 .for_each(|(s, phi)| *s += off * phi);
         }
     }
-    Some(Integrals { of_sub_nets, features })
+    // One sub-net of a few samples says nothing.
+    let explained =
+        drawn.process.is_none() || explains(&target, &controls, LEAST_EXPLAINED_BY_PROCESS);
+    explained.then_some(Integrals { of_sub_nets, features })
+}
+
+/// Largest g/q from the values of f/q: [`CAP`] times their mean, which of all samples, many of them far from the posterior,
+/// is taken by weight.
+fn cap(values: impl ExactSizeIterator<Item = f64> + Clone, by_weight: bool) -> f64 {
+    let n = values.len() as f64;
+    let sum: f64 = values.clone().sum();
+    if by_weight { CAP * values.map(|v| v * v).sum::<f64>() / sum } else { CAP * sum / n }
+}
+
+/// What g is made of.
+enum Model<'a> {
+    Local(Surrogate),
+    Process(StandIn<'a>),
+}
+
+impl Model<'_> {
+    /// Log of g over `exp(ln_q)` and the prior at z.
+    fn ln_ratio(&self, z: &[f64], ln_q: f64, found: &mut Vec<(f64, u32)>) -> Option<f64> {
+        match self {
+            Self::Local(surrogate) => surrogate.ln_ratio(z, ln_q, found),
+            Self::Process(process) => Some(process.ln_likelihood_at(z) - ln_q),
+        }
+    }
 }
 
 /// The control variate g/q over the scale of the weights.
-struct Variate {
-    surrogate: Surrogate,
+struct Variate<'a> {
+    model: Model<'a>,
     ln_scale: f64,
     /// Its largest value.
     cap: f64,
 }
 
-impl Variate {
+impl Variate<'_> {
     /// At z, where `ln_q` is the log of proposal over prior.
     fn at(&self, z: &[f64], ln_q: f64, found: &mut Vec<(f64, u32)>) -> f64 {
-        self.surrogate
+        self.model
             .ln_ratio(z, ln_q, found)
             .map_or(0.0, |ratio| (ratio - self.ln_scale).exp().min(self.cap))
     }
@@ -221,7 +317,7 @@ fn surrogate(
 }
 
 /// Whether the control variate takes away enough of the variance of the target.
-fn explains(target: &[f64], control: &[f64]) -> bool {
+fn explains(target: &[f64], control: &[f64], share: f64) -> bool {
     let variance = |values: &mut dyn Iterator<Item = f64>| {
         let (mut sum, mut squares, mut n) = (0.0, 0.0, 0.0);
         for v in values {
@@ -230,7 +326,7 @@ fn explains(target: &[f64], control: &[f64]) -> bool {
         squares - sum * sum / n
     };
     let left = variance(&mut target.iter().zip(control).map(|(t, c)| t - c));
-    left < (1.0 - LEAST_EXPLAINED) * variance(&mut target.iter().copied())
+    left < (1.0 - share) * variance(&mut target.iter().copied())
 }
 
 /// All samples with the weights of the result, and the evidence. `raw` are the importance weights over
@@ -245,7 +341,15 @@ pub(crate) fn estimate(
     let (pooled_value, pooled_se) = estimator.log_evidence();
     let frozen = sampler.frozen();
     let (frozen_value, frozen_se) = sampler.frozen_evidence(&frozen);
-    let held = integrals(sampler, raw, ln_scale, &frozen, coordinate)
+    let ln_w = sampler.ln_weights();
+    let mixture = Proposal::of_stages(&sampler.proposals);
+    let drawn = if sampler.settings.surrogate {
+        mixture.as_ref().and_then(|mixture| Drawn::all(sampler, raw, &ln_w, mixture))
+    } else {
+        Drawn::finally(sampler, &frozen)
+    };
+    let held = drawn
+        .and_then(|drawn| integrals(sampler, raw, ln_scale, &drawn, coordinate))
         .is_some_and(|integrals| estimator.hold_to(integrals));
     let (value, se) = if held {
         estimator.log_evidence()

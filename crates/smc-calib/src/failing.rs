@@ -128,6 +128,7 @@ fn mass(pool: &Pool, failed: &[bool], raw: &[f64], ln_scale: f64) -> f64 {
         nuggets: &vec![1e-3; known.len()],
         offsets: vec![mean],
         units: vec![spread.sqrt().max(1e-9)],
+        like: None,
     });
     let base = pool.ln_base();
     let of_failed = |i: usize| {

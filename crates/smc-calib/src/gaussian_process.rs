@@ -1,14 +1,23 @@
 //! A Gaussian process through simulated values: a cheap stand-in that says where to simulate next.
 //!
-//! It decides only where samples are placed; their weights come from the true likelihood.
+//! It decides only where samples are placed, and takes noise out of estimates ([`crate::control`]); weights come from
+//! the true likelihood.
 //!
-//! Covariance: a quadratic whose coefficients are as good as unknown, plus a squared exponential whose scale and
-//! length maximise the marginal likelihood (C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine
-//! Learning (2006), sections 2.7 and 5.4), the same for all columns. Each sample has a nugget of its own: curves
-//! far from the data need not be met closely. The error of the process is measured by leaving out each sample in turn
-//! (the same, section 5.4.2).
+//! Two covariances are tried, the same for all columns, and the one of larger marginal likelihood is taken
+//! (C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning (2006), sections 2.7, 4.2 and 5.4):
+//!
+//! - over normal scores, whitened by the samples' weights: a quadratic whose coefficients are as good as unknown, plus a
+//!   squared exponential, its scale and length from a small table. Exact for a normal posterior.
+//! - over the prior's cube: a linear function with unknown coefficients, plus a Matern covariance of order 5/2 with a length
+//!   for every parameter; scale and lengths by a search. It does not move with the weights and knows regimes that begin
+//!   somewhere in the prior.
+//!
+//! Each sample has a nugget of its own: curves far from the data need not be met closely. The error of the process is
+//! measured by leaving out each sample in turn (the same, section 5.4.2).
 
 use crate::cholesky::{cholesky, packed_inverse};
+use crate::nelder_mead::{Start, best_of};
+use crate::normal;
 use crate::sobol::MAX_DIMENSIONS;
 use rayon::prelude::*;
 
@@ -16,15 +25,24 @@ use rayon::prelude::*;
 /// samples as they are weighted now.
 const SCALES: [f64; 4] = [0.3, 1.0, 4.0, 16.0];
 const LENGTHS: [f64; 4] = [0.7, 1.5, 3.0, 6.0];
+/// Lengths that the search over the prior's cube starts from; the cube is two wide.
+const STARTS: [f64; 3] = [0.5, 1.5, 4.0];
+/// First step of the search, in logarithms.
+const STEP: f64 = 0.7;
+/// Logarithms that lengths and the scale stay between.
+const LN_LENGTH: [f64; 2] = [-4.0, 4.0];
+const LN_SCALE: [f64; 2] = [-6.0, 6.0];
+/// Evaluations of the evidence by the search, per number that is searched.
+const SEARCH: usize = 40;
+/// Samples that the search looks at: the best ones.
+const SEARCHED: usize = 80;
 
 /// Columns of numbers as a function of normal scores.
 #[derive(Clone, Debug)]
 pub(crate) struct GaussianProcess {
     d: usize,
-    /// Whitening: centre and packed inverse factor.
-    centre: Vec<f64>,
-    inverse: Vec<f64>,
-    /// Whitened samples, row by row, and the coefficients of each, one per column.
+    place: Place,
+    /// Samples in these coordinates, row by row, and the coefficients of each, one per column.
     points: Vec<f64>,
     coefficients: Vec<f64>,
     kernel: Kernel,
@@ -35,22 +53,56 @@ pub(crate) struct GaussianProcess {
     pub left_out: Vec<f64>,
 }
 
-#[derive(Clone, Copy, Debug)]
-struct Kernel {
-    quadratic: f64,
-    scale: f64,
-    length: f64,
+/// The coordinates of a kernel.
+#[derive(Clone, Debug)]
+enum Place {
+    /// Whitened normal scores: centre and packed inverse factor.
+    Whitened(Vec<f64>, Vec<f64>),
+    /// The prior's cube, from -1 to 1.
+    Cube,
+}
+
+impl Place {
+    fn of(&self, z: &[f64], out: &mut [f64]) {
+        match self {
+            Self::Whitened(centre, inverse) => whiten(z, centre, inverse, out),
+            Self::Cube => {
+                out.iter_mut().zip(z).for_each(|(o, z)| *o = 2.0 * normal::cdf(*z) - 1.0);
+            }
+        }
+    }
+}
+
+/// A covariance.
+#[derive(Clone, Debug)]
+enum Kernel {
+    /// `quadratic (1 + a b)^2 + scale^2 exp(-|a - b|^2 / (2 length^2))`
+    Smooth { quadratic: f64, scale: f64, length: f64 },
+    /// `linear (1 + a b) + scale^2 (1 + r + r^2/3) exp(-r)` with `r^2 = 5 sum ((a - b)/length)^2`
+    Rough { linear: f64, scale: f64, lengths: Vec<f64> },
 }
 
 impl Kernel {
     fn of(&self, a: &[f64], b: &[f64]) -> f64 {
-        let (mut dot, mut square) = (1.0, 0.0);
-        for (a, b) in a.iter().zip(b) {
-            dot += a * b;
-            square += (a - b) * (a - b);
+        match self {
+            Self::Smooth { quadratic, scale, length } => {
+                let (mut dot, mut square) = (1.0, 0.0);
+                for (a, b) in a.iter().zip(b) {
+                    dot += a * b;
+                    square += (a - b) * (a - b);
+                }
+                quadratic * dot * dot + scale * scale * (-0.5 * square / (length * length)).exp()
+            }
+            Self::Rough { linear, scale, lengths } => {
+                let (mut dot, mut square) = (1.0, 0.0);
+                for ((a, b), length) in a.iter().zip(b).zip(lengths) {
+                    dot += a * b;
+                    square += ((a - b) / length).powi(2);
+                }
+                let r = (5.0 * square).sqrt();
+                linear * dot + scale * scale * (1.0 + r + r * r / 3.0) * (-r).exp()
+            }
         }
-        self.quadratic * dot * dot
-            + self.scale * self.scale * (-0.5 * square / (self.length * self.length)).exp()
     }
 }
 
@@ -61,7 +113,7 @@ pub(crate) struct Data<'a> {
     pub z: &'a [f64],
     /// Weights whose covariance whitens the samples.
     pub weights: &'a [f64],
-    /// Numbers of the samples that the process runs through.
+    /// Numbers of the samples that the process runs through, the best first.
     pub chosen: &'a [usize],
     /// Values at these samples, row by row.
     pub values: &'a [f64],
@@ -70,53 +122,57 @@ pub(crate) struct Data<'a> {
     /// Offset and unit of each column.
     pub offsets: Vec<f64>,
     pub units: Vec<f64>,
+    /// A process whose covariance is taken over; without one the best covariance is searched.
+    pub like: Option<&'a GaussianProcess>,
 }
 
 impl GaussianProcess {
     /// The process through some data; none where they have no spread.
     pub(crate) fn new(data: Data<'_>) -> Option<Self> {
         let (d, m) = (data.d, data.units.len());
-        let (centre, inverse) = whitening(d, data.z, data.weights)?;
-        let mut points = vec![0.0; data.chosen.len() * d];
-        for (i, x) in data.chosen.iter().zip(points.chunks_exact_mut(d)) {
-            whiten(&data.z[i * d..(i + 1) * d], &centre, &inverse, x);
-        }
         let mut values = data.values.to_vec();
         for row in values.chunks_exact_mut(m) {
             for ((v, offset), unit) in row.iter_mut().zip(&data.offsets).zip(&data.units) {
                 *v = (*v - offset) / unit;
             }
         }
-        // Coefficients of the quadratic: of the size of the values.
-        let quadratic = 1.0 + values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64;
-        let candidates: Vec<Kernel> = SCALES
-            .iter()
-            .flat_map(|scale| LENGTHS.map(|length| Kernel { quadratic, scale: *scale, length }))
-            .collect();
-        let fits: Vec<Option<Fit>> = candidates
-            .par_iter()
-            .map(|kernel| Fit::new(d, &points, &values, data.nuggets, kernel))
-            .collect();
-        let mut chosen: Option<(Fit, Kernel)> = None;
-        for (fit, kernel) in fits.into_iter().zip(candidates) {
-            if let Some(fit) = fit
-                && chosen.as_ref().is_none_or(|c| fit.evidence > c.0.evidence)
-            {
-                chosen = Some((fit, kernel));
+        let at = |place: &Place| {
+            let mut points = vec![0.0; data.chosen.len() * d];
+            for (i, x) in data.chosen.iter().zip(points.chunks_exact_mut(d)) {
+                place.of(&data.z[i * d..(i + 1) * d], x);
             }
-        }
-        let (fit, kernel) = chosen?;
+            points
+        };
+        let (fit, kernel, place, points) = if let Some(like) = data.like {
+            let points = at(&like.place);
+            let fit = Fit::new(d, &points, &values, data.nuggets, &like.kernel)?;
+            (fit, like.kernel.clone(), like.place.clone(), points)
+        } else {
+            // Coefficients of the mean: of the size of the values.
+            let size = 1.0 + values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64;
+            let (centre, inverse) = whitening(d, data.z, data.weights)?;
+            let places = [Place::Whitened(centre, inverse), Place::Cube];
+            let found = places.into_iter().enumerate().filter_map(|(rough, place)| {
+                let points = at(&place);
+                let search = if rough == 1 { rough_kernel } else { smooth_kernel };
+                let kernel = search(d, &points, &values, data.nuggets, size)?;
+                let fit = Fit::new(d, &points, &values, data.nuggets, &kernel)?;
+                Some((fit, kernel, place, points))
+            });
+            // Of equal ones the first.
+            found.reduce(|a, b| if b.0.evidence > a.0.evidence { b } else { a })?
+        };
         let left_out = fit.left_out(&data.units);
         let coefficients = fit.coefficients;
         let (offsets, units) = (data.offsets, data.units);
-        Some(Self { d, centre, inverse, points, coefficients, kernel, offsets, units, left_out })
+        Some(Self { d, place, points, coefficients, kernel, offsets, units, left_out })
     }
 
     /// Predicted values of all columns.
     pub(crate) fn predict(&self, z: &[f64], out: &mut [f64]) {
         let mut small = [0.0; MAX_DIMENSIONS];
         let x = &mut small[..self.d];
-        whiten(z, &self.centre, &self.inverse, x);
+        self.place.of(z, x);
         out.fill(0.0);
         let points = self.points.chunks_exact(self.d);
         for (p, row) in points.zip(self.coefficients.chunks_exact(out.len())) {
@@ -131,11 +187,96 @@ impl GaussianProcess {
     }
 }
 
+/// The smooth covariance of largest evidence.
+fn smooth_kernel(
+    d: usize,
+    points: &[f64],
+    values: &[f64],
+    nuggets: &[f64],
+    quadratic: f64,
+) -> Option<Kernel> {
+    let candidates: Vec<Kernel> = SCALES
+        .iter()
+        .flat_map(|scale| LENGTHS.map(|length| Kernel::Smooth { quadratic, scale: *scale, length }))
+        .collect();
+    let evidences: Vec<f64> = candidates
+        .par_iter()
+        .map(|kernel| {
+            let fit = Fit::new(d, points, values, nuggets, kernel);
+            fit.map_or(f64::NEG_INFINITY, |fit| fit.evidence)
+        })
+        .collect();
+    let found = candidates.into_iter().zip(evidences).filter(|(_, evidence)| evidence.is_finite());
+    found.reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(kernel, _)| kernel)
+}
+
+/// The rough covariance of largest evidence, judged by the best samples.
+fn rough_kernel(
+    d: usize,
+    points: &[f64],
+    values: &[f64],
+    nuggets: &[f64],
+    linear: f64,
+) -> Option<Kernel> {
+    let n = nuggets.len();
+    let m = values.len() / n;
+    let few = n.min(SEARCHED);
+    let (points, nuggets) = (&points[..few * d], &nuggets[..few]);
+    let values = narrow(&values[..few * m], few);
+    let bounds = |i: usize| if i == 0 { LN_SCALE } else { LN_LENGTH };
+    let clamped = |i: usize, x: f64| x.clamp(bounds(i)[0], bounds(i)[1]);
+    let kernel = |x: &[f64]| Kernel::Rough {
+        linear,
+        scale: clamped(0, x[0]).exp(),
+        lengths: (1..=d).map(|i| clamped(i, x[i]).exp()).collect(),
+    };
+    let mut axes = vec![0.0; (d + 1) * (d + 1)];
+    (0..=d).for_each(|i| axes[i * (d + 1) + i] = STEP);
+    let starts = STARTS.map(|length| {
+        let mut point = vec![length.ln(); d + 1];
+        point[0] = 0.0;
+        Start { point, axes: axes.clone() }
+    });
+    let mut evidence = |x: &[f64]| {
+        let Some(fit) = Fit::new(d, points, &values, nuggets, &kernel(x)) else {
+            return f64::NEG_INFINITY;
+        };
+        let beyond: f64 = x.iter().enumerate().map(|(i, x)| (x - clamped(i, *x)).abs()).sum();
+        -0.5 * fit.squares - m as f64 * fit.ln_det - beyond
+    };
+    let (x, best, _) = best_of(&starts, SEARCH * (d + 1), &mut evidence);
+    best.is_finite().then(|| kernel(&x))
+}
+
+/// Values of no more columns than rows with the same products of rows.
+fn narrow(values: &[f64], n: usize) -> Vec<f64> {
+    let m = values.len() / n;
+    if m <= n {
+        return values.to_vec();
+    }
+    let mut products = vec![0.0; n * n];
+    for i in 0..n {
+        for j in 0..=i {
+            let (a, b) = (&values[i * m..(i + 1) * m], &values[j * m..(j + 1) * m]);
+            let dot = a.iter().zip(b).map(|(a, b)| a * b).sum();
+            products[i * n + j] = dot;
+            products[j * n + i] = dot;
+        }
+    }
+    let trace: f64 = (0..n).map(|i| products[i * n + i]).sum();
+    (0..n).for_each(|i| products[i * n + i] += 1e-10 * trace / n as f64);
+    cholesky(&products, n).unwrap_or_else(|| values.to_vec())
+}
+
 /// The process with one kernel.
 struct Fit {
     coefficients: Vec<f64>,
-    /// Lower Cholesky factor of the covariance, row by row.
+    /// Lower Cholesky factor L of the covariance, row by row.
     factor: Vec<f64>,
+    /// Sum of squares of `L^-1 values`.
+    squares: f64,
+    /// Log determinant of L.
+    ln_det: f64,
     /// Log marginal likelihood, without its constant.
     evidence: f64,
 }
@@ -178,6 +319,8 @@ impl Fit {
         (evidence.is_finite() && c.iter().all(|c| c.is_finite())).then_some(Self {
             coefficients: c,
             factor,
+            squares,
+            ln_det,
             evidence,
         })
     }
@@ -186,8 +329,8 @@ impl Fit {
     fn left_out(&self, units: &[f64]) -> Vec<f64> {
         let m = units.len();
         let n = self.coefficients.len() / m;
-        // Diagonal of the inverse: sums of squares of the columns of the factor's inverse.
         let inverse = packed_inverse(&self.factor, n);
+        // Diagonal of the inverse: sums of squares of the columns of the factor's inverse.
         let mut diagonal = vec![0.0; n];
         let mut at = 0;
         for i in 0..n {
@@ -258,6 +401,7 @@ mod tests {
             nuggets: &vec![1e-3; n],
             offsets: vec![0.0; columns],
             units: vec![1.0; columns],
+            like: None,
         })
         .expect("has spread")
     }
@@ -280,27 +424,24 @@ mod tests {
         let wave = |z: &[f64]| vec![(1.5 * z[0]).sin() * z[1], (z[0] - z[1]).cos()];
         let z = points(30);
         let all = through(&z, 2, wave);
-        let fit = |n: std::ops::Range<usize>| {
-            let rows: Vec<f64> = n.flat_map(|i| z[2 * i..2 * i + 2].to_vec()).collect();
-            let (centre, inverse) = whitening(2, &z, &[1.0; 30]).expect("spread");
-            let mut x = vec![0.0; rows.len()];
-            for (z, x) in rows.chunks_exact(2).zip(x.chunks_exact_mut(2)) {
-                whiten(z, &centre, &inverse, x);
-            }
-            let values: Vec<f64> = rows.chunks_exact(2).flat_map(wave).collect();
-            let nuggets = vec![1e-3; rows.len() / 2];
-            (Fit::new(2, &x, &values, &nuggets, &all.kernel).expect("definite"), x)
-        };
-        // The last sample predicted by the process through the others, with the same kernel.
-        let (without, x) = fit(0..29);
-        let (_, last) = fit(29..30);
+        // The last sample predicted by the process through the others, with the same covariance.
+        let values: Vec<f64> = z.chunks_exact(2).flat_map(wave).collect();
+        let without = GaussianProcess::new(Data {
+            d: 2,
+            z: &z,
+            weights: &[1.0; 30],
+            chosen: &(0..29).collect::<Vec<_>>(),
+            values: &values[..58],
+            nuggets: &[1e-3; 29],
+            offsets: vec![0.0; 2],
+            units: vec![1.0; 2],
+            like: Some(&all),
+        })
+        .expect("definite");
+        let mut predicted = [0.0; 2];
+        without.predict(&z[58..], &mut predicted);
         for column in 0..2 {
-            let predicted: f64 = x
-                .chunks_exact(2)
-                .zip(without.coefficients.chunks_exact(2))
-                .map(|(p, c)| c[column] * all.kernel.of(&last, p))
-                .sum();
-            let error = wave(&z[58..])[column] - predicted;
+            let error = values[58 + column] - predicted[column];
             let left_out = all.left_out[58 + column];
             assert!((error - left_out).abs() < 1e-4 + 1e-3 * error.abs(), "{error} {left_out}");
         }
@@ -311,5 +452,36 @@ mod tests {
             let exact = wave(&at);
             assert!((0..2).all(|c| (out[c] - exact[c]).abs() < 0.05), "{out:?} {exact:?}");
         }
+    }
+
+    #[test]
+    fn a_regime_that_begins_somewhere_in_the_prior_is_met_better_over_its_cube() {
+        // Level up to a knee, then a line; the other parameter hardly matters.
+        let knee = |z: &[f64]| vec![(normal::cdf(z[0]) - 0.4).max(0.0) + 0.01 * z[1]];
+        let process = through(&points(60), 1, knee);
+        let Kernel::Rough { lengths, .. } = &process.kernel else { panic!("{:?}", process.kernel) };
+        assert!(lengths[1] > 4.0 * lengths[0], "{lengths:?}");
+        for z in [[-1.5, 0.3], [-0.2, -0.9], [0.1, 1.2], [1.4, -1.0]] {
+            let mut out = [0.0];
+            process.predict(&z, &mut out);
+            assert!((out[0] - knee(&z)[0]).abs() < 0.03, "{z:?}: {out:?} {:?}", knee(&z));
+        }
+    }
+
+    #[test]
+    fn evidence_does_not_change_when_many_columns_are_narrowed() {
+        let z = points(12);
+        let many: Vec<f64> = z
+            .chunks_exact(2)
+            .flat_map(|z| (0..40).map(|k| (z[0] + 0.1 * f64::from(k) * z[1]).sin()))
+            .collect();
+        let few = narrow(&many, 12);
+        assert_eq!(few.len(), 12 * 12);
+        let kernel = Kernel::Rough { linear: 1.0, scale: 0.7, lengths: vec![1.0, 2.0] };
+        let squares = |values: &[f64]| {
+            Fit::new(2, &z, values, &[1e-2; 12], &kernel).expect("definite").squares
+        };
+        let (a, b) = (squares(&many), squares(&few));
+        assert!((a / b - 1.0).abs() < 1e-4, "{a} {b}");
     }
 }

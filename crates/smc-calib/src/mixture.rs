@@ -2,6 +2,7 @@
 
 use crate::cholesky::packed_inverse;
 use crate::normal;
+use crate::{ComponentRecord, MixtureRecord};
 use statrs::function::gamma::ln_gamma;
 use std::f64::consts::PI;
 
@@ -87,6 +88,48 @@ impl Proposal {
     /// The prior itself.
     pub(crate) fn prior(dimension: usize) -> Self {
         Self { dimension, prior_share: 1.0, degrees_of_freedom: 1.0, components: Vec::new() }
+    }
+
+    /// The mixture that the samples of several stages together are drawn from.
+    pub(crate) fn of_stages(stages: &[(usize, Proposal)]) -> Option<Self> {
+        let last = &stages.last()?.1;
+        let total: usize = stages.iter().map(|(n, _)| n).sum();
+        let mut all = Self { prior_share: 0.0, components: Vec::new(), ..last.clone() };
+        for (n, proposal) in stages {
+            let share = *n as f64 / total as f64;
+            all.prior_share += share * proposal.prior_share;
+            let components = proposal.components.iter().cloned();
+            all.components.extend(components.map(|c| Component { weight: c.weight * share, ..c }));
+        }
+        Some(all)
+    }
+
+    /// A proposal as plain data.
+    pub(crate) fn record(&self) -> MixtureRecord {
+        let d = self.dimension;
+        MixtureRecord {
+            prior_share: self.prior_share,
+            components: self
+                .components
+                .iter()
+                .map(|c| ComponentRecord {
+                    weight: c.weight,
+                    mean: c.mean.clone(),
+                    scale: (0..d)
+                        .map(|i| {
+                            (0..d)
+                                .map(|j| {
+                                    (0..=i.min(j))
+                                        .map(|k| c.factor[i * d + k] * c.factor[j * d + k])
+                                        .sum()
+                                })
+                                .collect()
+                        })
+                        .collect(),
+                    degrees_of_freedom: self.degrees_of_freedom,
+                })
+                .collect(),
+        }
     }
 
     /// Density of the Student-t part at z: components times their shares, the prior's share left out.

@@ -8,7 +8,7 @@ use crate::pool::{Pool, exponentiate, temper, tune};
 use crate::sobol::scrambled_net;
 use crate::stream::{Purpose, stream};
 use crate::target::Target;
-use crate::{CalibrateError, ComponentRecord, Counters, MixtureRecord, Settings};
+use crate::{CalibrateError, Counters, Settings};
 use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -64,7 +64,8 @@ pub(crate) struct Sampler<'a> {
 impl<'a> Sampler<'a> {
     pub(crate) fn new(target: &'a dyn Target, settings: &'a Settings) -> Self {
         // Each sub-net needs a few points, or there is nothing to average.
-        let replicates = settings.replicates.min(settings.samples / 8).max(1);
+        let fewest = if settings.surrogate { 4 } else { 8 };
+        let replicates = settings.replicates.min(settings.samples / fewest).max(1);
         Self {
             target,
             settings,
@@ -155,7 +156,10 @@ impl<'a> Sampler<'a> {
     /// Draws of the next stage, in normal scores, and the sub-net of each.
     fn draw(&self, n: usize, proposal: &Proposal) -> (Vec<f64>, Vec<u32>) {
         let stage = self.stages();
-        let (d, r) = (self.pool.d, self.replicates);
+        // The few samples of a stage that a Gaussian process places fill their space together: one net for all of them, dealt
+        // to the sub-nets one by one. Errors are then those of independent draws, which is too large, if anything.
+        let together = self.settings.surrogate;
+        let (d, r) = (self.pool.d, if together { 1 } else { self.replicates });
         let seed = self.settings.seed;
         let width = proposal.uniforms();
         let blocks: Vec<Vec<f64>> = (0..r)
@@ -175,6 +179,10 @@ impl<'a> Sampler<'a> {
         for (k, block) in blocks.into_iter().enumerate() {
             replicates.resize(replicates.len() + block.len() / d, k as u32);
             z.extend(block);
+        }
+        if together {
+            let dealt = (self.samples()..).map(|i| (i % self.replicates) as u32);
+            replicates.iter_mut().zip(dealt).for_each(|(own, dealt)| *own = dealt);
         }
         (z, replicates)
     }
@@ -468,33 +476,5 @@ impl<'a> Sampler<'a> {
                 return Ok(());
             }
         }
-    }
-}
-
-/// A proposal as plain data.
-pub(crate) fn record(proposal: &Proposal) -> MixtureRecord {
-    let d = proposal.dimension;
-    MixtureRecord {
-        prior_share: proposal.prior_share,
-        components: proposal
-            .components
-            .iter()
-            .map(|c| ComponentRecord {
-                weight: c.weight,
-                mean: c.mean.clone(),
-                scale: (0..d)
-                    .map(|i| {
-                        (0..d)
-                            .map(|j| {
-                                (0..=i.min(j))
-                                    .map(|k| c.factor[i * d + k] * c.factor[j * d + k])
-                                    .sum()
-                            })
-                            .collect()
-                    })
-                    .collect(),
-                degrees_of_freedom: proposal.degrees_of_freedom,
-            })
-            .collect(),
     }
 }

@@ -115,8 +115,6 @@ impl Settings {
         Self {
             iterations: 20,
             final_share: 0.3,
-            // Fewer sub-nets than samples of a stage.
-            replicates: if samples < 200 { 4 } else { 8 },
             max_components: 3,
             patches: 1,
             defensive_share: 0.05,

@@ -1,4 +1,4 @@
-//! Budgets of 30 to a thousand simulations: more and smaller stages, placed by a stand-in for the likelihood.
+//! Budgets of 30 to two thousand simulations: more and smaller stages, placed by a stand-in for the likelihood.
 
 use crate::gaussian_process::{Data, GaussianProcess};
 use crate::mixture::Component;
@@ -33,7 +33,7 @@ const DEAD: f64 = 5.0;
 const NEAREST: usize = 4;
 
 /// A stand-in for the log likelihood.
-struct StandIn<'a> {
+pub(crate) struct StandIn<'a> {
     target: &'a dyn Target,
     process: GaussianProcess,
     /// Whether it predicts the outputs, from which the log likelihood follows, or the log likelihood itself.
@@ -47,51 +47,54 @@ struct StandIn<'a> {
 }
 
 impl<'a> StandIn<'a> {
-    /// The better one of the two kinds.
-    fn new(target: &'a dyn Target, pool: &'a Pool, weights: &[f64]) -> Option<Self> {
+    /// Made from some samples of the pool, with the covariance of another one where that is given.
+    ///
+    /// It predicts the outputs wherever the log likelihood follows from them: a process through the log likelihoods alone
+    /// knows less, and believes in modes far from all samples.
+    pub(crate) fn new(
+        target: &'a dyn Target,
+        pool: &'a Pool,
+        weights: &[f64],
+        known: impl Iterator<Item = usize>,
+        like: Option<&Self>,
+    ) -> Option<Self> {
         let density: Vec<f64> = (0..pool.len()).map(|i| pool.ln_l[i] + pool.ln_prior(i)).collect();
-        let mut chosen: Vec<usize> = (0..pool.len()).filter(|i| density[*i].is_finite()).collect();
+        let mut chosen: Vec<usize> = known.filter(|i| density[*i].is_finite()).collect();
         if chosen.len() < pool.d + 2 {
             return None;
         }
         chosen.sort_by(|a, b| density[*b].total_cmp(&density[*a]).then(a.cmp(b)));
         chosen.truncate(MAX_POINTS);
         let depths: Vec<f64> = chosen.iter().map(|i| density[chosen[0]] - density[*i]).collect();
+        let like = like.map(|like| &like.process);
+        let m = pool.kept_width;
+        let outputs = target.ln_likelihood_of(&vec![0.0; m]).is_some();
+        let process = if outputs {
+            curve_process(pool, weights, &chosen, like)?
+        } else {
+            likelihood_process(pool, weights, &chosen, &depths, like)?
+        };
+        let error = |k: usize| {
+            if !outputs {
+                return process.left_out[k];
+            }
+            let left_out = &process.left_out[k * m..(k + 1) * m];
+            let row = &pool.kept[chosen[k] * m..(chosen[k] + 1) * m];
+            let predicted: Vec<f64> = row.iter().zip(left_out).map(|(v, e)| v - e).collect();
+            target.ln_likelihood_of(&predicted).unwrap_or(f64::NAN) - pool.ln_l[chosen[k]]
+        };
         // The samples that matter, and enough of them.
         let best = depths.iter().filter(|depth| **depth < MATTERS).count();
         let best = best.max(2 * (pool.d + 1)).min(chosen.len());
-        let error = |of: &dyn Fn(usize) -> f64| {
-            ((0..best).map(|k| of(k).powi(2)).sum::<f64>() / best as f64).sqrt()
-        };
-        let by_likelihood = likelihood_process(pool, weights, &chosen, &depths)
-            .map(|process| (error(&|k| process.left_out[k]), process, false));
-        let m = pool.kept_width;
-        let by_outputs = target
-            .ln_likelihood_of(&vec![0.0; m])
-            .and_then(|_| curve_process(pool, weights, &chosen))
-            .map(|process| {
-                let error = error(&|k| {
-                    let left_out = &process.left_out[k * m..(k + 1) * m];
-                    let row = &pool.kept[chosen[k] * m..(chosen[k] + 1) * m];
-                    let predicted: Vec<f64> =
-                        row.iter().zip(left_out).map(|(v, e)| v - e).collect();
-                    target.ln_likelihood_of(&predicted).unwrap_or(f64::NAN) - pool.ln_l[chosen[k]]
-                });
-                (error, process, true)
-            });
-        let (error, process, outputs) = match (by_likelihood, by_outputs) {
-            (Some(a), Some(b)) => {
-                if b.0 <= a.0 {
-                    b
-                } else {
-                    a
-                }
-            }
-            (a, b) => a.or(b)?,
-        };
+        let error = ((0..best).map(|k| error(k).powi(2)).sum::<f64>() / best as f64).sqrt();
         let power = (ERROR / error.max(1e-9)).min(1.0);
         let alive = density.iter().map(|l| l.is_finite()).collect();
         Some(Self { target, process, outputs, z: &pool.z, alive, power })
+    }
+
+    /// Log likelihood, not flattened.
+    pub(crate) fn ln_likelihood_at(&self, z: &[f64]) -> f64 {
+        self.ln_likelihood(z, &mut []).map_or(f64::NEG_INFINITY, |l| l / self.power)
     }
 }
 
@@ -101,6 +104,7 @@ fn likelihood_process(
     weights: &[f64],
     chosen: &[usize],
     depths: &[f64],
+    like: Option<&GaussianProcess>,
 ) -> Option<GaussianProcess> {
     let values: Vec<f64> = chosen.iter().map(|i| pool.ln_l[*i]).collect();
     let nuggets: Vec<f64> = depths.iter().map(|depth| NUGGET[0] + NUGGET[1] * depth).collect();
@@ -113,11 +117,17 @@ fn likelihood_process(
         nuggets: &nuggets,
         offsets: vec![values.iter().copied().fold(f64::NEG_INFINITY, f64::max)],
         units: vec![1.0],
+        like,
     })
 }
 
 /// A process through the curves of the chosen samples, the best one first.
-fn curve_process(pool: &Pool, weights: &[f64], chosen: &[usize]) -> Option<GaussianProcess> {
+fn curve_process(
+    pool: &Pool,
+    weights: &[f64],
+    chosen: &[usize],
+    like: Option<&GaussianProcess>,
+) -> Option<GaussianProcess> {
     let m = pool.kept_width;
     let values: Vec<f64> =
         chosen.iter().flat_map(|i| pool.kept[i * m..(i + 1) * m].iter().copied()).collect();
@@ -150,6 +160,7 @@ fn curve_process(pool: &Pool, weights: &[f64], chosen: &[usize]) -> Option<Gauss
         nuggets: &nuggets,
         offsets: first.to_vec(),
         units,
+        like,
     })
 }
 
@@ -213,7 +224,7 @@ impl Sampler<'_> {
         if !self.settings.surrogate {
             return None;
         }
-        let stand_in = StandIn::new(self.target, &self.pool, weights)?;
+        let stand_in = StandIn::new(self.target, &self.pool, weights, 0..self.pool.len(), None)?;
         let stage = self.stages();
         let settings = Settings {
             samples: EVALUATIONS,
