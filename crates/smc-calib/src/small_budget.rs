@@ -9,7 +9,7 @@ use crate::{Settings, SimError};
 
 /// Share of the budget that the first stage draws from the prior: enough for the stand-in to tell where the likelihood
 /// is negligible.
-const FIRST: f64 = 0.16;
+const FIRST: f64 = 0.24;
 /// Share of each proposal that is fitted to the samples themselves, without the stand-in, so that a stand-in that is sure
 /// of the wrong place is found out.
 const OWN: f64 = 0.15;
