@@ -139,7 +139,7 @@ fn judged(runs: &[Run], errors: &[Errors], kind: impl Fn(bool, bool) -> bool) ->
     let mut count = 0;
     for (run, error) in runs.iter().zip(errors) {
         let Some(said) = run.unsolved else { return "-".to_owned() };
-        let off = error.mean.iter().any(|e| !(e.abs() <= 1.0));
+        let off = error.mean.iter().any(|e| e.is_nan() || e.abs() > 1.0);
         count += usize::from(kind(off, said));
     }
     count.to_string()
