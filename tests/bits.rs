@@ -57,7 +57,7 @@ const KEPT: [Kept; 11] = [
     ),
     (
         "--plan experiments/external/impact.toml",
-        &[("samples.csv", "3e0080f7ab1ed0c8"), ("draws.csv", "bdea10959a86db80")],
+        &[("samples.csv", "d2c4c58eb36949cb"), ("draws.csv", "23aa6116ada707e8")],
     ),
     ("scene experiments/scenes/four-particles.toml", &[("series.csv", "78d3c6ecd45f4b48")]),
 ];

@@ -56,9 +56,7 @@ fn each_material_at_a_thousand_simulations_agrees_with_quadrature() {
         let sandbox = Sandbox::new();
         let ran = sandbox.run(&format!("--material {material} --samples 1000 --verify"));
         ran.succeeded();
-        // PA12's tails keep k-hat high, and the run says so.
-        let doubted = ran.stdout.contains("NOT TO BE TRUSTED");
-        assert_eq!(doubted, material == "pa12", "{}", ran.stdout);
+        assert!(!ran.stdout.contains("NOT TO BE TRUSTED"), "{}", ran.stdout);
     }
     let sandbox = Sandbox::new();
     let ran = sandbox.run("--material ps --samples 1000 --iterations 8");
