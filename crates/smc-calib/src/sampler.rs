@@ -21,7 +21,10 @@ const WIDE_SHARE: f64 = 0.1;
 /// Factor on the covariances of [`WIDE_SHARE`].
 const WIDER: f64 = 9.0;
 
-/// The last stage, whose proposal was fixed before it was drawn.
+/// Least share of the samples, one in so many, from which a stage of an extended run has an evidence of its own.
+const OWN_EVIDENCE: usize = 16;
+
+/// The last stage, whose proposal was fixed before it was drawn; of an extended run, the last that is large enough.
 pub(crate) struct Frozen {
     /// Its first sample in the pool.
     pub first: usize,
@@ -217,18 +220,37 @@ impl<'a> Sampler<'a> {
         (4 * n >= self.pool.len()).then_some((*n, proposal))
     }
 
-    /// The last stage's samples, weighted by the one density that they were drawn from.
+    /// The samples of the last stage, or the last that is large enough, weighted by the one density that they were drawn from.
     pub(crate) fn frozen(&self) -> Frozen {
-        let len = self.pool.len();
-        let first = len - self.proposals.last().map_or(0, |p| p.0);
-        let ln_q = self.ln_last_proposal(first..len);
-        let ln_w = self.pool.ln_l[first..].iter().zip(&ln_q).map(|(l, q)| l - q).collect();
-        Frozen { first, ln_q, ln_w }
+        let (len, extended) = (self.pool.len(), !self.settings.earlier.is_empty());
+        let mut end = len;
+        let mut stages = self.proposals.iter().rev().map(|(n, proposal)| {
+            let range = end - n..end;
+            end -= n;
+            (range, proposal)
+        });
+        let last = stages.next();
+        let large = |range: &Range<usize>| !extended || OWN_EVIDENCE * range.len() >= len;
+        let chosen = match last {
+            Some((range, proposal)) if large(&range) => Some((range, proposal)),
+            other => stages.find(|(range, _)| large(range)).or(other),
+        };
+        let Some((range, proposal)) = chosen else {
+            return Frozen { first: len, ln_q: Vec::new(), ln_w: Vec::new() };
+        };
+        let ln_q = self.ln_proposal(proposal, range.clone());
+        let ln_w = self.pool.ln_l[range.clone()].iter().zip(&ln_q).map(|(l, q)| l - q).collect();
+        Frozen { first: range.start, ln_q, ln_w }
     }
 
     /// Log of the last proposal over the prior at some samples.
     pub(crate) fn ln_last_proposal(&self, samples: Range<usize>) -> Vec<f64> {
         let Some((_, proposal)) = self.proposals.last() else { return Vec::new() };
+        self.ln_proposal(proposal, samples)
+    }
+
+    /// Log of a proposal over the prior at some samples.
+    fn ln_proposal(&self, proposal: &Proposal, samples: Range<usize>) -> Vec<f64> {
         samples
             .into_par_iter()
             .with_min_len(256)
@@ -397,14 +419,15 @@ impl<'a> Sampler<'a> {
         false
     }
 
-    /// Log evidence from the last stage alone, with its standard error. Samples are weighted by the one density that they
+    /// Log evidence from that stage alone, with its standard error. Samples are weighted by the one density that they
     /// were drawn from, which was fixed before: the mean of the evidence (not of its logarithm) is exact.
     pub(crate) fn frozen_evidence(&self, frozen: &Frozen) -> (f64, f64) {
         let (weights, ln_scale) = exponentiate(&frozen.ln_w);
         if ln_scale == f64::NEG_INFINITY {
             return (f64::MIN, f64::MAX);
         }
-        let label = self.pool.replicate[frozen.first..].to_vec();
+        let stage = frozen.first..frozen.first + frozen.ln_w.len();
+        let label = self.pool.replicate[stage].to_vec();
         Estimator::of(label, weights, ln_scale, self.replicates).log_evidence()
     }
 
