@@ -102,7 +102,6 @@ fn an_extended_run_is_as_good_as_one_of_as_many_simulations_from_the_start() {
             let twice = 2 * begun.samples;
             let whole = errors(&reference, &Settings { samples: twice, ..begun.clone() }, seeds);
             let parts = errors(&reference, &extended(&begun, &[twice]), seeds);
-            println!("{} {twice}: {parts:?} {whole:?}", reference.name);
             for (part, whole) in parts.iter().zip(whole) {
                 assert!(
                     *part <= allowed * whole + 1e-3,
@@ -121,7 +120,6 @@ fn a_run_placed_by_the_process_goes_on_without_it_where_so_many_simulations_do()
     for reference in [banana(), two_modes()] {
         let found = errors(&reference, &parts, 4);
         let whole = errors(&reference, &Settings::for_budget(16_384), 4);
-        println!("{}: {found:?} {whole:?}", reference.name);
         for (found, whole) in found.iter().zip(whole) {
             assert!(*found <= 2.0 * whole + 2e-3, "{}: {found:?} {whole:?}", reference.name);
         }
