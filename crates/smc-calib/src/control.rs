@@ -23,6 +23,7 @@ use crate::estimate::{Estimator, Integrals};
 use crate::mixture::Proposal;
 use crate::neighbours::MOST_DIMENSIONS;
 use crate::normal::LN_SQRT_2PI;
+use crate::pool::Pool;
 use crate::sampler::{Frozen, Sampler};
 use crate::small_budget::StandIn;
 use crate::sobol::scrambled_net;
@@ -149,17 +150,7 @@ fn integrals(
     if d > MOST_DIMENSIONS || r < 2 {
         return None;
     }
-    // Failed samples too: f is zero there, but g need not be.
-    let x: Vec<f64> = (0..pool.len() * d)
-        .into_par_iter()
-        .with_min_len(256)
-        .map(|i| coordinate(i % d, pool.z[i]))
-        .collect();
-    let standard = Standard::of(d, &x, weights);
-    let mut features = vec![0.0; pool.len() * p];
-    features.par_chunks_mut(p).zip(x.par_chunks(d)).with_min_len(256).for_each(|(out, x)| {
-        standard.features(x.iter().copied(), out);
-    });
+    let (standard, features) = features(pool, weights, coordinate);
 
     // f/q over the scale at the samples of the final stage, and the log of q over the prior at all samples.
     let target: Vec<f64> = drawn.ln_w.iter().map(|l| (l - ln_scale).exp()).collect();
@@ -219,6 +210,28 @@ fn integrals(
     let explained =
         drawn.process.is_none() || explains(&target, &controls, LEAST_EXPLAINED_BY_PROCESS);
     explained.then_some(Integrals { of_sub_nets, features })
+}
+
+/// 1, x_j, and x_i x_j of all samples, row by row, and what x is measured in.
+fn features(
+    pool: &Pool,
+    weights: &[f64],
+    coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
+) -> (Standard, Vec<f64>) {
+    let d = pool.d;
+    // Failed samples too: f is zero there, but g need not be.
+    let x: Vec<f64> = (0..pool.len() * d)
+        .into_par_iter()
+        .with_min_len(256)
+        .map(|i| coordinate(i % d, pool.z[i]))
+        .collect();
+    let standard = Standard::of(d, &x, weights);
+    let p = coefficients(d);
+    let mut features = vec![0.0; pool.len() * p];
+    features.par_chunks_mut(p).zip(x.par_chunks(d)).with_min_len(256).for_each(|(out, x)| {
+        standard.features(x.iter().copied(), out);
+    });
+    (standard, features)
 }
 
 /// Largest g/q from the values of f/q: [`CAP`] times their mean, which of all samples, many of them far from the posterior,

@@ -58,8 +58,8 @@ pub struct Settings {
     /// less. At most a quarter of the samples.
     #[serde(skip_serializing_if = "is_default")]
     pub overlap: usize,
-    /// Place samples by a Gaussian process through the log likelihoods so far; weights stay those of the true
-    /// likelihood. For budgets of up to a thousand simulations.
+    /// Place samples by a Gaussian process through the outputs so far (the log likelihoods, where there are no outputs); weights
+    /// stay those of the true likelihood. For budgets of up to two thousand simulations.
     #[serde(skip_serializing_if = "is_default")]
     pub surrogate: bool,
     /// Whether the path over the observations is computed: what was known after each of them. With many nodes of
@@ -107,8 +107,8 @@ impl Settings {
 
     /// For simulators of which only 30 to about two thousand runs can be paid for.
     ///
-    /// Many small stages, each placed by a Gaussian process through the outputs (or the log likelihoods) so far
-    /// ([`Settings::surrogate`]), and nothing simulated but the samples. Set [`Settings::batch`] to the number of runs
+    /// Many small stages, each placed by a Gaussian process through the outputs (or the log likelihoods) so far, with a length of
+    /// its own for every parameter ([`Settings::surrogate`]), and nothing simulated but the samples. Set [`Settings::batch`] to the number of runs
     /// that go on at a time. From 2048 simulations on these are the default settings without the search for the MAP, which with
     /// fewer does not find a posterior that is narrow in its prior (PEEK at 1001: 2.6 standard deviations off; placed by the process 0.03).
     ///

@@ -9,7 +9,7 @@ use crate::{Settings, SimError};
 
 /// Share of the budget that the first stage draws from the prior: enough for the stand-in to tell where the likelihood
 /// is negligible.
-const FIRST: f64 = 0.16;
+const FIRST: f64 = 0.24;
 /// Share of each proposal that is fitted to the samples themselves, without the stand-in, so that a stand-in that is sure
 /// of the wrong place is found out.
 const OWN: f64 = 0.15;
@@ -21,8 +21,10 @@ const ERROR: f64 = 4.0;
 const EVALUATIONS: usize = 2048;
 /// Depth of log density below the best sample down to which errors of the stand-in count.
 const MATTERS: f64 = 6.0;
-/// Most samples that the stand-in is made from: the best ones.
+/// Most samples that the stand-in is made from: the best ones, and some evenly spread over the ranks of the rest, so that it
+/// does not believe in places that were seen to be bad.
 const MAX_POINTS: usize = 150;
+const BEST_POINTS: usize = 100;
 /// Nugget of log likelihoods: at the best sample, and per unit of log density below it.
 const NUGGET: [f64; 2] = [0.02, 0.1];
 /// Nugget of curves, in units of their spread: at the best sample, and per unit of distance from its curve.
@@ -64,7 +66,10 @@ impl<'a> StandIn<'a> {
             return None;
         }
         chosen.sort_by(|a, b| density[*b].total_cmp(&density[*a]).then(a.cmp(b)));
-        chosen.truncate(MAX_POINTS);
+        if chosen.len() > MAX_POINTS {
+            let (rest, spread) = (chosen.split_off(BEST_POINTS), MAX_POINTS - BEST_POINTS);
+            chosen.extend((0..spread).map(|k| rest[k * rest.len() / spread]));
+        }
         let depths: Vec<f64> = chosen.iter().map(|i| density[chosen[0]] - density[*i]).collect();
         let like = like.map(|like| &like.process);
         let m = pool.kept_width;

@@ -3,7 +3,9 @@
 
 use smc_calib::quadrature::{QuadratureSettings, quadrature};
 use smc_calib::reference::{self, Reference};
-use smc_calib::{CalibrateError, DensitySummary, Posterior, Settings, Target as _, sample_density};
+use smc_calib::{
+    CalibrateError, Concern, DensitySummary, Posterior, Settings, Target as _, sample_density,
+};
 use workbench::error::{Failure, InputError, Mistake, RunError};
 use workbench::input::material::Material;
 
@@ -39,6 +41,8 @@ pub(crate) struct Run {
     pub(crate) khat: f64,
     /// Evaluations of a component's density.
     pub(crate) component_densities: usize,
+    /// Whether the result says itself that it is not solved; a density has no such judgement.
+    pub(crate) unsolved: Option<bool>,
 }
 
 /// A problem with its answer.
@@ -131,6 +135,8 @@ impl Case {
 
 impl Run {
     pub(crate) fn of_posterior(found: Posterior) -> Self {
+        let trust = found.trust();
+        let unsolved = trust.concerns.iter().any(|c| matches!(c, Concern::BudgetTooSmall { .. }));
         let moments: Vec<_> = found.parameters.iter().map(|p| p.in_coordinate).collect();
         Self {
             estimate: Estimate {
@@ -146,6 +152,7 @@ impl Run {
             ess: found.ess.importance,
             khat: found.khat,
             component_densities: found.counters.component_densities,
+            unsolved: Some(unsolved),
         }
     }
 
@@ -164,6 +171,7 @@ impl Run {
             ess: found.ess,
             khat: found.khat,
             component_densities: found.counters.component_densities,
+            unsolved: None,
         }
     }
 }
