@@ -61,6 +61,10 @@ impl Sampler<'_> {
         if stage == 0 {
             return Some((sizes[0], Proposal::prior(self.pool.d), last && sizes.len() == 1));
         }
+        if let Some(n) = self.explored(budget, sizes[0]) {
+            self.beta = 0.0;
+            return Some((n, Proposal::prior(self.pool.d), false));
+        }
         let each = sizes[sizes.len().min(2) - 1];
         let n = if first {
             if stage + 1 < sizes.len() { sizes[stage] } else { left }
@@ -81,6 +85,17 @@ impl Sampler<'_> {
             self.beta = beta;
         }
         Some((left, proposal, last))
+    }
+
+    /// Size of a first stage of a later part that the process places, drawn from the prior: as much of the prior is explored
+    /// as by a run of its budget, whose first stage has `wished` samples.
+    fn explored(&self, budget: usize, wished: usize) -> Option<usize> {
+        let placed = self.samples();
+        if !self.placing.surrogate || !self.settings.earlier.contains(&placed) {
+            return None;
+        }
+        let n = wished.saturating_sub(self.schedule(placed)[0]);
+        (n > 0 && placed + n < budget).then_some(n)
     }
 
     /// Goes over to the settings of a later part.
