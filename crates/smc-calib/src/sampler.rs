@@ -230,7 +230,10 @@ impl<'a> Sampler<'a> {
             (range, proposal)
         });
         let last = stages.next();
-        let large = |range: &Range<usize>| !extended || OWN_EVIDENCE * range.len() >= len;
+        // As large as the last one of the first part is enough.
+        let enough = self.schedule(self.settings.first_budget()).last().copied().unwrap_or(len);
+        let enough = enough.min(len / OWN_EVIDENCE);
+        let large = |range: &Range<usize>| !extended || range.len() >= enough;
         let chosen = match last {
             Some((range, proposal)) if large(&range) => Some((range, proposal)),
             other => stages.find(|(range, _)| large(range)).or(other),
