@@ -1,5 +1,6 @@
 //! `calibrate --plan`, `--resume`, `status`, `export`: calibration of commands, and what survives interruptions.
 
+mod extension;
 mod interruptions;
 mod outages;
 mod runs;

@@ -79,7 +79,8 @@ pub fn calibrate_joint(
         }
         let record = stage_record(&sampler, problem, tuned, last);
         // Stages that were placed meanwhile are still taken.
-        if stop.is_none() && tuned.is_none() && !stages.is_empty() && !last {
+        let may_end = tuned.is_none() && settings.earlier.is_empty();
+        if stop.is_none() && may_end && !stages.is_empty() && !last {
             stop = reached(&record, &sampler, settings);
         }
         stages.push(record.record);
@@ -235,6 +236,14 @@ pub(crate) fn check(
         });
     }
     settings.check(d)?;
+    let tuned = problem.groups.iter().any(|group| matches!(group.noise, Noise::EssTarget { .. }));
+    if let (Some(budget), true) = (settings.earlier.first(), tuned) {
+        return Err(CalibrateError::Setting {
+            setting: "earlier",
+            value: *budget as f64,
+            range: "none with tuned noise, whose result is that of its newest iteration alone",
+        });
+    }
     let likelihood = JointLikelihood::new(problem)?;
     let observations = problem.observations();
     if likelihood.has_shape() && !CurveTarget::has_room(observations, settings.samples) {

@@ -356,7 +356,7 @@ pub(crate) fn estimate(
     let (frozen_value, frozen_se) = sampler.frozen_evidence(&frozen);
     let ln_w = sampler.ln_weights();
     let mixture = Proposal::of_stages(&sampler.proposals);
-    let drawn = if sampler.settings.surrogate {
+    let drawn = if sampler.placing.surrogate {
         mixture.as_ref().and_then(|mixture| Drawn::all(sampler, raw, &ln_w, mixture))
     } else {
         Drawn::finally(sampler, &frozen)

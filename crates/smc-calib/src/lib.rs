@@ -25,6 +25,7 @@ mod noise;
 mod noise_summary;
 pub mod normal;
 mod observations;
+mod parts;
 mod path;
 mod pool;
 mod posterior;

@@ -21,7 +21,10 @@ const WIDE_SHARE: f64 = 0.1;
 /// Factor on the covariances of [`WIDE_SHARE`].
 const WIDER: f64 = 9.0;
 
-/// The last stage, whose proposal was fixed before it was drawn.
+/// Least share of the samples, one in so many, from which a stage of an extended run has an evidence of its own.
+const OWN_EVIDENCE: usize = 16;
+
+/// The last stage, whose proposal was fixed before it was drawn; of an extended run, the last that is large enough.
 pub(crate) struct Frozen {
     /// Its first sample in the pool.
     pub first: usize,
@@ -48,6 +51,8 @@ struct Placed {
 pub(crate) struct Sampler<'a> {
     pub(crate) target: &'a dyn Target,
     pub(crate) settings: &'a Settings,
+    /// The settings that the newest stage was placed by: those of its part of an extended run.
+    pub(crate) placing: Settings,
     pub pool: Pool,
     /// Number of draws and proposal of each stage in the pool.
     pub proposals: Vec<(usize, Proposal)>,
@@ -65,10 +70,12 @@ impl<'a> Sampler<'a> {
     pub(crate) fn new(target: &'a dyn Target, settings: &'a Settings) -> Self {
         // Each sub-net needs a few points, or there is nothing to average.
         let fewest = if settings.surrogate { 4 } else { 8 };
-        let replicates = settings.replicates.min(settings.samples / fewest).max(1);
+        // An extended run has the sub-nets that it began with.
+        let replicates = settings.replicates.min(settings.first_budget() / fewest).max(1);
         Self {
             target,
             settings,
+            placing: settings.clone(),
             pool: Pool::new(target.dimension(), target.kept()),
             proposals: Vec::new(),
             placed: VecDeque::new(),
@@ -79,14 +86,14 @@ impl<'a> Sampler<'a> {
         }
     }
 
-    /// Sizes of the stages: the adaptive ones, then the final one; all multiples of the number of sub-nets
-    /// where the budget allows.
-    pub(crate) fn schedule(&self) -> Vec<usize> {
-        let (n, r) = (self.settings.samples, self.replicates);
-        let adaptive = ((n as f64 * (1.0 - self.settings.final_share)) as usize).min(n);
-        let stages = self.settings.iterations.max(1);
+    /// Sizes of the stages of a run of `n` samples: the adaptive ones, then the final one; all multiples of the number of
+    /// sub-nets where the budget allows.
+    pub(crate) fn schedule(&self, n: usize) -> Vec<usize> {
+        let r = self.replicates;
+        let adaptive = ((n as f64 * (1.0 - self.placing.final_share)) as usize).min(n);
+        let stages = self.placing.iterations.max(1);
         if self.settings.batch > 0 {
-            return self.batches(adaptive);
+            return self.batches(n, adaptive);
         }
         let each = adaptive / stages / r * r;
         if n < 256 || each < 4 * r {
@@ -108,7 +115,7 @@ impl<'a> Sampler<'a> {
     }
 
     /// Number of samples that were placed.
-    fn samples(&self) -> usize {
+    pub(crate) fn samples(&self) -> usize {
         self.pool.len() + self.placed.iter().map(|placed| placed.replicates.len()).sum::<usize>()
     }
 
@@ -158,7 +165,7 @@ impl<'a> Sampler<'a> {
         let stage = self.stages();
         // The few samples of a stage that a Gaussian process places fill their space together: one net for all of them, dealt
         // to the sub-nets one by one. Errors are then those of independent draws, which is too large, if anything.
-        let together = self.settings.surrogate;
+        let together = self.placing.surrogate;
         let (d, r) = (self.pool.d, if together { 1 } else { self.replicates });
         let seed = self.settings.seed;
         let width = proposal.uniforms();
@@ -213,18 +220,40 @@ impl<'a> Sampler<'a> {
         (4 * n >= self.pool.len()).then_some((*n, proposal))
     }
 
-    /// The last stage's samples, weighted by the one density that they were drawn from.
+    /// The samples of the last stage, or the last that is large enough, weighted by the one density that they were drawn from.
     pub(crate) fn frozen(&self) -> Frozen {
-        let len = self.pool.len();
-        let first = len - self.proposals.last().map_or(0, |p| p.0);
-        let ln_q = self.ln_last_proposal(first..len);
-        let ln_w = self.pool.ln_l[first..].iter().zip(&ln_q).map(|(l, q)| l - q).collect();
-        Frozen { first, ln_q, ln_w }
+        let (len, extended) = (self.pool.len(), !self.settings.earlier.is_empty());
+        let mut end = len;
+        let mut stages = self.proposals.iter().rev().map(|(n, proposal)| {
+            let range = end - n..end;
+            end -= n;
+            (range, proposal)
+        });
+        let last = stages.next();
+        // As large as the last one of the first part is enough.
+        let enough = self.schedule(self.settings.first_budget()).last().copied().unwrap_or(len);
+        let enough = enough.min(len / OWN_EVIDENCE);
+        let large = |range: &Range<usize>| !extended || range.len() >= enough;
+        let chosen = match last {
+            Some((range, proposal)) if large(&range) => Some((range, proposal)),
+            other => stages.find(|(range, _)| large(range)).or(other),
+        };
+        let Some((range, proposal)) = chosen else {
+            return Frozen { first: len, ln_q: Vec::new(), ln_w: Vec::new() };
+        };
+        let ln_q = self.ln_proposal(proposal, range.clone());
+        let ln_w = self.pool.ln_l[range.clone()].iter().zip(&ln_q).map(|(l, q)| l - q).collect();
+        Frozen { first: range.start, ln_q, ln_w }
     }
 
     /// Log of the last proposal over the prior at some samples.
     pub(crate) fn ln_last_proposal(&self, samples: Range<usize>) -> Vec<f64> {
         let Some((_, proposal)) = self.proposals.last() else { return Vec::new() };
+        self.ln_proposal(proposal, samples)
+    }
+
+    /// Log of a proposal over the prior at some samples.
+    fn ln_proposal(&self, proposal: &Proposal, samples: Range<usize>) -> Vec<f64> {
         samples
             .into_par_iter()
             .with_min_len(256)
@@ -234,7 +263,7 @@ impl<'a> Sampler<'a> {
 
     /// A proposal fitted to the tempered weights of all samples.
     pub(crate) fn refit(&mut self, next_size: usize) -> Proposal {
-        let (s, d) = (self.settings, self.pool.d);
+        let (s, d) = (self.placing.clone(), self.pool.d);
         if self.pool.len() == 0 {
             self.beta = 0.0;
             return Proposal::prior(d);
@@ -328,7 +357,7 @@ impl<'a> Sampler<'a> {
         const NEIGHBOURS: usize = 64;
         let (d, pool) = (self.pool.d, &self.pool);
         let total: f64 = weights.iter().sum();
-        let defensive = self.settings.defensive_share;
+        let defensive = self.placing.defensive_share;
         // Target over proposal: the weight times the mixture so far over the new proposal.
         let ratio = |i: usize| -> f64 {
             if weights[i] <= 0.0 {
@@ -393,14 +422,15 @@ impl<'a> Sampler<'a> {
         false
     }
 
-    /// Log evidence from the last stage alone, with its standard error. Samples are weighted by the one density that they
+    /// Log evidence from that stage alone, with its standard error. Samples are weighted by the one density that they
     /// were drawn from, which was fixed before: the mean of the evidence (not of its logarithm) is exact.
     pub(crate) fn frozen_evidence(&self, frozen: &Frozen) -> (f64, f64) {
         let (weights, ln_scale) = exponentiate(&frozen.ln_w);
         if ln_scale == f64::NEG_INFINITY {
             return (f64::MIN, f64::MAX);
         }
-        let label = self.pool.replicate[frozen.first..].to_vec();
+        let stage = frozen.first..frozen.first + frozen.ln_w.len();
+        let label = self.pool.replicate[stage].to_vec();
         Estimator::of(label, weights, ln_scale, self.replicates).log_evidence()
     }
 
@@ -435,37 +465,6 @@ impl<'a> Sampler<'a> {
             .map(|g| Component::new(g.weight, g.mean, g.factor, nu))
             .collect();
         Proposal { dimension: d, prior_share: 0.0, degrees_of_freedom: nu, components }
-    }
-
-    /// Size and proposal of the next stage, and whether it is the final one; none once the budget is spent.
-    ///
-    /// Until tempering has reached the full likelihood, further adaptive stages come before the final one, as long as half
-    /// of the remaining budget is left for it.
-    pub(crate) fn next(&mut self) -> Option<NextStage> {
-        let sizes = self.schedule();
-        let stage = self.stages();
-        let left = self.settings.samples - self.samples();
-        if left == 0 {
-            return None;
-        }
-        if stage == 0 {
-            return Some((sizes[0], Proposal::prior(self.pool.d), sizes.len() == 1));
-        }
-        if stage + 1 < sizes.len() {
-            let n = sizes[stage];
-            return Some((n, self.refit(n), false));
-        }
-        let proposal = self.refit(left);
-        let each = sizes[sizes.len().min(2) - 1];
-        if self.beta < 1.0 && sizes.len() > 2 && left >= 2 * each {
-            let beta = self.beta;
-            let further = self.refit(each);
-            if self.beta < 1.0 {
-                return Some((each, further, false));
-            }
-            self.beta = beta;
-        }
-        Some((left, proposal, true))
     }
 
     /// Runs all stages without an observer.

@@ -11,6 +11,11 @@ use serde::{Deserialize, Serialize};
 pub struct Settings {
     /// Total number of simulations of the sampler (the local search for the MAP comes on top).
     pub samples: usize,
+    /// Of a run that extends others: their budgets, in rising order, all below `samples`. The first samples are those of a run
+    /// of `earlier[0]` with these settings, to the bit; those up to the next budget are placed from all before them. The
+    /// targets `ess_target` and `mean_se_target` do not end such a run.
+    #[serde(skip_serializing_if = "is_default")]
+    pub earlier: Vec<usize>,
     /// Stages that adapt the proposal, before the final one.
     pub iterations: usize,
     /// Seed of all random streams.
@@ -72,6 +77,7 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             samples: 16_384,
+            earlier: Vec::new(),
             iterations: 8,
             seed: 1,
             replicates: 16,
@@ -125,6 +131,27 @@ impl Settings {
         }
     }
 
+    /// The settings of this run extended to `samples`: see [`earlier`](Self::earlier). All other settings stay, also those
+    /// that [`for_budget`](Self::for_budget) has otherwise for so many.
+    ///
+    /// # Errors
+    /// [`CalibrateError::Setting`] where that is no more than the run has.
+    pub fn extended(&self, samples: usize) -> Result<Self, CalibrateError> {
+        if samples <= self.samples {
+            let (setting, value) = ("samples", samples as f64);
+            let range = "above the number that the run has";
+            return Err(CalibrateError::Setting { setting, value, range });
+        }
+        let mut earlier = self.earlier.clone();
+        earlier.push(self.samples);
+        Ok(Self { samples, earlier, ..self.clone() })
+    }
+
+    /// The settings of the first run, before it was extended.
+    pub fn as_begun(&self) -> Self {
+        Self { samples: self.first_budget(), earlier: Vec::new(), ..self.clone() }
+    }
+
     /// Refuses values outside their range, for a problem of `dimension` parameters.
     pub(crate) fn check(&self, dimension: usize) -> Result<(), CalibrateError> {
         let refuse =
@@ -135,6 +162,10 @@ impl Settings {
         }
         if !(1..=1 << 27).contains(&self.samples) {
             return refuse("samples", self.samples as f64, "between 1 and 2^27");
+        }
+        let budgets: Vec<usize> = self.earlier.iter().copied().chain([self.samples]).collect();
+        if let Some(pair) = budgets.windows(2).find(|pair| pair[0] == 0 || pair[0] >= pair[1]) {
+            return refuse("earlier", pair[0] as f64, "above 0 and below the budget after it");
         }
         if !(1..=1000).contains(&self.iterations) {
             return refuse("iterations", self.iterations as f64, "between 1 and 1000");
@@ -166,7 +197,7 @@ impl Settings {
         if self.batch > 1 << 27 {
             return refuse("batch", self.batch as f64, "at most 2^27");
         }
-        if self.overlap > self.samples / 4 {
+        if self.overlap > self.first_budget() / 4 {
             return refuse("overlap", self.overlap as f64, "at most a quarter of samples");
         }
         if !within(self.max_failed_share, 0.0, 1.0) {

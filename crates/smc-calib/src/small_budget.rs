@@ -200,9 +200,9 @@ impl Target for StandIn<'_> {
 
 impl Sampler<'_> {
     /// Sizes of the stages where they are to be multiples of the batch.
-    pub(crate) fn batches(&self, adaptive: usize) -> Vec<usize> {
-        let (n, batch) = (self.settings.samples, self.settings.batch);
-        let stages = self.settings.iterations.max(1);
+    pub(crate) fn batches(&self, n: usize, adaptive: usize) -> Vec<usize> {
+        let batch = self.settings.batch;
+        let stages = self.placing.iterations.max(1);
         let each = (adaptive / stages).max(1).next_multiple_of(batch);
         let first = each.max((n as f64 * FIRST) as usize / batch * batch).min(n);
         let mut sizes = vec![first];
@@ -220,13 +220,13 @@ impl Sampler<'_> {
 
     /// Effective size that tempering aims at.
     pub(crate) fn wished(&self, next_size: usize) -> f64 {
-        let wished = self.settings.tempering_share * next_size as f64;
-        if self.settings.surrogate { wished.max(WISHED * (self.pool.d + 1) as f64) } else { wished }
+        let wished = self.placing.tempering_share * next_size as f64;
+        if self.placing.surrogate { wished.max(WISHED * (self.pool.d + 1) as f64) } else { wished }
     }
 
     /// Components of the next proposal from the stand-in; none where it is not asked for or cannot be made.
     pub(crate) fn placed(&mut self, weights: &[f64]) -> Option<Vec<Component>> {
-        if !self.settings.surrogate {
+        if !self.placing.surrogate {
             return None;
         }
         let stand_in = StandIn::new(self.target, &self.pool, weights, 0..self.pool.len(), None)?;
@@ -242,7 +242,8 @@ impl Sampler<'_> {
             batch: 0,
             surrogate: false,
             overlap: 0,
-            ..self.settings.clone()
+            earlier: Vec::new(),
+            ..self.placing.clone()
         };
         let mut inner = Sampler::new(&stand_in, &settings);
         inner.tails = false;

@@ -315,6 +315,8 @@ pub(crate) struct Simulations {
     pub(crate) of_programs: bool,
     /// Whether a plan file asks for them, not options.
     pub(crate) of_file: bool,
+    /// Whether more of them can be made for the same run.
+    pub(crate) extendable: bool,
 }
 
 /// A concern of the sampler as a line, with the option that helps where there is one.
@@ -336,6 +338,10 @@ fn option(concern: &Concern, asked: Simulations) -> Option<String> {
         | Concern::EvidenceDisagrees { .. }
         | Concern::BudgetTooSmall { .. } => {
             let more = more_than(asked);
+            let extend = if asked.of_programs { "--resume" } else { "--continue-from" };
+            if asked.extendable {
+                return Some(format!("calibrate {extend} DIR --samples {more}"));
+            }
             field(&format!("--samples {more}"), &format!("samples = {more} in [sampler]"))
         }
         alike if alike.is_alike() => {
@@ -434,23 +440,29 @@ mod tests {
             "5 draws are few for a 90 % interval: its ends are the extreme draws; take --draws 20 or more (see careful.md, \"few-draws\")"
         );
         let few = Concern::FewEffectiveSamples { ess: 31.2, wished: 400.0 };
-        let of_pair = Simulations { number: 16_384, of_programs: false, of_file: false };
+        let of_pair =
+            Simulations { number: 16_384, of_programs: false, of_file: false, extendable: true };
         assert_eq!(
             concern(&few, of_pair),
-            "only 31 effective samples: means and intervals are rough; run more simulations: --samples 32768 (see careful.md, \"few-effective-samples\")"
+            "only 31 effective samples: means and intervals are rough; run more simulations: calibrate --continue-from DIR --samples 32768 (see careful.md, \"few-effective-samples\")"
         );
-        let of_programs = Simulations { number: 300, of_programs: true, of_file: true };
-        assert!(concern(&few, of_programs).contains("samples = 600 in [sampler]"));
-        let small = Simulations { number: 1000, of_programs: false, of_file: false };
-        assert!(concern(&few, small).contains("--samples 16384"));
-        let pairs = Simulations { of_file: true, ..small };
+        let of_programs =
+            Simulations { number: 300, of_programs: true, of_file: true, extendable: true };
+        assert!(concern(&few, of_programs).contains("calibrate --resume DIR --samples 600"));
+        let small = Simulations { number: 1000, ..of_pair };
+        assert!(concern(&few, small).contains("--continue-from DIR --samples 16384"));
+        // What cannot be extended is run anew.
+        let given = Simulations { extendable: false, ..of_programs };
+        assert!(concern(&few, given).contains("samples = 600 in [sampler]"));
+        let pairs = Simulations { of_file: true, extendable: false, ..small };
         assert!(concern(&few, pairs).contains("samples = 16384 in [sampler]"));
     }
 
     #[test]
     fn a_reason_without_an_option_ends_with_its_remedy() {
         let many = Concern::ManyFailures { failed: 3, simulations: 9, commonest: "x".to_owned() };
-        let line = concern(&many, Simulations { number: 9, of_programs: true, of_file: true });
+        let asked = Simulations { number: 9, of_programs: true, of_file: true, extendable: true };
+        let line = concern(&many, asked);
         assert!(
             line.ends_with("where the simulator works (see careful.md, \"many-failures\")"),
             "{line}"

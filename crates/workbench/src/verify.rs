@@ -35,6 +35,8 @@ pub struct Verification {
     lines: Vec<Line>,
     evaluations: usize,
     error: f64,
+    /// Samples of the posterior.
+    samples: usize,
 }
 
 /// Integrates the posterior of a plan with one pair by quadrature, on the current thread pool.
@@ -70,6 +72,7 @@ pub fn verify(record: &Record) -> Result<Verification, Failure> {
         lines: compare(record, &exact),
         evaluations: exact.evaluations,
         error: exact.error,
+        samples: plan.budget(),
     })
 }
 
@@ -107,7 +110,10 @@ impl Verification {
                 "the posterior differs from quadrature: {} is {}, exactly {}",
                 line.what, line.found, line.exact
             ))
-            .help("run more simulations (--samples)")),
+            .help(format_args!(
+                "run more simulations: calibrate --continue-from DIR --samples {}",
+                2 * self.samples
+            ))),
         }
     }
 }

@@ -32,13 +32,20 @@ pub(crate) struct CalibrateArgs {
 
     /// Calibrate any simulator, as a plan file (.toml or .json) says: parameters, experiments, commands,
     /// executor; see crates/workbench/docs/plan-files.md
-    #[arg(long, value_name = "FILE", conflicts_with_all = NOT_WITH_A_PLAN, help_heading = "What to calibrate")]
+    #[arg(long, value_name = "FILE", conflicts_with_all = NOT_WITH_A_RUN, conflicts_with_all = ["samples", "verify"], help_heading = "What to calibrate")]
     plan: Option<PathBuf>,
 
     /// Go on with the runs of a plan's programs after an interruption, from their folder; nothing that finished is run
-    /// again. Plans with built-in simulators alone are computed in one go, and begun anew
-    #[arg(long, value_name = "DIR", conflicts_with_all = NOT_WITH_A_PLAN, conflicts_with_all = ["out", "dry_run"], help_heading = "What to calibrate")]
+    /// again. With --samples the run is extended to so many: all it has made count. Plans with built-in simulators alone are
+    /// computed in one go, and begun anew or extended by --continue-from
+    #[arg(long, value_name = "DIR", conflicts_with_all = NOT_WITH_A_RUN, conflicts_with_all = ["verify", "out", "dry_run"], help_heading = "What to calibrate")]
     resume: Option<PathBuf>,
+
+    /// Extend a run of the built-in simulators (its folder, or its posterior.json) to --samples: with its data, priors, seed
+    /// and settings, and all its simulations, which are computed again to the same bits (in milliseconds, by the closed
+    /// form). Written to its folder, the former result moved aside, or to --out
+    #[arg(long, value_name = "DIR", requires = "samples", conflicts_with_all = NOT_WITH_A_RUN, conflicts_with_all = ["plan", "resume", "toml"], help_heading = "What to calibrate")]
+    continue_from: Option<PathBuf>,
 
     /// With --resume: make failed runs once more, after what made them fail was mended; all of them, or those whose
     /// cause (as in calibrate status: "exit code 3", "timeout") or last words on stderr contain these words
@@ -89,9 +96,9 @@ pub(crate) struct CalibrateArgs {
     #[arg(long, help_heading = "Model")]
     no_other_kinetics: bool,
 
-    /// Simulations in total
-    #[arg(short = 'n', long, value_name = "N", default_value_t = 16_384, value_parser = arguments::samples, help_heading = "Sampling")]
-    samples: usize,
+    /// Simulations in total; with --resume and --continue-from those of the extended run [default: 16384]
+    #[arg(short = 'n', long, value_name = "N", value_parser = arguments::samples, help_heading = "Sampling")]
+    samples: Option<usize>,
 
     /// Adaptive stages, over which the proposal is refined [default: 8; below 2048 simulations 20
     /// small ones, placed by a Gaussian process]
@@ -140,8 +147,8 @@ pub(crate) struct CalibrateArgs {
     verify: bool,
 }
 
-/// Options that a plan file says itself.
-const NOT_WITH_A_PLAN: [&str; 13] = [
+/// Options that a plan file, or a run that is there, says itself.
+const NOT_WITH_A_RUN: [&str; 11] = [
     "material",
     "experiment",
     "prior",
@@ -150,11 +157,9 @@ const NOT_WITH_A_PLAN: [&str; 13] = [
     "solver",
     "tolerance",
     "noise",
-    "samples",
     "iterations",
     "ess",
     "seed",
-    "verify",
 ];
 
 impl CalibrateArgs {
@@ -164,6 +169,7 @@ impl CalibrateArgs {
             && self.experiment.is_none()
             && self.plan.is_none()
             && self.resume.is_none()
+            && self.continue_from.is_none()
     }
 
     /// Options of a calibration on one pair of particles.
@@ -177,7 +183,7 @@ impl CalibrateArgs {
             solver: self.solver,
             tolerance: self.tolerance,
             noise: self.noise.clone(),
-            samples: self.samples,
+            samples: self.samples.unwrap_or(PairOptions::default().samples),
             iterations: self.iterations,
             ess: self.ess,
             seed: self.seed,
@@ -187,13 +193,20 @@ impl CalibrateArgs {
 
 /// Runs the command.
 pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
-    let planned = match (&args.plan, &args.resume) {
-        (Some(file), _) => Some(Planned::read(file)?),
-        (None, None) => Some(args.pair().plan()?),
-        (None, Some(_)) => None,
+    let mut out = args.out.clone();
+    let planned = match (&args.plan, &args.resume, &args.continue_from, args.samples) {
+        (_, _, Some(from), Some(samples)) => {
+            let (planned, folder) = calibration::continued(from, samples)?;
+            out.get_or_insert(folder);
+            Some(planned)
+        }
+        (Some(file), ..) => Some(Planned::read(file)?),
+        (None, None, ..) => Some(args.pair().plan()?),
+        (None, Some(_), ..) => None,
     };
     let options = RunOptions {
-        out: args.out.clone(),
+        out,
+        samples: args.samples,
         threads: args.threads,
         worker: vec![program()?, "run-task".to_owned()],
         accept_owner: args.accept_owner,

@@ -45,6 +45,10 @@ Examples:
   calibrate --plan experiments/external/impact.toml
                                                 own simulation program, own measurements of any kind
   calibrate --resume results/impact             go on after an interruption
+  calibrate --resume results/impact --samples 600
+                                                more runs for a run that is there; all it has made count
+  calibrate --continue-from results/ps --samples 32768
+                                                the same of a run of a built-in simulator
   calibrate inspect results/ps/posterior.json   print a posterior again
   calibrate plot results/ps --width full        draw its figures again
   calibrate compare --material ps               which kinetics do the data support?
@@ -68,7 +72,7 @@ Built-in materials: ps, pa12, peek.";
 #[command(
     name = "calibrate",
     version,
-    override_usage = "calibrate --material <NAME> [OPTIONS]\n       calibrate --experiment <FILE> [--prior <FILE>] [OPTIONS]\n       calibrate --plan <FILE> [OPTIONS]\n       calibrate --resume <DIR>\n       calibrate <COMMAND>",
+    override_usage = "calibrate --material <NAME> [OPTIONS]\n       calibrate --experiment <FILE> [--prior <FILE>] [OPTIONS]\n       calibrate --plan <FILE> [OPTIONS]\n       calibrate --resume <DIR> [--samples <N>]\n       calibrate --continue-from <DIR> --samples <N>\n       calibrate <COMMAND>",
     after_help = AFTER_HELP,
     args_conflicts_with_subcommands = true,
     subcommand_negates_reqs = true,

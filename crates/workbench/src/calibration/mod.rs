@@ -2,6 +2,7 @@
 
 mod ahead;
 mod curves;
+mod extension;
 mod fingerprints;
 mod neck_growth;
 mod of_pair;
@@ -14,6 +15,7 @@ mod sensitivity;
 mod stopped;
 mod store;
 
+pub use extension::continued;
 pub use run::{Finished, RunOptions, Timings, resume, run, run_by};
 pub use sampling::Calibration;
 pub(crate) use sampling::sample;

@@ -15,6 +15,7 @@ use serde::Serialize;
 use smc_calib::Posterior;
 
 use super::ahead;
+use super::extension;
 use super::fingerprints::{self, Guard, Unchecked};
 use super::sampling::{Calibration, Stages, failure, sample};
 use super::store::{self, Stored, refused};
@@ -37,6 +38,8 @@ pub struct RunOptions {
     pub threads: Option<usize>,
     /// The program and arguments that make given runs of a campaign, for jobs on a cluster: `calibrate run-task`.
     pub worker: Vec<String>,
+    /// On resuming: the number of samples that the run is extended to.
+    pub samples: Option<usize>,
     /// On resuming: makes runs once more that failed by a cause, or with words on stderr, that contain this text; empty for
     /// all failed runs.
     pub retry_failed: Option<String>,
@@ -184,7 +187,7 @@ pub fn resume(
     watch: &dyn Watch,
 ) -> Result<Finished, Failure> {
     store::check_owner(dir, options.accept_owner)?;
-    let (mut campaign, stored, damage) = store::open(dir, given)?;
+    let (mut campaign, mut stored, damage) = store::open(dir, given)?;
     // A line that was being written when the driver was killed is no damage.
     for damage in damage.iter().filter(|damage| !damage.torn) {
         watch.warn(&format!("{damage}; what it held is made again, the rest is used"));
@@ -228,6 +231,9 @@ pub fn resume(
         let again =
             stopped::retry_failed(dir, &mut campaign, &stored.plan, (cause, options.keep_placed))?;
         watch.note(&format!("{again} failed runs are made once more"));
+    }
+    if let Some(samples) = options.samples {
+        extension::extend(dir, &mut campaign, &mut stored, samples)?;
     }
     let (began, version) = (&stored.plan.version, env!("CARGO_PKG_VERSION"));
     if began != version {

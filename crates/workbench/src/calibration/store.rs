@@ -15,6 +15,8 @@ use crate::plan::{ExecutorPlan, ExperimentPlan, Plan, Planned, with_folder};
 
 /// The file with the plan as it was understood, tables and all.
 const RESOLVED: &str = "resolved-plan.json";
+/// The field that an extension changes.
+const SAMPLES: &str = "sampler.samples";
 
 /// A plan as it is kept beside its runs, so that they need no other file to go on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -223,15 +225,8 @@ pub(super) fn open(
         call.set_limits(&command.call);
     }
     if let Some(planned) = given {
-        if let Some((field, was, is)) = difference(&stored.plan, &planned.plan) {
-            let file = planned.path.as_deref().unwrap_or(Path::new("plan"));
-            return Err(InputError::new(file.display().to_string(), Mistake::Conflict)
-                .in_field(field)
-                .found(is)
-                .expected(format_args!("{was}, as in the run in {}", dir.display()))
-                .help("a run goes on with the plan it began with; begin another with --plan and --out")
-                .help("only [executor], timeout_s, retries, try_later, lost and keep may be others")
-                .into());
+        if let Some(difference) = difference(&stored.plan, &planned.plan) {
+            return Err(other_plan(dir, planned, difference).into());
         }
         stored.plan = with_limits(&stored.plan, &planned.plan);
         let spec = stored.spec()?;
@@ -239,6 +234,40 @@ pub(super) fn open(
         stored.executor.clone_from(&planned.executor);
     }
     Ok((campaign, stored, damage))
+}
+
+/// Refuses a plan that is not that of the run.
+fn other_plan(
+    dir: &Path,
+    planned: &Planned,
+    (field, was, is): (String, String, String),
+) -> InputError {
+    let file = planned.path.as_deref().unwrap_or(Path::new("plan"));
+    let error = InputError::new(file.display().to_string(), Mistake::Conflict);
+    let error = match field == SAMPLES {
+        true => error.help(format_args!(
+            "to give the run more: calibrate --resume {} --samples {}",
+            dir.display(),
+            planned.plan.sampler.samples
+        )),
+        false => error,
+    };
+    error
+        .in_field(field)
+        .found(is)
+        .expected(format_args!("{was}, as in the run in {}", dir.display()))
+        .help("a run goes on with the plan it began with; begin another with --plan and --out")
+        .help("only [executor], timeout_s, retries, try_later, lost and keep may be others")
+}
+
+/// Puts a plan in place of that which a run began with; runs that are there have to stay those that it asks for first.
+pub(super) fn replace_plan(
+    dir: &Path,
+    campaign: &mut Campaign,
+    stored: &Stored,
+) -> Result<(), Failure> {
+    let bytes = pretty(stored)?.into_bytes();
+    campaign.replace_extra(RESOLVED, &bytes).map_err(|error| refused(dir, error))
 }
 
 /// The programs that the runs in a folder were begun with; none where that is not known.
@@ -320,17 +349,32 @@ pub(super) fn limits_differ(was: &Plan, is: &Plan) -> bool {
 
 /// Whether two plans give the same result; the version of the program and limits on runs are no part of this.
 pub(super) fn same(was: &Plan, is: &Plan) -> bool {
-    Plan { version: was.version.clone(), ..with_limits(is, was) } == *was
+    let was = with_samples(was, is);
+    Plan { version: was.version.clone(), ..with_limits(is, &was) } == was
+}
+
+/// The plan of a run with the number of samples of a plan file, where it is one that the run has had: a run that was extended
+/// is still that of its file.
+fn with_samples(was: &Plan, is: &Plan) -> Plan {
+    let mut plan = was.clone();
+    let samples = is.sampler.samples;
+    if is.sampler.earlier.is_empty()
+        && (was.sampler.earlier.contains(&samples) || was.sampler.samples == samples)
+    {
+        (plan.sampler.samples, plan.sampler.earlier) = (samples, Vec::new());
+    }
+    plan
 }
 
 /// Where two plans differ first: the field, and both values. The version of the program and limits on runs are no part of
 /// this.
 fn difference(was: &Plan, is: &Plan) -> Option<(String, String, String)> {
-    let was = Plan { version: is.version.clone(), ..with_limits(was, is) };
+    let was = with_samples(&with_limits(was, is), is);
+    let was = Plan { version: is.version.clone(), ..was };
     let (before, now) = (was.sampler.samples, is.sampler.samples);
     if before != now {
         // Other settings of the sampler follow from it.
-        return Some(("sampler.samples".to_owned(), before.to_string(), now.to_string()));
+        return Some((SAMPLES.to_owned(), before.to_string(), now.to_string()));
     }
     let tree = |plan: &Plan| serde_json::to_value(plan).unwrap_or(Value::Null);
     first_difference("", &tree(&was), &tree(is))
@@ -372,6 +416,7 @@ pub(crate) fn refused(dir: &Path, error: CampaignError) -> Failure {
                 return error
                     .found("a run that is finished, computed in this program: it has no runs to go on with")
                     .help(format_args!("its results: calibrate inspect {name}"))
+                    .help(format_args!("more simulations: calibrate --continue-from {name} --samples N"))
                     .into();
             }
             let found =

@@ -204,7 +204,7 @@ impl Planned {
     }
 
     /// Adds the warning that the run itself would give, for a plan that is only printed.
-    pub(super) fn warned(mut self) -> Self {
+    pub(crate) fn warned(mut self) -> Self {
         let (observations, parameters) = (self.plan.observations(), self.plan.parameters.len());
         if observations < parameters {
             let few = Concern::FewObservations { observations, parameters };
@@ -270,7 +270,10 @@ impl Plan {
         let of_programs = self.commands().next().is_some();
         // Options name a file of priors.
         let of_file = of_programs || self.prior_source.is_none();
-        Simulations { number: self.budget(), of_programs, of_file }
+        let tuned = |noise: &Noise| matches!(noise, Noise::EssTarget { .. });
+        let extendable = self.design.is_none()
+            && !self.observables().any(|(_, observable)| tuned(&observable.noise));
+        Simulations { number: self.budget(), of_programs, of_file, extendable }
     }
 
     /// Experiments that a program of the user's simulates, with their places among the experiments.

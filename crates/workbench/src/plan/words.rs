@@ -75,8 +75,12 @@ fn lines(plan: &Plan, executor: &ExecutorPlan) -> Vec<String> {
             format!("design        {} parameter sets of {}", design.sets.len(), design.file)
         }
         None => format!(
-            "sampler       {} simulations, {} adaptive stages, seed {}{}",
+            "sampler       {} simulations{}, {} adaptive stages, seed {}{}",
             plan.sampler.samples,
+            match plan.sampler.earlier.last() {
+                Some(earlier) => format!(" ({earlier} of them those of the run that is extended)"),
+                None => String::new(),
+            },
             plan.sampler.iterations,
             plan.sampler.seed,
             match plan.sampler.overlap {

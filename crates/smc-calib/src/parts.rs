@@ -1,0 +1,109 @@
+//! The parts of a run that was extended: each ends at a budget, and is placed as it was when that budget was the last.
+
+use crate::Settings;
+use crate::mixture::Proposal;
+use crate::sampler::{NextStage, Sampler};
+
+impl Settings {
+    /// Budget of the first part: of the run that was extended, or of the whole run.
+    pub(crate) fn first_budget(&self) -> usize {
+        self.earlier.first().copied().unwrap_or(self.samples)
+    }
+
+    /// Budget of the part that places the next sample after `samples`; none once all are placed.
+    fn budget_after(&self, samples: usize) -> Option<usize> {
+        self.earlier.iter().chain([&self.samples]).copied().find(|budget| *budget > samples)
+    }
+
+    /// Settings that place the part up to a budget: those of the run. A later part that ends beyond what a Gaussian process
+    /// is for is placed without it, as a run of so many samples is; settings that were chosen stay.
+    fn of_part(&self, budget: usize) -> Self {
+        let mut own = self.clone();
+        if !self.surrogate || self.first_budget() >= Self::PLAIN || budget < Self::PLAIN {
+            return own;
+        }
+        let (small, plain) = (Self::for_budget(Self::PLAIN - 1), Self::for_budget(Self::PLAIN));
+        own.surrogate = false;
+        let counts: [fn(&mut Self) -> &mut usize; 3] =
+            [|s| &mut s.iterations, |s| &mut s.max_components, |s| &mut s.patches];
+        let shares: [fn(&mut Self) -> &mut f64; 3] =
+            [|s| &mut s.final_share, |s| &mut s.defensive_share, |s| &mut s.tempering_share];
+        let (mut small, mut plain) = (small, plain);
+        for of in counts {
+            if of(&mut own) == of(&mut small) {
+                *of(&mut own) = *of(&mut plain);
+            }
+        }
+        for of in shares {
+            if of(&mut own) == of(&mut small) {
+                *of(&mut own) = *of(&mut plain);
+            }
+        }
+        own
+    }
+}
+
+impl Sampler<'_> {
+    /// Size and proposal of the next stage, and whether it is the final one; none once the budget is spent.
+    ///
+    /// A part that extends a run has the stages that a run of its budget would still place. Until tempering has reached the
+    /// full likelihood, further adaptive stages come before the last of a part, as long as half of what remains of it is left
+    /// for that.
+    pub(crate) fn next(&mut self) -> Option<NextStage> {
+        let placed = self.samples();
+        let budget = self.settings.budget_after(placed)?;
+        let (first, last) =
+            (budget == self.settings.first_budget(), budget == self.settings.samples);
+        if !first {
+            self.place_as(budget);
+        }
+        let (sizes, stage, left) = (self.schedule(budget), self.stages(), budget - placed);
+        if stage == 0 {
+            return Some((sizes[0], Proposal::prior(self.pool.d), last && sizes.len() == 1));
+        }
+        if let Some(n) = self.explored(budget, sizes[0]) {
+            self.beta = 0.0;
+            return Some((n, Proposal::prior(self.pool.d), false));
+        }
+        let each = sizes[sizes.len().min(2) - 1];
+        let n = if first {
+            if stage + 1 < sizes.len() { sizes[stage] } else { left }
+        } else {
+            let finally = sizes[sizes.len() - 1];
+            if sizes.len() > 1 && left >= finally + each { each } else { left }
+        };
+        let proposal = self.refit(n);
+        if n < left {
+            return Some((n, proposal, false));
+        }
+        if self.beta < 1.0 && sizes.len() > 2 && left >= 2 * each {
+            let beta = self.beta;
+            let further = self.refit(each);
+            if self.beta < 1.0 {
+                return Some((each, further, false));
+            }
+            self.beta = beta;
+        }
+        Some((left, proposal, last))
+    }
+
+    /// Size of a first stage of a later part that the process places, drawn from the prior: as much of the prior is explored
+    /// as by a run of its budget, whose first stage has `wished` samples.
+    fn explored(&self, budget: usize, wished: usize) -> Option<usize> {
+        let placed = self.samples();
+        if !self.placing.surrogate || !self.settings.earlier.contains(&placed) {
+            return None;
+        }
+        let n = wished.saturating_sub(self.schedule(placed)[0]);
+        (n > 0 && placed + n < budget).then_some(n)
+    }
+
+    /// Goes over to the settings of a later part.
+    fn place_as(&mut self, budget: usize) {
+        let settings = self.settings.of_part(budget);
+        if settings.surrogate != self.placing.surrogate {
+            self.tails = !settings.surrogate;
+        }
+        self.placing = settings;
+    }
+}
