@@ -24,6 +24,9 @@ const WIDER: f64 = 9.0;
 /// Least share of the samples, one in so many, from which a stage of an extended run has an evidence of its own.
 const OWN_EVIDENCE: usize = 16;
 
+/// Fewest samples of a stage per sub-net that has a net of its own, where a Gaussian process places them.
+const TOGETHER: usize = 8;
+
 /// The last stage, whose proposal was fixed before it was drawn; of an extended run, the last that is large enough.
 pub(crate) struct Frozen {
     /// Its first sample in the pool.
