@@ -12,7 +12,8 @@
 //! covariances.
 //!
 //! Where a Gaussian process places the samples ([`crate::small_budget`]), g is that process, the mixture of all proposals
-//! stands for q and all samples for the final stage: each sub-net's are held against a process through all others.
+//! stands for q and all samples for the final stage: each sub-net's are held against a process through all others. As samples are placed by what earlier ones gave, and the covariance of the
+//! process is that of all, this is without bias only up to terms that fall with the square of its error.
 //!
 //! Every sub-net of the stage has its own net for the second term, so that it is a replicate of the whole, and the
 //! spread of the sub-nets is an error bar of both terms together.
@@ -157,7 +158,8 @@ fn integrals(
     let ln_q = [&sampler.ln_last_proposal(0..first)[..], drawn.ln_q].concat();
     let least = if drawn.process.is_some() { POINTS_OF_PROCESS } else { POINTS[1] };
     let points = (POINTS[0] * n).max(least) / r;
-    let metric = metric(proposal)?;
+    // Local quadratics measure distances by it.
+    let metric = if drawn.process.is_none() { metric(proposal)? } else { Vec::new() };
     let mut counts = vec![0.0; r];
     pool.replicate[first..].iter().for_each(|k| counts[*k as usize] += 1.0);
     let mut of_sub_nets = vec![0.0; r * p];
@@ -271,7 +273,9 @@ impl Variate<'_> {
     fn at(&self, z: &[f64], ln_q: f64, found: &mut Vec<(f64, u32)>) -> f64 {
         self.model
             .ln_ratio(z, ln_q, found)
-            .map_or(0.0, |ratio| (ratio - self.ln_scale).exp().min(self.cap))
+            .map(|ratio| (ratio - self.ln_scale).exp())
+            .filter(|ratio| !ratio.is_nan())
+            .map_or(0.0, |ratio| ratio.min(self.cap))
     }
 
     /// Adds the integral of g phi by the points of a net, taken to the proposal.

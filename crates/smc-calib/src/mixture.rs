@@ -92,9 +92,12 @@ impl Proposal {
 
     /// The mixture that the samples of several stages together are drawn from.
     pub(crate) fn of_stages(stages: &[(usize, Proposal)]) -> Option<Self> {
-        let last = &stages.last()?.1;
+        // A stage that was drawn from the prior alone has no degrees of freedom to speak of.
+        let with_components =
+            stages.iter().map(|stage| &stage.1).find(|q| !q.components.is_empty());
+        let like = with_components.or(stages.last().map(|stage| &stage.1))?;
         let total: usize = stages.iter().map(|(n, _)| n).sum();
-        let mut all = Self { prior_share: 0.0, components: Vec::new(), ..last.clone() };
+        let mut all = Self { prior_share: 0.0, components: Vec::new(), ..like.clone() };
         for (n, proposal) in stages {
             let share = *n as f64 / total as f64;
             all.prior_share += share * proposal.prior_share;

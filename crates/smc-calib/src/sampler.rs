@@ -167,7 +167,7 @@ impl<'a> Sampler<'a> {
     fn draw(&self, n: usize, proposal: &Proposal) -> (Vec<f64>, Vec<u32>) {
         let stage = self.stages();
         // The few samples of a stage that a Gaussian process places fill their space together: one net for all of them, dealt
-        // to the sub-nets one by one. Errors are then those of independent draws, which is too large, if anything.
+        // to the sub-nets one by one. Errors are then those of independent draws.
         let together = self.placing.surrogate && n < TOGETHER * self.replicates;
         let (d, r) = (self.pool.d, if together { 1 } else { self.replicates });
         let seed = self.settings.seed;

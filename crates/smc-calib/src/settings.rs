@@ -23,6 +23,7 @@ pub struct Settings {
     /// Independently scrambled sub-nets per stage, from which error bars are computed.
     pub replicates: usize,
     /// Share of the budget drawn from the last, frozen proposal.
+    /// Where a Gaussian process places the samples it is what the adaptive stages, of whole batches, leave: a tenth or less.
     pub final_share: f64,
     /// Effective sample size that tempering aims at, as a share of a stage.
     pub tempering_share: f64,
@@ -112,7 +113,7 @@ impl Settings {
     /// that go on at a time. From 2048 simulations on these are the default settings without the search for the MAP, which with
     /// fewer does not find a posterior that is narrow in its prior (PEEK at 1001: 2.6 standard deviations off; placed by the process 0.03).
     ///
-    /// Measured over 50 seeds in `results/benchmarks/small-budget/report.md`.
+    /// Measured in `results/benchmarks/small-budget/report.md`.
     pub fn for_budget(samples: usize) -> Self {
         let default = Self { samples, map_simulations: 0, ..Self::default() };
         if samples >= Self::PLAIN {

@@ -92,6 +92,9 @@ impl<'a> StandIn<'a> {
         let best = depths.iter().filter(|depth| **depth < MATTERS).count();
         let best = best.max(2 * (pool.d + 1)).min(chosen.len());
         let error = ((0..best).map(|k| error(k).powi(2)).sum::<f64>() / best as f64).sqrt();
+        if !error.is_finite() {
+            return None;
+        }
         let power = (ERROR / error.max(1e-9)).min(1.0);
         let alive = density.iter().map(|l| l.is_finite()).collect();
         Some(Self { target, process, outputs, z: &pool.z, alive, power })
@@ -249,10 +252,13 @@ impl Sampler<'_> {
         inner.tails = false;
         inner.run().ok()?;
         let mut proposal = inner.refit(settings.samples);
-        self.beta = stand_in.power;
         let total: f64 = proposal.components.iter().map(|c| c.weight).sum();
         let share = 1.0 - OWN;
         proposal.components.iter_mut().for_each(|c| c.weight *= share / total);
-        (!proposal.components.is_empty()).then_some(proposal.components)
+        if proposal.components.is_empty() {
+            return None;
+        }
+        self.beta = stand_in.power;
+        Some(proposal.components)
     }
 }

@@ -83,19 +83,12 @@ fn computed_here(record: &record::Record) -> Status {
     }
 }
 
-/// Whether the result is that of the plan: an extended run has that of fewer runs until it is done.
-fn is_reported(dir: &Path, plan: &Plan) -> bool {
-    let there = dir.join(FILE_NAME).is_file();
-    let of_plan = || record::read(dir).is_ok_and(|record| record.plan.sampler == plan.sampler);
-    there && (plan.sampler.earlier.is_empty() || of_plan())
-}
-
 fn status(dir: &Path, stored: &Stored, campaign: &campaign::Status) -> Status {
     let plan = &stored.plan;
     let total = (plan.budget() * plan.commands().count()) as u64;
     let failed: u64 = campaign.failed.values().sum();
     let ended = campaign.finished + failed;
-    let reported = is_reported(dir, plan);
+    let reported = record::is_reported(dir, plan);
     let driver = campaign.driver.as_ref().map(|holder| {
         holder.as_ref().map_or_else(|| "another process".to_owned(), ToString::to_string)
     });

@@ -216,7 +216,6 @@ fn times_of_a_settled_bed_do_not_go_by_the_stiffness_it_settled_with() {
             let soft = time_to_sixty_percent(seed, "0.5", "k1_n_per_m = 0.5");
             assert!(soft < 0.95 * low, "{soft} {times:?}");
         }
-        eprintln!("{times:?}");
     }
     assert!(bias.abs() < 0.05, "{bias}");
 }

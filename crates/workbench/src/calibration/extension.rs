@@ -49,13 +49,17 @@ fn extended(name: &Path, plan: &Plan, samples: usize) -> Result<Plan, InputError
     Ok(Plan { sampler, ..plan.clone() })
 }
 
-/// Gives a run of programs more samples; its result stays until there is that of all.
+/// Gives a run of programs more samples; its result stays until there is that of all. The number that an unfinished run has
+/// already lets it go on: the same command twice is one extension.
 pub(super) fn extend(
     dir: &Path,
     campaign: &mut Campaign,
     stored: &mut Stored,
     samples: usize,
 ) -> Result<(), Failure> {
+    if samples == stored.plan.sampler.samples && !record::is_reported(dir, &stored.plan) {
+        return Ok(());
+    }
     stored.plan = extended(dir, &stored.plan, samples)?;
     store::replace_plan(dir, campaign, stored)
 }

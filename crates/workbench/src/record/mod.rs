@@ -22,6 +22,7 @@ pub use neck_growth::{
     Curves, Derived, Fit, KneeSummary, NeckGrowthRecord, OtherKinetics, PaperComparison,
     PrintedParameter, ProductSummary,
 };
+pub(crate) use read::is_reported;
 pub use read::{FILE_NAME, SCHEMA_VERSION, locate, parse, read};
 pub use sensitivity::{Method, Sensitivity, SensitivityOf};
 

@@ -7,6 +7,7 @@ use serde::Deserialize;
 use super::Record;
 use crate::error::{InputError, Mistake};
 use crate::output::checksums;
+use crate::plan::Plan;
 
 /// Version of the layout of `posterior.json`; a reader refuses others.
 pub const SCHEMA_VERSION: u32 = 2;
@@ -91,6 +92,13 @@ fn bad_json(name: &str, text: &str, error: &serde_json::Error) -> InputError {
             .expected("a posterior.json written by this program")
             .help("name the posterior.json of a run, or its folder"),
     }
+}
+
+/// Whether the result is that of the plan: an extended run has that of fewer runs until it is done.
+pub(crate) fn is_reported(dir: &Path, plan: &Plan) -> bool {
+    let there = dir.join(FILE_NAME).is_file();
+    let of_plan = || read(dir).is_ok_and(|record| record.plan.sampler == plan.sampler);
+    there && (plan.sampler.earlier.is_empty() || of_plan())
 }
 
 #[cfg(test)]
