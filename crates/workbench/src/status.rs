@@ -10,7 +10,6 @@ use crate::calibration::{Stored, read_stored, refused};
 use crate::error::Failure;
 use crate::number::significant;
 use crate::output::CAMPAIGN;
-use crate::plan::Plan;
 use crate::record::{self, FILE_NAME};
 
 /// Whether a run goes on.
