@@ -38,8 +38,8 @@ const PATCHES: [Patch; 11] = [
     ),
     (
         "sampler.rs",
-        "self.pool.ln_l[first..].iter().zip(&ln_q).map(|(l, q)| l - q)",
-        "crate::planted::likelihoods(&self.pool.ln_l[first..]).iter().zip(&ln_q).map(|(l, q)| l - q)",
+        "self.pool.ln_l[range.clone()].iter().zip(&ln_q).map(|(l, q)| l - q)",
+        "crate::planted::likelihoods(&self.pool.ln_l[range.clone()]).iter().zip(&ln_q).map(|(l, q)| l - q)",
     ),
     (
         "pool.rs",
