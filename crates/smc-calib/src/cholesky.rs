@@ -65,3 +65,23 @@ pub(crate) fn gram(lower: &[f64], d: usize) -> Vec<f64> {
     }
     sum
 }
+
+/// Values of no more columns than rows with the same products of rows.
+pub(crate) fn narrow(values: &[f64], n: usize) -> Vec<f64> {
+    let m = values.len() / n;
+    if m <= n {
+        return values.to_vec();
+    }
+    let mut products = vec![0.0; n * n];
+    for i in 0..n {
+        for j in 0..=i {
+            let (a, b) = (&values[i * m..(i + 1) * m], &values[j * m..(j + 1) * m]);
+            let dot = a.iter().zip(b).map(|(a, b)| a * b).sum();
+            products[i * n + j] = dot;
+            products[j * n + i] = dot;
+        }
+    }
+    let trace: f64 = (0..n).map(|i| products[i * n + i]).sum();
+    (0..n).for_each(|i| products[i * n + i] += 1e-10 * trace / n as f64);
+    cholesky(&products, n).unwrap_or_else(|| values.to_vec())
+}

@@ -12,8 +12,9 @@
 //! covariances.
 //!
 //! Where a Gaussian process places the samples ([`crate::small_budget`]), g is that process, the mixture of all proposals
-//! stands for q and all samples for the final stage: each sub-net's are held against a process through all others. As samples are placed by what earlier ones gave, and the covariance of the
-//! process is that of all, this is without bias only up to terms that fall with the square of its error.
+//! stands for q and all samples for the final stage: each sub-net's are held against a process through all others. As
+//! samples are placed by what earlier ones gave, and the covariance of the process is that of all, this is without bias only
+//! up to terms that fall with the square of its error.
 //!
 //! Every sub-net of the stage has its own net for the second term, so that it is a replicate of the whole, and the
 //! spread of the sub-nets is an error bar of both terms together.
@@ -88,14 +89,16 @@ impl<'a> Drawn<'a> {
     ) -> Option<Self> {
         let pool = &sampler.pool;
         let n = pool.len();
-        let process = StandIn::new(sampler.target, pool, weights, 0..n, None)?;
-        (n >= FEWEST).then_some(Self {
+        if n < FEWEST {
+            return None;
+        }
+        Some(Self {
             first: 0,
             proposal,
             ln_q: &pool.ln_mixture_over_prior,
             ln_w,
             folds: sampler.replicates,
-            process: Some(process),
+            process: Some(StandIn::new(sampler.target, pool, weights, 0..n, None)?),
         })
     }
 }
@@ -358,16 +361,15 @@ pub(crate) fn estimate(
     let (pooled_value, pooled_se) = estimator.log_evidence();
     let frozen = sampler.frozen();
     let (frozen_value, frozen_se) = sampler.frozen_evidence(&frozen);
-    let ln_w = sampler.ln_weights();
-    let mixture = Proposal::of_stages(&sampler.proposals);
-    let drawn = if sampler.placing.surrogate {
-        mixture.as_ref().and_then(|mixture| Drawn::all(sampler, raw, &ln_w, mixture))
+    let integrals = |drawn: &Drawn<'_>| integrals(sampler, raw, ln_scale, drawn, coordinate);
+    let known = if sampler.placing.surrogate {
+        Proposal::of_stages(&sampler.proposals).and_then(|mixture| {
+            integrals(&Drawn::all(sampler, raw, &sampler.ln_weights(), &mixture)?)
+        })
     } else {
-        Drawn::finally(sampler, &frozen)
+        Drawn::finally(sampler, &frozen).and_then(|drawn| integrals(&drawn))
     };
-    let held = drawn
-        .and_then(|drawn| integrals(sampler, raw, ln_scale, &drawn, coordinate))
-        .is_some_and(|integrals| estimator.hold_to(integrals));
+    let held = known.is_some_and(|known| estimator.hold_to(known));
     let (value, se) = if held {
         estimator.log_evidence()
     } else if sampler.final_stage().is_some() && frozen_value > f64::MIN {

@@ -15,7 +15,7 @@
 //! Each sample has a nugget of its own: curves far from the data need not be met closely. The error of the process is
 //! measured by leaving out each sample in turn (the same, section 5.4.2).
 
-use crate::cholesky::{cholesky, packed_inverse};
+use crate::cholesky::{cholesky, narrow, packed_inverse};
 use crate::nelder_mead::{Start, best_of};
 use crate::normal;
 use crate::sobol::MAX_DIMENSIONS;
@@ -151,10 +151,10 @@ impl GaussianProcess {
             // Coefficients of the mean: of the size of the values.
             let size = 1.0 + values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64;
             let (centre, inverse) = whitening(d, data.z, data.weights)?;
-            let places = [Place::Whitened(centre, inverse), Place::Cube];
-            let found = places.into_iter().enumerate().filter_map(|(rough, place)| {
+            let kinds: [(Place, Search); 2] =
+                [(Place::Whitened(centre, inverse), smooth_kernel), (Place::Cube, rough_kernel)];
+            let found = kinds.into_iter().filter_map(|(place, search)| {
                 let points = at(&place);
-                let search = if rough == 1 { rough_kernel } else { smooth_kernel };
                 let kernel = search(d, &points, &values, data.nuggets, size)?;
                 let fit = Fit::new(d, &points, &values, data.nuggets, &kernel)?;
                 Some((fit, kernel, place, points))
@@ -187,6 +187,9 @@ impl GaussianProcess {
     }
 }
 
+/// Finds the covariance of largest evidence: dimension, points, values, nuggets, and the size of the mean's coefficients.
+type Search = fn(usize, &[f64], &[f64], &[f64], f64) -> Option<Kernel>;
+
 /// The smooth covariance of largest evidence.
 fn smooth_kernel(
     d: usize,
@@ -195,6 +198,7 @@ fn smooth_kernel(
     nuggets: &[f64],
     quadratic: f64,
 ) -> Option<Kernel> {
+    let m = values.len() / nuggets.len();
     let candidates: Vec<Kernel> = SCALES
         .iter()
         .flat_map(|scale| LENGTHS.map(|length| Kernel::Smooth { quadratic, scale: *scale, length }))
@@ -202,8 +206,8 @@ fn smooth_kernel(
     let evidences: Vec<f64> = candidates
         .par_iter()
         .map(|kernel| {
-            let fit = Fit::new(d, points, values, nuggets, kernel);
-            fit.map_or(f64::NEG_INFINITY, |fit| fit.evidence)
+            let half = HalfFit::new(d, points, values, nuggets, kernel);
+            half.map_or(f64::NEG_INFINITY, |half| half.evidence(m))
         })
         .collect();
     let found = candidates.into_iter().zip(evidences).filter(|(_, evidence)| evidence.is_finite());
@@ -238,50 +242,25 @@ fn rough_kernel(
         Start { point, axes: axes.clone() }
     });
     let mut evidence = |x: &[f64]| {
-        let Some(fit) = Fit::new(d, points, &values, nuggets, &kernel(x)) else {
+        let Some(half) = HalfFit::new(d, points, &values, nuggets, &kernel(x)) else {
             return f64::NEG_INFINITY;
         };
         let beyond: f64 = x.iter().enumerate().map(|(i, x)| (x - clamped(i, *x)).abs()).sum();
-        -0.5 * fit.squares - m as f64 * fit.ln_det - beyond
+        half.evidence(m) - beyond
     };
     let (x, best, _) = best_of(&starts, SEARCH * (d + 1), &mut evidence);
     best.is_finite().then(|| kernel(&x))
 }
 
-/// Values of no more columns than rows with the same products of rows.
-fn narrow(values: &[f64], n: usize) -> Vec<f64> {
-    let m = values.len() / n;
-    if m <= n {
-        return values.to_vec();
-    }
-    let mut products = vec![0.0; n * n];
-    for i in 0..n {
-        for j in 0..=i {
-            let (a, b) = (&values[i * m..(i + 1) * m], &values[j * m..(j + 1) * m]);
-            let dot = a.iter().zip(b).map(|(a, b)| a * b).sum();
-            products[i * n + j] = dot;
-            products[j * n + i] = dot;
-        }
-    }
-    let trace: f64 = (0..n).map(|i| products[i * n + i]).sum();
-    (0..n).for_each(|i| products[i * n + i] += 1e-10 * trace / n as f64);
-    cholesky(&products, n).unwrap_or_else(|| values.to_vec())
-}
-
-/// The process with one kernel.
-struct Fit {
-    coefficients: Vec<f64>,
+/// What the evidence of one kernel takes: half of the way to the process.
+struct HalfFit {
     /// Lower Cholesky factor L of the covariance, row by row.
     factor: Vec<f64>,
-    /// Sum of squares of `L^-1 values`.
-    squares: f64,
-    /// Log determinant of L.
-    ln_det: f64,
-    /// Log marginal likelihood, without its constant.
-    evidence: f64,
+    /// `L^-1 values`, row by row.
+    solved: Vec<f64>,
 }
 
-impl Fit {
+impl HalfFit {
     fn new(d: usize, points: &[f64], values: &[f64], nuggets: &[f64], k: &Kernel) -> Option<Self> {
         let n = nuggets.len();
         let m = values.len() / n;
@@ -295,17 +274,42 @@ impl Fit {
             matrix[i * n + i] = matrix[i * n + i] * (1.0 + 1e-11) + nuggets[i] * nuggets[i];
         }
         let factor = cholesky(&matrix, n)?;
-        // L L^T c = y, all columns at once.
-        let mut c = values.to_vec();
+        let mut solved = values.to_vec();
         for i in 0..n {
-            let (before, rest) = c.split_at_mut(i * m);
+            let (before, rest) = solved.split_at_mut(i * m);
             let row = &mut rest[..m];
             for (l, other) in factor[i * n..].iter().zip(before.chunks_exact(m)) {
                 row.iter_mut().zip(other).for_each(|(r, o)| *r -= l * o);
             }
             row.iter_mut().for_each(|r| *r /= factor[i * n + i]);
         }
-        let squares: f64 = c.iter().map(|c| c * c).sum();
+        Some(Self { factor, solved })
+    }
+
+    /// Log marginal likelihood of `m` columns, without its constant. Values that were narrowed have fewer.
+    fn evidence(&self, m: usize) -> f64 {
+        let n = self.factor.len().isqrt();
+        let ln_det: f64 = (0..n).map(|i| self.factor[i * n + i].ln()).sum();
+        -0.5 * self.solved.iter().map(|c| c * c).sum::<f64>() - m as f64 * ln_det
+    }
+}
+
+/// The process with one kernel.
+struct Fit {
+    coefficients: Vec<f64>,
+    /// Lower Cholesky factor of the covariance, row by row.
+    factor: Vec<f64>,
+    /// Log marginal likelihood, without its constant.
+    evidence: f64,
+}
+
+impl Fit {
+    fn new(d: usize, points: &[f64], values: &[f64], nuggets: &[f64], k: &Kernel) -> Option<Self> {
+        let n = nuggets.len();
+        let m = values.len() / n;
+        let half = HalfFit::new(d, points, values, nuggets, k)?;
+        let evidence = half.evidence(m);
+        let HalfFit { factor, solved: mut c } = half;
         for i in (0..n).rev() {
             let (before, rest) = c.split_at_mut(i * m);
             let row = &mut rest[..m];
@@ -314,13 +318,9 @@ impl Fit {
                 other.iter_mut().zip(&*row).for_each(|(o, r)| *o -= l * r);
             }
         }
-        let ln_det: f64 = (0..n).map(|i| factor[i * n + i].ln()).sum();
-        let evidence = -0.5 * squares - m as f64 * ln_det;
         (evidence.is_finite() && c.iter().all(|c| c.is_finite())).then_some(Self {
             coefficients: c,
             factor,
-            squares,
-            ln_det,
             evidence,
         })
     }
@@ -390,6 +390,15 @@ mod tests {
     }
 
     fn through(z: &[f64], columns: usize, value: impl Fn(&[f64]) -> Vec<f64>) -> GaussianProcess {
+        like(None, z, columns, value)
+    }
+
+    fn like(
+        like: Option<&GaussianProcess>,
+        z: &[f64],
+        columns: usize,
+        value: impl Fn(&[f64]) -> Vec<f64>,
+    ) -> GaussianProcess {
         let values: Vec<f64> = z.chunks_exact(2).flat_map(value).collect();
         let n = z.len() / 2;
         GaussianProcess::new(Data {
@@ -401,7 +410,7 @@ mod tests {
             nuggets: &vec![1e-3; n],
             offsets: vec![0.0; columns],
             units: vec![1.0; columns],
-            like: None,
+            like,
         })
         .expect("has spread")
     }
@@ -425,23 +434,11 @@ mod tests {
         let z = points(30);
         let all = through(&z, 2, wave);
         // The last sample predicted by the process through the others, with the same covariance.
-        let values: Vec<f64> = z.chunks_exact(2).flat_map(wave).collect();
-        let without = GaussianProcess::new(Data {
-            d: 2,
-            z: &z,
-            weights: &[1.0; 30],
-            chosen: &(0..29).collect::<Vec<_>>(),
-            values: &values[..58],
-            nuggets: &[1e-3; 29],
-            offsets: vec![0.0; 2],
-            units: vec![1.0; 2],
-            like: Some(&all),
-        })
-        .expect("definite");
+        let without = like(Some(&all), &z[..58], 2, wave);
         let mut predicted = [0.0; 2];
         without.predict(&z[58..], &mut predicted);
         for column in 0..2 {
-            let error = values[58 + column] - predicted[column];
+            let error = wave(&z[58..])[column] - predicted[column];
             let left_out = all.left_out[58 + column];
             assert!((error - left_out).abs() < 1e-4 + 1e-3 * error.abs(), "{error} {left_out}");
         }
@@ -479,7 +476,8 @@ mod tests {
         assert_eq!(few.len(), 12 * 12);
         let kernel = Kernel::Rough { linear: 1.0, scale: 0.7, lengths: vec![1.0, 2.0] };
         let squares = |values: &[f64]| {
-            Fit::new(2, &z, values, &[1e-2; 12], &kernel).expect("definite").squares
+            let half = HalfFit::new(2, &z, values, &[1e-2; 12], &kernel).expect("definite");
+            half.solved.iter().map(|c| c * c).sum::<f64>()
         };
         let (a, b) = (squares(&many), squares(&few));
         assert!((a / b - 1.0).abs() < 1e-4, "{a} {b}");

@@ -24,22 +24,20 @@ impl Settings {
         }
         let (small, plain) = (Self::for_budget(Self::PLAIN - 1), Self::for_budget(Self::PLAIN));
         own.surrogate = false;
-        let counts: [fn(&mut Self) -> &mut usize; 3] =
-            [|s| &mut s.iterations, |s| &mut s.max_components, |s| &mut s.patches];
-        let shares: [fn(&mut Self) -> &mut f64; 3] =
-            [|s| &mut s.final_share, |s| &mut s.defensive_share, |s| &mut s.tempering_share];
-        let (mut small, mut plain) = (small, plain);
-        for of in counts {
-            if of(&mut own) == of(&mut small) {
-                *of(&mut own) = *of(&mut plain);
-            }
-        }
-        for of in shares {
-            if of(&mut own) == of(&mut small) {
-                *of(&mut own) = *of(&mut plain);
-            }
-        }
+        unless_chosen(&mut own.iterations, small.iterations, plain.iterations);
+        unless_chosen(&mut own.max_components, small.max_components, plain.max_components);
+        unless_chosen(&mut own.patches, small.patches, plain.patches);
+        unless_chosen(&mut own.final_share, small.final_share, plain.final_share);
+        unless_chosen(&mut own.defensive_share, small.defensive_share, plain.defensive_share);
+        unless_chosen(&mut own.tempering_share, small.tempering_share, plain.tempering_share);
         own
+    }
+}
+
+/// Replaces a setting that is still the default of small budgets.
+fn unless_chosen<T: PartialEq>(own: &mut T, small: T, plain: T) {
+    if *own == small {
+        *own = plain;
     }
 }
 
