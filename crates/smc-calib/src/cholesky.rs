@@ -85,3 +85,35 @@ pub(crate) fn narrow(values: &[f64], n: usize) -> Vec<f64> {
     (0..n).for_each(|i| products[i * n + i] += 1e-10 * trace / n as f64);
     cholesky(&products, n).unwrap_or_else(|| values.to_vec())
 }
+
+/// Centre and packed inverse factor of the weighted covariance.
+pub(crate) fn whitening(d: usize, z: &[f64], weights: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
+    let total: f64 = weights.iter().sum();
+    let mut centre = vec![0.0; d];
+    let mut covariance = vec![0.0; d * d];
+    for (w, z) in weights.iter().zip(z.chunks_exact(d)).filter(|(w, _)| **w > 0.0) {
+        for (c, z) in centre.iter_mut().zip(z) {
+            *c += w / total * z;
+        }
+    }
+    for (w, z) in weights.iter().zip(z.chunks_exact(d)).filter(|(w, _)| **w > 0.0) {
+        for i in 0..d {
+            for j in 0..d {
+                covariance[i * d + j] += w / total * (z[i] - centre[i]) * (z[j] - centre[j]);
+            }
+        }
+    }
+    let trace: f64 = (0..d).map(|i| covariance[i * d + i]).sum();
+    (0..d).for_each(|i| covariance[i * d + i] += 1e-3 * trace / d as f64 + 1e-18);
+    let factor = cholesky(&covariance, d)?;
+    Some((centre, packed_inverse(&factor, d)))
+}
+
+/// Coordinates of z from that centre, in units of that factor.
+pub(crate) fn whiten(z: &[f64], centre: &[f64], inverse: &[f64], out: &mut [f64]) {
+    let mut row = 0;
+    for i in 0..z.len() {
+        out[i] = (0..=i).map(|j| inverse[row + j] * (z[j] - centre[j])).sum();
+        row += i + 1;
+    }
+}

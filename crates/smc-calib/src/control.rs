@@ -22,6 +22,7 @@
 use crate::Evidence;
 use crate::cholesky::{cholesky, gram, packed_inverse};
 use crate::estimate::{Estimator, Integrals};
+use crate::gaussian_process::Covariance;
 use crate::mixture::Proposal;
 use crate::neighbours::MOST_DIMENSIONS;
 use crate::normal::LN_SQRT_2PI;
@@ -48,7 +49,7 @@ const FEWEST: usize = 32;
 /// Least share of the variance of f/q that the surrogate must explain; that a process must, whose error is a pattern that a
 /// few samples do not show.
 const LEAST_EXPLAINED: f64 = 0.5;
-const LEAST_EXPLAINED_BY_PROCESS: f64 = 0.98;
+const LEAST_EXPLAINED_BY_PROCESS: f64 = 0.9;
 
 /// Samples that were drawn from one density q.
 struct Drawn<'a> {
@@ -98,7 +99,7 @@ impl<'a> Drawn<'a> {
             ln_q: &pool.ln_mixture_over_prior,
             ln_w,
             folds: sampler.replicates,
-            process: Some(StandIn::new(sampler.target, pool, weights, 0..n, None)?),
+            process: Some(StandIn::new(sampler.target, pool, weights, 0..n, Covariance::Search)?),
         })
     }
 }
@@ -175,7 +176,7 @@ fn integrals(
             None => Model::Local(surrogate(sampler, &known, &ln_q, &metric)?),
             process => {
                 let known = known.iter().copied();
-                let like = process.as_ref();
+                let like = process.as_ref().map(|p| Covariance::Like(&p.process))?;
                 Model::Process(StandIn::new(sampler.target, pool, weights, known, like)?)
             }
         };

@@ -1,6 +1,6 @@
 //! Failed simulations: whether failing depends on the parameters, where, and what that means for the posterior.
 
-use crate::gaussian_process::{Data, GaussianProcess};
+use crate::gaussian_process::{Covariance, Data, GaussianProcess};
 use crate::joint::JointProblem;
 use crate::neighbours::Neighbours;
 use crate::pool::Pool;
@@ -128,7 +128,7 @@ fn mass(pool: &Pool, failed: &[bool], raw: &[f64], ln_scale: f64) -> f64 {
         nuggets: &vec![1e-3; known.len()],
         offsets: vec![mean],
         units: vec![spread.sqrt().max(1e-9)],
-        like: None,
+        covariance: Covariance::Search,
     });
     let base = pool.ln_base();
     let of_failed = |i: usize| {

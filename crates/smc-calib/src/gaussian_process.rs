@@ -15,7 +15,7 @@
 //! Each sample has a nugget of its own: curves far from the data need not be met closely. The error of the process is
 //! measured by leaving out each sample in turn (the same, section 5.4.2).
 
-use crate::cholesky::{cholesky, narrow, packed_inverse};
+use crate::cholesky::{cholesky, narrow, packed_inverse, whiten, whitening};
 use crate::nelder_mead::{Start, best_of};
 use crate::normal;
 use crate::sobol::MAX_DIMENSIONS;
@@ -46,6 +46,8 @@ pub(crate) struct GaussianProcess {
     points: Vec<f64>,
     coefficients: Vec<f64>,
     kernel: Kernel,
+    /// The rough covariance that was tried, whichever was taken.
+    pub rough: Option<Kernel>,
     /// Mean and unit of each column.
     offsets: Vec<f64>,
     units: Vec<f64>,
@@ -75,7 +77,7 @@ impl Place {
 
 /// A covariance.
 #[derive(Clone, Debug)]
-enum Kernel {
+pub(crate) enum Kernel {
     /// `quadratic (1 + a b)^2 + scale^2 exp(-|a - b|^2 / (2 length^2))`
     Smooth { quadratic: f64, scale: f64, length: f64 },
     /// `linear (1 + a b) + scale^2 (1 + r + r^2/3) exp(-r)` with `r^2 = 5 sum ((a - b)/length)^2`
@@ -122,8 +124,18 @@ pub(crate) struct Data<'a> {
     /// Offset and unit of each column.
     pub offsets: Vec<f64>,
     pub units: Vec<f64>,
-    /// A process whose covariance is taken over; without one the best covariance is searched.
-    pub like: Option<&'a GaussianProcess>,
+    pub covariance: Covariance<'a>,
+}
+
+/// Where the covariance of a process comes from.
+#[derive(Clone, Copy)]
+pub(crate) enum Covariance<'a> {
+    /// The better of the best smooth and the best rough one.
+    Search,
+    /// The better of the best smooth one and this rough one.
+    Rough(&'a Kernel),
+    /// That of another process.
+    Like(&'a GaussianProcess),
 }
 
 impl GaussianProcess {
@@ -143,7 +155,8 @@ impl GaussianProcess {
             }
             points
         };
-        let (fit, kernel, place, points) = if let Some(like) = data.like {
+        let mut rough = None;
+        let (fit, kernel, place, points) = if let Covariance::Like(like) = data.covariance {
             let points = at(&like.place);
             let fit = Fit::new(d, &points, &values, data.nuggets, &like.kernel)?;
             (fit, like.kernel.clone(), like.place.clone(), points)
@@ -151,21 +164,29 @@ impl GaussianProcess {
             // Coefficients of the mean: of the size of the values.
             let size = 1.0 + values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64;
             let (centre, inverse) = whitening(d, data.z, data.weights)?;
-            let kinds: [(Place, Search); 2] =
-                [(Place::Whitened(centre, inverse), smooth_kernel), (Place::Cube, rough_kernel)];
-            let found = kinds.into_iter().filter_map(|(place, search)| {
+            let mut found = [Place::Whitened(centre, inverse), Place::Cube].map(|place| {
                 let points = at(&place);
-                let kernel = search(d, &points, &values, data.nuggets, size)?;
-                let fit = Fit::new(d, &points, &values, data.nuggets, &kernel)?;
-                Some((fit, kernel, place, points))
+                let kernel = match (&place, data.covariance) {
+                    (Place::Whitened(..), _) => {
+                        smooth_kernel(d, &points, &values, data.nuggets, size)
+                    }
+                    (Place::Cube, Covariance::Rough(known)) => Some(known.clone()),
+                    (Place::Cube, _) => rough_kernel(d, &points, &values, data.nuggets, size),
+                };
+                kernel.and_then(|kernel| {
+                    let fit = Fit::new(d, &points, &values, data.nuggets, &kernel)?;
+                    Some((fit, kernel, place, points))
+                })
             });
+            rough = found[1].as_ref().map(|(_, kernel, ..)| kernel.clone());
             // Of equal ones the first.
-            found.reduce(|a, b| if b.0.evidence > a.0.evidence { b } else { a })?
+            let better = |a: Found, b: Found| if b.0.evidence > a.0.evidence { b } else { a };
+            found.iter_mut().filter_map(Option::take).reduce(better)?
         };
         let left_out = fit.left_out(&data.units);
         let coefficients = fit.coefficients;
         let (offsets, units) = (data.offsets, data.units);
-        Some(Self { d, place, points, coefficients, kernel, offsets, units, left_out })
+        Some(Self { d, place, points, coefficients, kernel, rough, offsets, units, left_out })
     }
 
     /// Predicted values of all columns.
@@ -187,8 +208,8 @@ impl GaussianProcess {
     }
 }
 
-/// Finds the covariance of largest evidence: dimension, points, values, nuggets, and the size of the mean's coefficients.
-type Search = fn(usize, &[f64], &[f64], &[f64], f64) -> Option<Kernel>;
+/// A process with one covariance: fit, covariance, and its coordinates and the points in them.
+type Found = (Fit, Kernel, Place, Vec<f64>);
 
 /// The smooth covariance of largest evidence.
 fn smooth_kernel(
@@ -344,37 +365,6 @@ impl Fit {
     }
 }
 
-/// Centre and packed inverse factor of the weighted covariance.
-fn whitening(d: usize, z: &[f64], weights: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
-    let total: f64 = weights.iter().sum();
-    let mut centre = vec![0.0; d];
-    let mut covariance = vec![0.0; d * d];
-    for (w, z) in weights.iter().zip(z.chunks_exact(d)).filter(|(w, _)| **w > 0.0) {
-        for (c, z) in centre.iter_mut().zip(z) {
-            *c += w / total * z;
-        }
-    }
-    for (w, z) in weights.iter().zip(z.chunks_exact(d)).filter(|(w, _)| **w > 0.0) {
-        for i in 0..d {
-            for j in 0..d {
-                covariance[i * d + j] += w / total * (z[i] - centre[i]) * (z[j] - centre[j]);
-            }
-        }
-    }
-    let trace: f64 = (0..d).map(|i| covariance[i * d + i]).sum();
-    (0..d).for_each(|i| covariance[i * d + i] += 1e-3 * trace / d as f64 + 1e-18);
-    let factor = cholesky(&covariance, d)?;
-    Some((centre, packed_inverse(&factor, d)))
-}
-
-fn whiten(z: &[f64], centre: &[f64], inverse: &[f64], out: &mut [f64]) {
-    let mut row = 0;
-    for i in 0..z.len() {
-        out[i] = (0..=i).map(|j| inverse[row + j] * (z[j] - centre[j])).sum();
-        row += i + 1;
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -390,11 +380,11 @@ mod tests {
     }
 
     fn through(z: &[f64], columns: usize, value: impl Fn(&[f64]) -> Vec<f64>) -> GaussianProcess {
-        like(None, z, columns, value)
+        like(Covariance::Search, z, columns, value)
     }
 
     fn like(
-        like: Option<&GaussianProcess>,
+        covariance: Covariance<'_>,
         z: &[f64],
         columns: usize,
         value: impl Fn(&[f64]) -> Vec<f64>,
@@ -410,7 +400,7 @@ mod tests {
             nuggets: &vec![1e-3; n],
             offsets: vec![0.0; columns],
             units: vec![1.0; columns],
-            like,
+            covariance,
         })
         .expect("has spread")
     }
@@ -434,7 +424,7 @@ mod tests {
         let z = points(30);
         let all = through(&z, 2, wave);
         // The last sample predicted by the process through the others, with the same covariance.
-        let without = like(Some(&all), &z[..58], 2, wave);
+        let without = like(Covariance::Like(&all), &z[..58], 2, wave);
         let mut predicted = [0.0; 2];
         without.predict(&z[58..], &mut predicted);
         for column in 0..2 {

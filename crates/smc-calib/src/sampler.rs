@@ -3,6 +3,7 @@
 use crate::cholesky::cholesky;
 use crate::cloud::Cloud;
 use crate::estimate::Estimator;
+use crate::gaussian_process::Kernel;
 use crate::mixture::{Component, Proposal, ln_sum};
 use crate::pool::{Pool, exponentiate, temper, tune};
 use crate::sobol::scrambled_net;
@@ -24,10 +25,13 @@ const WIDER: f64 = 9.0;
 /// Least share of the samples, one in so many, from which a stage of an extended run has an evidence of its own.
 const OWN_EVIDENCE: usize = 16;
 
+/// Share, one in so many, of the samples in the last stages of a run that a Gaussian process places.
+const TOGETHER_FROZEN: usize = 4;
+
 /// Fewest samples of a stage per sub-net that has a net of its own, where a Gaussian process places them.
 const TOGETHER: usize = 8;
 
-/// The last stage, whose proposal was fixed before it was drawn; of an extended run, the last that is large enough.
+/// Stages whose proposals were fixed before they were drawn: the last one; see [`Sampler::frozen`].
 pub(crate) struct Frozen {
     /// Its first sample in the pool.
     pub first: usize,
@@ -67,6 +71,8 @@ pub(crate) struct Sampler<'a> {
     /// Whether proposals are flattened and have a wide share. A Gaussian process that places few samples knows the tails
     /// itself.
     pub tails: bool,
+    /// Number of samples when the process last searched its rough covariance, and what it found.
+    pub(crate) searched: Option<(usize, Kernel)>,
 }
 
 impl<'a> Sampler<'a> {
@@ -86,6 +92,7 @@ impl<'a> Sampler<'a> {
             beta: 0.0,
             replicates,
             tails: !settings.surrogate,
+            searched: None,
         }
     }
 
@@ -223,30 +230,37 @@ impl<'a> Sampler<'a> {
         (4 * n >= self.pool.len()).then_some((*n, proposal))
     }
 
-    /// The samples of the last stage, or the last that is large enough, weighted by the one density that they were drawn from.
+    /// The samples of the last stage, or the last that is large enough, weighted by the one density that they were drawn from;
+    /// of small stages that a process places, the last ones that together have [`TOGETHER_FROZEN`] of the samples, each by its own.
     pub(crate) fn frozen(&self) -> Frozen {
         let (len, extended) = (self.pool.len(), !self.settings.earlier.is_empty());
         let mut end = len;
-        let mut stages = self.proposals.iter().rev().map(|(n, proposal)| {
+        let stages = self.proposals.iter().rev().map(|(n, proposal)| {
             let range = end - n..end;
             end -= n;
             (range, proposal)
         });
-        let last = stages.next();
-        // As large as the last one of the first part is enough.
-        let enough = self.schedule(self.settings.first_budget()).last().copied().unwrap_or(len);
-        let enough = enough.min(len / OWN_EVIDENCE);
-        let large = |range: &Range<usize>| !extended || range.len() >= enough;
-        let chosen = match last {
-            Some((range, proposal)) if large(&range) => Some((range, proposal)),
-            other => stages.find(|(range, _)| large(range)).or(other),
-        };
-        let Some((range, proposal)) = chosen else {
-            return Frozen { first: len, ln_q: Vec::new(), ln_w: Vec::new() };
-        };
-        let ln_q = self.ln_proposal(proposal, range.clone());
-        let ln_w = self.pool.ln_l[range.clone()].iter().zip(&ln_q).map(|(l, q)| l - q).collect();
-        Frozen { first: range.start, ln_q, ln_w }
+        let mut stages: Vec<(Range<usize>, &Proposal)> = stages.collect();
+        if self.placing.surrogate {
+            let enough = len - len.div_ceil(TOGETHER_FROZEN);
+            let last = stages.iter().position(|(range, _)| range.start <= enough);
+            stages.truncate(last.map_or(stages.len(), |last| last + 1));
+        } else {
+            // As large as the last one of the first part is enough.
+            let enough = self.schedule(self.settings.first_budget()).last().copied().unwrap_or(len);
+            let enough = enough.min(len / OWN_EVIDENCE);
+            let large = |range: &Range<usize>| !extended || range.len() >= enough;
+            let chosen = stages.iter().position(|(range, _)| large(range)).unwrap_or(0);
+            stages = stages.into_iter().skip(chosen).take(1).collect();
+        }
+        let mut frozen = Frozen { first: len, ln_q: Vec::new(), ln_w: Vec::new() };
+        for (range, proposal) in stages.into_iter().rev() {
+            let ln_q = self.ln_proposal(proposal, range.clone());
+            frozen.ln_w.extend(self.pool.ln_l[range.clone()].iter().zip(&ln_q).map(|(l, q)| l - q));
+            frozen.ln_q.extend(ln_q);
+            frozen.first = frozen.first.min(range.start);
+        }
+        frozen
     }
 
     /// Log of the last proposal over the prior at some samples.

@@ -1,9 +1,11 @@
 //! Budgets of 30 to two thousand simulations: more and smaller stages, placed by a stand-in for the likelihood.
 
-use crate::gaussian_process::{Data, GaussianProcess};
+use crate::cholesky::{whiten, whitening};
+use crate::gaussian_process::{Covariance, Data, GaussianProcess};
 use crate::mixture::Component;
 use crate::pool::Pool;
 use crate::sampler::Sampler;
+use crate::sobol::MAX_DIMENSIONS;
 use crate::target::Target;
 use crate::{Settings, SimError};
 
@@ -25,31 +27,36 @@ const MATTERS: f64 = 6.0;
 /// does not believe in places that were seen to be bad.
 const MAX_POINTS: usize = 150;
 const BEST_POINTS: usize = 100;
+/// Lengths over the prior's cube are searched at every stage up to so many samples, and then whenever the number has grown by
+/// this factor.
+const FEW: usize = 128;
+const GROWN: f64 = 1.2;
 /// Nugget of log likelihoods: at the best sample, and per unit of log density below it.
 const NUGGET: [f64; 2] = [0.02, 0.1];
 /// Nugget of curves, in units of their spread: at the best sample, and per unit of distance from its curve.
 const NUGGET_OF_CURVES: [f64; 2] = [0.003, 0.03];
-/// Amount that the log likelihood is lowered by where all of the nearest samples failed; beside a border of failures,
-/// where the posterior may end, some of them are alive.
+/// Most that the log likelihood is lowered by where the nearest samples failed: by the share of the finished among them, nearer
+/// ones counting for more.
 const DEAD: f64 = 5.0;
 const NEAREST: usize = 4;
 
 /// A stand-in for the log likelihood.
 pub(crate) struct StandIn<'a> {
     target: &'a dyn Target,
-    process: GaussianProcess,
+    pub process: GaussianProcess,
     /// Whether it predicts the outputs, from which the log likelihood follows, or the log likelihood itself.
     outputs: bool,
-    /// All samples, and whether each is alive.
-    z: &'a [f64],
+    /// The samples that it knows, whitened, and whether each is alive.
+    x: Vec<f64>,
     alive: Vec<bool>,
+    whitening: (Vec<f64>, Vec<f64>),
     /// Power of the likelihood: its root mean square error, when each of the best samples is left out, is then
     /// [`ERROR`] at most.
     power: f64,
 }
 
 impl<'a> StandIn<'a> {
-    /// Made from some samples of the pool, with the covariance of another one where that is given.
+    /// Made from some samples of the pool.
     ///
     /// It predicts the outputs wherever the log likelihood follows from them: a process through the log likelihoods alone
     /// knows less, and believes in modes far from all samples.
@@ -58,10 +65,12 @@ impl<'a> StandIn<'a> {
         pool: &'a Pool,
         weights: &[f64],
         known: impl Iterator<Item = usize>,
-        like: Option<&Self>,
+        covariance: Covariance<'_>,
     ) -> Option<Self> {
         let density: Vec<f64> = (0..pool.len()).map(|i| pool.ln_l[i] + pool.ln_prior(i)).collect();
-        let mut chosen: Vec<usize> = known.filter(|i| density[*i].is_finite()).collect();
+        let known: Vec<usize> = known.collect();
+        let mut chosen: Vec<usize> =
+            known.iter().copied().filter(|i| density[*i].is_finite()).collect();
         if chosen.len() < pool.d + 2 {
             return None;
         }
@@ -71,13 +80,12 @@ impl<'a> StandIn<'a> {
             chosen.extend((0..spread).map(|k| rest[k * rest.len() / spread]));
         }
         let depths: Vec<f64> = chosen.iter().map(|i| density[chosen[0]] - density[*i]).collect();
-        let like = like.map(|like| &like.process);
         let m = pool.kept_width;
         let outputs = target.ln_likelihood_of(&vec![0.0; m]).is_some();
         let process = if outputs {
-            curve_process(pool, weights, &chosen, like)?
+            curve_process(pool, weights, &chosen, covariance)?
         } else {
-            likelihood_process(pool, weights, &chosen, &depths, like)?
+            likelihood_process(pool, weights, &chosen, &depths, covariance)?
         };
         let error = |k: usize| {
             if !outputs {
@@ -96,8 +104,13 @@ impl<'a> StandIn<'a> {
             return None;
         }
         let power = (ERROR / error.max(1e-9)).min(1.0);
-        let alive = density.iter().map(|l| l.is_finite()).collect();
-        Some(Self { target, process, outputs, z: &pool.z, alive, power })
+        let alive = known.iter().map(|i| density[*i].is_finite()).collect();
+        let whitening = whitening(pool.d, &pool.z, weights)?;
+        let mut x = vec![0.0; known.len() * pool.d];
+        for (i, x) in known.iter().zip(x.chunks_exact_mut(pool.d)) {
+            whiten(pool.point(*i), &whitening.0, &whitening.1, x);
+        }
+        Some(Self { target, process, outputs, x, alive, whitening, power })
     }
 
     /// Log likelihood, not flattened.
@@ -112,7 +125,7 @@ fn likelihood_process(
     weights: &[f64],
     chosen: &[usize],
     depths: &[f64],
-    like: Option<&GaussianProcess>,
+    covariance: Covariance<'_>,
 ) -> Option<GaussianProcess> {
     let values: Vec<f64> = chosen.iter().map(|i| pool.ln_l[*i]).collect();
     let nuggets: Vec<f64> = depths.iter().map(|depth| NUGGET[0] + NUGGET[1] * depth).collect();
@@ -125,7 +138,7 @@ fn likelihood_process(
         nuggets: &nuggets,
         offsets: vec![values.iter().copied().fold(f64::NEG_INFINITY, f64::max)],
         units: vec![1.0],
-        like,
+        covariance,
     })
 }
 
@@ -134,7 +147,7 @@ fn curve_process(
     pool: &Pool,
     weights: &[f64],
     chosen: &[usize],
-    like: Option<&GaussianProcess>,
+    covariance: Covariance<'_>,
 ) -> Option<GaussianProcess> {
     let m = pool.kept_width;
     let values: Vec<f64> =
@@ -168,7 +181,7 @@ fn curve_process(
         nuggets: &nuggets,
         offsets: first.to_vec(),
         units,
-        like,
+        covariance,
     })
 }
 
@@ -187,17 +200,30 @@ impl Target for StandIn<'_> {
             self.process.predict(z, &mut one);
             one[0]
         };
+        Ok(self.power * ln_l + self.finished(z).max((-DEAD).exp()).ln())
+    }
+}
+
+impl StandIn<'_> {
+    /// Share of the finished among the nearest samples, by inverse square distance.
+    fn finished(&self, z: &[f64]) -> f64 {
+        let mut small = [0.0; MAX_DIMENSIONS];
+        let x = &mut small[..z.len()];
+        whiten(z, &self.whitening.0, &self.whitening.1, x);
         let mut nearest = [(f64::INFINITY, true); NEAREST];
-        for (other, alive) in self.z.chunks_exact(z.len()).zip(&self.alive) {
-            let square: f64 = z.iter().zip(other).map(|(a, b)| (a - b) * (a - b)).sum();
+        for (other, alive) in self.x.chunks_exact(z.len()).zip(&self.alive) {
+            let square: f64 = x.iter().zip(other).map(|(a, b)| (a - b) * (a - b)).sum();
             if square < nearest[NEAREST - 1].0 {
                 let at = nearest.partition_point(|n| n.0 <= square);
                 nearest.copy_within(at..NEAREST - 1, at + 1);
                 nearest[at] = (square, *alive);
             }
         }
-        let failed = nearest.iter().all(|(_, alive)| !alive);
-        Ok(self.power * ln_l - if failed { DEAD } else { 0.0 })
+        let near = nearest.iter().map(|(square, alive)| (1.0 / square.max(1e-12), alive));
+        let (all, finished) = near.fold((0.0, 0.0), |(all, finished), (near, alive)| {
+            (all + near, if *alive { finished + near } else { finished })
+        });
+        finished / all
     }
 }
 
@@ -232,7 +258,17 @@ impl Sampler<'_> {
         if !self.placing.surrogate {
             return None;
         }
-        let stand_in = StandIn::new(self.target, &self.pool, weights, 0..self.pool.len(), None)?;
+        let n = self.pool.len();
+        let covariance = match &self.searched {
+            Some((searched, rough)) if n > FEW && (n as f64) < GROWN * *searched as f64 => {
+                Covariance::Rough(rough)
+            }
+            _ => Covariance::Search,
+        };
+        let stand_in = StandIn::new(self.target, &self.pool, weights, 0..n, covariance)?;
+        if let (Covariance::Search, Some(rough)) = (covariance, &stand_in.process.rough) {
+            self.searched = Some((n, rough.clone()));
+        }
         let stage = self.stages();
         let settings = Settings {
             samples: EVALUATIONS,

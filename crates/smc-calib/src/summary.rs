@@ -58,7 +58,7 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
         .map(|j| {
             let z: Vec<f64> = pool.z.iter().skip(j).step_by(d).copied().collect();
             let columns = Columns { z: &z, theta: &theta[j], coordinate: &coordinate[j] };
-            let mut summary = parameter_summary(&problem.parameters[j], &columns, &estimator);
+            let mut summary = parameter_summary(&problem.parameters[j], &columns, &raw, &estimator);
             summary.khat = summary.khat.max(weight_khat);
             summary.tail_share = summary.tail_share.max(weight_share);
             summary.map = map.theta[j];
@@ -139,13 +139,19 @@ struct Columns<'a> {
     coordinate: &'a [f64],
 }
 
-/// Summary of the samples of one parameter, with the k-hat of its moments; the MAP is filled in later.
-fn parameter_summary(p: &Parameter, of: &Columns<'_>, estimator: &Estimator) -> ParameterSummary {
+/// Summary of the samples of one parameter, with the k-hat of its moments by the importance weights `raw`; the MAP is filled in
+/// later.
+fn parameter_summary(
+    p: &Parameter,
+    of: &Columns<'_>,
+    raw: &[f64],
+    estimator: &Estimator,
+) -> ParameterSummary {
     let coordinate = p.prior.coordinate();
     let in_coordinate = Marginal::new(of.coordinate, estimator).moments();
     let mean = in_coordinate.mean;
     let tail_of = |power: i32| {
-        let weighted = estimator.weights.iter().zip(of.coordinate);
+        let weighted = raw.iter().zip(of.coordinate);
         let values: Vec<f64> = weighted.map(|(w, x)| w * (x - mean).abs().powi(power)).collect();
         tail(&values)
     };

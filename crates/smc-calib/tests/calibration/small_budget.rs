@@ -33,10 +33,11 @@ fn a_hundred_simulations_find_narrow_posteriors_that_the_default_sampler_misses(
     for d in [2, 3, 4] {
         let reference = reference::gaussian(d, 0.8, 0.1);
         let placed = errors(&reference, &Settings::for_budget(100), 5);
-        assert!(placed[0] < 0.25 && placed[1] < 0.2 && placed[2] < 0.2, "{d}: {placed:?}");
+        // The process through the log likelihoods of a normal posterior is exact up to its nuggets.
+        assert!(placed.iter().all(|error| *error < 0.05), "{d}: {placed:?}");
         let default = Settings { samples: 100, ..Settings::default() };
         let plain = errors(&reference, &default, 5);
-        assert!(plain[0] > 2.0 * placed[0], "{d}: {plain:?} {placed:?}");
+        assert!(plain[0] > 10.0 * placed[0], "{d}: {plain:?} {placed:?}");
     }
     for reference in [reference::banana(), reference::heavy_tail(), reference::bounded_ridge()] {
         let [mean, sd, ln_z] = errors(&reference, &Settings::for_budget(200), 4);
