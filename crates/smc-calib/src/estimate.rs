@@ -341,7 +341,9 @@ mod tests {
     fn tilted_weights_stay_positive_where_moments_change_by_a_fifth() {
         // Fifteen moments of forty samples in four dimensions, as a hundred runs leave them.
         let (n, d) = (40, 4);
-        let x = |i: usize, j: usize| (2.7 * i as f64 + 1.3 * (j * j) as f64 + 0.4).sin() * 1.4;
+        let x = |i: usize, j: usize| {
+            4.0 * ((i + 1) as f64 * [2.0, 3.0, 5.0, 7.0f64][j].sqrt()).fract() - 2.0
+        };
         let weights: Vec<f64> = (0..n).map(|i| (-0.1 * i as f64).exp()).collect();
         let features: Vec<f64> = (0..n)
             .flat_map(|i| {
@@ -355,8 +357,12 @@ mod tests {
         let sum = |weights: &[f64], a: usize| -> f64 {
             weights.iter().zip(features.chunks_exact(p)).map(|(w, row)| w * row[a]).sum()
         };
-        let wished: Vec<f64> =
-            (0..p).map(|a| sum(&weights, a) * if a % 2 == 0 { 1.1 } else { 0.9 }).collect();
+        let others: Vec<f64> = weights
+            .iter()
+            .enumerate()
+            .map(|(i, w)| w * (1.0 + 0.6 * (1.9 * i as f64).sin()))
+            .collect();
+        let wished: Vec<f64> = (0..p).map(|a| sum(&others, a)).collect();
         let tilts = tilts(&weights, &features, &wished).expect("positive weights with these sums");
         let tilted: Vec<f64> = weights.iter().zip(&tilts).map(|(w, t)| w * t).collect();
         for (a, wished) in wished.iter().enumerate() {

@@ -53,12 +53,15 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
 
     let map = find_map(target, &sampler, &estimator).map_err(|error| error.after(&stages))?;
     let (weight_khat, weight_share) = tail(&raw);
+    // Weights that are tilted until moments are those of the process say nothing of tails that no sample has reached.
+    let judged = if sampler.placing.surrogate { &raw } else { &estimator.weights };
     let parameters: Vec<ParameterSummary> = (0..d)
         .into_par_iter()
         .map(|j| {
             let z: Vec<f64> = pool.z.iter().skip(j).step_by(d).copied().collect();
             let columns = Columns { z: &z, theta: &theta[j], coordinate: &coordinate[j] };
-            let mut summary = parameter_summary(&problem.parameters[j], &columns, &raw, &estimator);
+            let mut summary =
+                parameter_summary(&problem.parameters[j], &columns, judged, &estimator);
             summary.khat = summary.khat.max(weight_khat);
             summary.tail_share = summary.tail_share.max(weight_share);
             summary.map = map.theta[j];
@@ -139,19 +142,18 @@ struct Columns<'a> {
     coordinate: &'a [f64],
 }
 
-/// Summary of the samples of one parameter, with the k-hat of its moments by the importance weights `raw`; the MAP is filled in
-/// later.
+/// Summary of the samples of one parameter, with the k-hat of its moments by the weights `judged`; the MAP is filled in later.
 fn parameter_summary(
     p: &Parameter,
     of: &Columns<'_>,
-    raw: &[f64],
+    judged: &[f64],
     estimator: &Estimator,
 ) -> ParameterSummary {
     let coordinate = p.prior.coordinate();
     let in_coordinate = Marginal::new(of.coordinate, estimator).moments();
     let mean = in_coordinate.mean;
     let tail_of = |power: i32| {
-        let weighted = raw.iter().zip(of.coordinate);
+        let weighted = judged.iter().zip(of.coordinate);
         let values: Vec<f64> = weighted.map(|(w, x)| w * (x - mean).abs().powi(power)).collect();
         tail(&values)
     };
