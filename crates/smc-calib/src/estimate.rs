@@ -12,11 +12,12 @@
 
 use crate::cholesky::{cholesky, solve};
 use crate::pool::Pool;
+use crate::surrogate::coefficients;
 use std::ops::RangeInclusive;
 
-/// Least and largest relative change of a weight that is proportional to the weight.
+/// Least and largest relative change of a weight.
 const CHANGES: RangeInclusive<f64> = -0.8..=2.0;
-/// Least and largest factor on a weight that is tilted.
+/// Least and largest factor on a weight that is tilted as far as it takes.
 const TILTS: RangeInclusive<f64> = 0.02..=50.0;
 /// Most steps of Newton's method to the tilt, most halvings of each, and the relative gap at which it is found.
 const STEPS: usize = 50;
@@ -30,13 +31,15 @@ enum Spread {
     Weight,
     /// Its root.
     Root,
+    /// Its root, and the weight may change further.
+    Far,
 }
 
 impl Spread {
     fn of(self, weight: f64) -> f64 {
         match self {
             Self::Weight => weight,
-            Self::Root => weight.sqrt(),
+            Self::Root | Self::Far => weight.sqrt(),
         }
     }
 }
@@ -47,6 +50,25 @@ pub(crate) struct Integrals {
     pub of_sub_nets: Vec<f64>,
     /// Per sample of the pool: 1, x_j, x_i x_j of the standardised coordinates.
     pub features: Vec<f64>,
+}
+
+impl Integrals {
+    /// Those of some features, of `p`.
+    fn only(&self, p: usize, columns: &[usize]) -> Self {
+        let of = |all: &[f64]| -> Vec<f64> {
+            all.chunks_exact(p).flat_map(|row| columns.iter().map(|a| row[*a])).collect()
+        };
+        Self { of_sub_nets: of(&self.of_sub_nets), features: of(&self.features) }
+    }
+}
+
+/// Features that weights are held to, of 1, x_j and x_i x_j in d coordinates: all; without products of different
+/// coordinates; 1 and x_j; 1. Few effective samples have no weights with as many moments as the first.
+fn features_held(d: usize) -> [Vec<usize>; 4] {
+    let linear: Vec<usize> = (0..=d).collect();
+    let squares = (0..d).map(|i| 1 + d + i * (i + 1) / 2 + i);
+    let diagonal = linear.iter().copied().chain(squares).collect();
+    [(0..coefficients(d)).collect(), diagonal, linear, vec![0]]
 }
 
 /// Integrals that the weights are held to.
@@ -95,8 +117,13 @@ fn sums(
 
 /// Factors `f = exp(sqrt(w) lambda phi)` for which the sums of `w f phi` are the wished ones: the minimum of
 /// `sum sqrt(w) f - lambda wished` by Newton's method. None where it is not found, or a weight would change by more than
-/// [`TILTS`].
-fn tilts(weights: &[f64], features: &[f64], wished: &[f64]) -> Option<Vec<f64>> {
+/// is allowed.
+fn tilts(
+    weights: &[f64],
+    features: &[f64],
+    wished: &[f64],
+    allowed: &RangeInclusive<f64>,
+) -> Option<Vec<f64>> {
     let p = wished.len();
     let inner =
         |row: &[f64], other: &[f64]| -> f64 { row.iter().zip(other).map(|(f, l)| f * l).sum() };
@@ -122,7 +149,7 @@ fn tilts(weights: &[f64], features: &[f64], wished: &[f64]) -> Option<Vec<f64>> 
             }
         }
         if gap.iter().all(|gap| gap.abs() <= GAP * wished[0].abs()) {
-            return factors.iter().all(|f| TILTS.contains(f)).then_some(factors);
+            return factors.iter().all(|f| allowed.contains(f)).then_some(factors);
         }
         let step = solve(&cholesky(&slopes, p)?, &gap);
         (lambda, (factors, value)) = (0..HALVINGS).find_map(|halvings| {
@@ -148,6 +175,7 @@ pub(crate) struct Estimator {
     /// Log of the factor taken out of the weights.
     pub ln_scale: f64,
     known: Option<Known>,
+    held_far: bool,
 }
 
 impl Estimator {
@@ -159,20 +187,48 @@ impl Estimator {
     /// From the sub-net of each sample and its weight.
     pub(crate) fn of(label: Vec<u32>, weights: Vec<f64>, ln_scale: f64, replicates: usize) -> Self {
         let total = weights.iter().sum();
-        Self { n: weights.len(), replicates, label, total, weights, ln_scale, known: None }
+        Self {
+            n: weights.len(),
+            replicates,
+            label,
+            total,
+            weights,
+            ln_scale,
+            known: None,
+            held_far: false,
+        }
     }
 
-    /// Holds the weights to integrals; false, and nothing is changed, where that would change a weight by too much.
-    pub(crate) fn hold_to(&mut self, integrals: Integrals) -> bool {
-        let found = [Spread::Weight, Spread::Root]
-            .into_iter()
-            .find_map(|spread| Some((spread, self.held(spread, &integrals)?)));
-        let Some((spread, (weights, of_pool, factor))) = found else { return false };
-        let p = integrals.of_sub_nets.len() / self.replicates;
+    /// Holds the weights to integrals over `d` coordinates; false, and nothing is changed, where that would change a weight by too
+    /// much. With `far` weights may change as far as [`TILTS`], and are held to fewer integrals rather than to none: where
+    /// importance weights are few. Their heavy tail does not show in the held ones any more.
+    pub(crate) fn hold_to(&mut self, integrals: &Integrals, d: usize, far: bool) -> bool {
+        let p = coefficients(d);
+        let kinds: &[Spread] = if far {
+            &[Spread::Weight, Spread::Root, Spread::Far]
+        } else {
+            &[Spread::Weight, Spread::Root]
+        };
+        let held = |columns: Vec<usize>| {
+            let some = integrals.only(p, &columns);
+            let held = kinds.iter().find_map(|kind| Some((*kind, self.held(*kind, &some)?)))?;
+            Some((columns.len(), some, held))
+        };
+        let most = if far { usize::MAX } else { 1 };
+        let found = features_held(d).into_iter().take(most).find_map(held);
+        let Some((p, integrals, (spread, (weights, of_pool, factor)))) = found else {
+            return false;
+        };
         self.total = weights.iter().sum();
         self.weights = weights;
         self.known = Some(Known { p, integrals, of_pool, spread, factor });
+        self.held_far = far;
         true
+    }
+
+    /// Whether weights were held to integrals as far as it takes.
+    pub(crate) fn is_held_far(&self) -> bool {
+        self.held_far
     }
 
     /// Weights held to integrals, and their [`sums`]; none where a weight would change by too much.
@@ -209,8 +265,13 @@ impl Estimator {
                 }
                 weights
             }
-            Spread::Root => {
-                let tilts = tilts(&self.weights, &integrals.features, &wished)?;
+            Spread::Root | Spread::Far => {
+                let allowed = if matches!(spread, Spread::Far) {
+                    TILTS
+                } else {
+                    1.0 + CHANGES.start()..=1.0 + CHANGES.end()
+                };
+                let tilts = tilts(&self.weights, &integrals.features, &wished, &allowed)?;
                 self.weights.iter().zip(tilts).map(|(w, tilt)| w * tilt).collect()
             }
         };
@@ -363,7 +424,8 @@ mod tests {
             .map(|(i, w)| w * (1.0 + 0.6 * (1.9 * i as f64).sin()))
             .collect();
         let wished: Vec<f64> = (0..p).map(|a| sum(&others, a)).collect();
-        let tilts = tilts(&weights, &features, &wished).expect("positive weights with these sums");
+        let tilts =
+            tilts(&weights, &features, &wished, &TILTS).expect("positive weights with these sums");
         let tilted: Vec<f64> = weights.iter().zip(&tilts).map(|(w, t)| w * t).collect();
         for (a, wished) in wished.iter().enumerate() {
             assert!((sum(&tilted, a) - wished).abs() < 1e-9, "{a}");
@@ -371,6 +433,6 @@ mod tests {
         // A mean outside all samples has no such weights.
         let mut beyond = wished.clone();
         beyond[1] = 2.0 * beyond[0];
-        assert!(super::tilts(&weights, &features, &beyond).is_none());
+        assert!(super::tilts(&weights, &features, &beyond, &TILTS).is_none());
     }
 }

@@ -53,8 +53,8 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
 
     let map = find_map(target, &sampler, &estimator).map_err(|error| error.after(&stages))?;
     let (weight_khat, weight_share) = tail(&raw);
-    // Weights that are tilted until moments are those of the process say nothing of tails that no sample has reached.
-    let judged = if sampler.placing.surrogate { &raw } else { &estimator.weights };
+    // Weights that are tilted as far as it takes say nothing of the tail that they had.
+    let judged = if estimator.is_held_far() { &raw } else { &estimator.weights };
     let parameters: Vec<ParameterSummary> = (0..d)
         .into_par_iter()
         .map(|j| {

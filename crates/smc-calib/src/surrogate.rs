@@ -9,6 +9,11 @@ use crate::cholesky::{cholesky, packed_inverse, solve};
 use crate::neighbours::{MOST_DIMENSIONS, Neighbours};
 use rayon::prelude::*;
 
+/// Most parameters.
+pub(crate) const MOST_PARAMETERS: usize = 12;
+/// Most fits where there are more than [`MOST_DIMENSIONS`] parameters: a sample has no near neighbours there, and fits of nearly
+/// all samples are nearly alike.
+const MOST_FITS: usize = 128;
 /// Neighbours of each fit, per coefficient of the quadratic.
 const NEIGHBOURS: usize = 3;
 /// Largest root mean square residual of a fit.
@@ -24,6 +29,7 @@ pub(crate) struct Surrogate {
     d: usize,
     /// Lower triangle, packed row by row, that takes z to where distances are measured.
     inverse: Vec<f64>,
+    /// Where the fits are looked up: around all samples, or in many dimensions around those that have one.
     tree: Neighbours,
     places: Vec<f64>,
     fits: Vec<Option<Quadratic>>,
@@ -78,7 +84,7 @@ impl Surrogate {
         let d = z.len().checked_div(ln_l.len())?;
         let p = coefficients(d);
         let count = NEIGHBOURS * p;
-        if d > MOST_DIMENSIONS || ln_l.len() < count {
+        if d > MOST_PARAMETERS || ln_l.len() < count {
             return None;
         }
         let inverse = packed_inverse(factor, d);
@@ -88,26 +94,33 @@ impl Surrogate {
         }
         let tree = Neighbours::new(&places, d);
         let samples = Samples { d, places: &places, ln_l };
-        let mut slopes = vec![0.0; ln_l.len() * p];
+        let centres = centres(d, fitted);
+        let mut slopes = vec![0.0; centres.len() * p];
         let fits: Vec<Option<Quadratic>> = slopes
             .par_chunks_mut(p)
-            .zip(fitted)
-            .enumerate()
+            .zip(&centres)
             .with_min_len(64)
             .map_init(
                 || (Vec::new(), Workspace::new(p)),
-                |(found, space), (i, (slopes, fitted))| {
-                    if !fitted {
+                |(found, space), (slopes, i)| {
+                    if !fitted[*i] {
                         return None;
                     }
                     tree.nearest(&places[i * d..(i + 1) * d], count, f64::INFINITY, found);
-                    let mut fit = quadratic(samples, i, found, space, slopes)?;
+                    let mut fit = quadratic(samples, *i, found, space, slopes)?;
                     let ratios = found.iter().map(|(_, k)| ln_l[*k as usize] - ln_q[*k as usize]);
                     fit.highest_ratio = ratios.fold(f64::NEG_INFINITY, f64::max) + EXCESS;
                     Some(fit)
                 },
             )
             .collect();
+        let (tree, places) = if centres.len() == fitted.len() {
+            (tree, places)
+        } else {
+            let own: Vec<f64> =
+                centres.iter().flat_map(|i| &places[i * d..(i + 1) * d]).copied().collect();
+            (Neighbours::new(&own, d), own)
+        };
         let reach2 = fits.iter().flatten().map(|fit| fit.reach2).fold(0.0, f64::max);
         Some(Self { d, inverse, tree, places, fits, reach2, slopes })
     }
@@ -121,7 +134,7 @@ impl Surrogate {
         found: &mut Vec<(f64, u32)>,
     ) -> Option<f64> {
         let d = self.d;
-        let mut x = [0.0; MOST_DIMENSIONS];
+        let mut x = [0.0; MOST_PARAMETERS];
         let x = &mut x[..d];
         whiten(z, &self.inverse, x);
         self.tree.nearest(x, BLENDED, self.reach2, found);
@@ -145,7 +158,7 @@ impl Surrogate {
     fn value(&self, i: usize, fit: &Quadratic, at: &[f64]) -> f64 {
         let d = self.d;
         let scale = 1.0 / fit.reach2.sqrt();
-        let mut x = [0.0; MOST_DIMENSIONS];
+        let mut x = [0.0; MOST_PARAMETERS];
         for ((x, at), place) in x.iter_mut().zip(at).zip(&self.places[i * d..]) {
             *x = (at - place) * scale;
         }
@@ -163,6 +176,16 @@ impl Surrogate {
         }
         sum
     }
+}
+
+/// The samples that fits are looked up around: all, or in many dimensions some of the fitted ones, evenly among them.
+fn centres(d: usize, fitted: &[bool]) -> Vec<usize> {
+    if d <= MOST_DIMENSIONS {
+        return (0..fitted.len()).collect();
+    }
+    let all: Vec<usize> = (0..fitted.len()).filter(|i| fitted[*i]).collect();
+    let count = all.len().min(MOST_FITS);
+    (0..count).map(|k| all[k * all.len() / count]).collect()
 }
 
 fn whiten(z: &[f64], inverse: &[f64], x: &mut [f64]) {
@@ -211,7 +234,7 @@ fn quadratic(
     let Workspace { left, right, row } = space;
     left.fill(0.0);
     right.fill(0.0);
-    let mut x = [0.0; MOST_DIMENSIONS];
+    let mut x = [0.0; MOST_PARAMETERS];
     // Values relative to the one in the middle, so that nothing cancels.
     let (mut highest, mut total, mut squares) = (0.0f64, 0.0, 0.0);
     for (square, k) in found {

@@ -157,3 +157,13 @@ fn the_map_is_the_higher_of_two_peaks_though_most_of_the_posterior_lies_at_the_o
         assert!(p.counters.map_simulations <= 420);
     }
 }
+
+#[test]
+fn in_ten_dimensions_the_evidence_is_that_of_all_samples_where_the_last_stage_misses_it() {
+    let reference = gaussian(10, 0.8, 0.1);
+    let found = runs(&reference, 4096, 4);
+    let error = |value: f64| value - reference.log_evidence;
+    let missed = found.iter().filter(|p| error(p.log_evidence.frozen_value).abs() > 0.5).count();
+    let rms = rms(found.iter().map(|p| error(p.log_evidence.value)));
+    assert!(missed > 0 && rms < 0.15, "{missed} {rms}");
+}
