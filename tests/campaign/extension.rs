@@ -102,6 +102,12 @@ fn an_extension_that_cannot_be_is_refused_with_what_can() {
     sandbox.write("line.toml", line_plan(50, "0"));
     let ran = sandbox.run("--resume results/line --plan line.toml");
     ran.refused(&["sampler.samples", "calibrate --resume results/line --samples 50"]);
+    // Fewer are no way to go on with it either.
+    sandbox.write("line.toml", line_plan(16, "0"));
+    let ran = sandbox.run("--resume results/line --plan line.toml");
+    ran.refused(&["all 20 that it has count", "go on with them: calibrate --resume results/line"]);
+    let other = sandbox.run("--continue-from results/line --samples 16");
+    other.refused(&["calibrate --resume results/line --samples 40"]);
     assert_eq!(runs(&sandbox), 20);
 
     sandbox.write("sets.csv", "a\n1\n2\n3\n");
@@ -142,4 +148,67 @@ fn a_run_of_a_material_is_continued_with_all_its_samples() {
     sandbox.run(&format!("{options} --seed 2")).refused(&["--seed"]);
     sandbox.run("--material ps -n 2048 --noise ess-target:0.2 --out tuned").succeeded();
     sandbox.run("--continue-from tuned --samples 4096").refused(&["ess-target"]);
+}
+
+#[test]
+fn a_number_that_is_refused_gives_up_no_failed_run() {
+    let sandbox = line(20, "0");
+    let fails = "n=$(wc -l < \"$RUNS\"); if [ $((n % 3)) = 0 ]; then exit 4; fi\n";
+    let script = fs::read_to_string(sandbox.path().join("line.sh")).expect("the script");
+    sandbox.write("line.sh", script.replace("sleep", &format!("{fails}sleep")));
+    sandbox.run("--plan line.toml --quiet").succeeded();
+    let before = status(&sandbox, "results/line");
+    assert!(before["failed"].as_u64().expect("a number") > 0, "{before}");
+    let files = sandbox.snapshot();
+    let ran = sandbox.run("--resume results/line --retry-failed --samples 16");
+    ran.refused(&["more than the 20 simulations"]);
+    assert_eq!(status(&sandbox, "results/line"), before);
+    let left = |name: &str| {
+        let path = sandbox.path().join("results/line").join(name);
+        fs::read(&path).ok() == files.get(&path).cloned()
+    };
+    for name in ["posterior.json", "SHA256SUMS", "campaign/results.jsonl", "campaign/campaign.json"]
+    {
+        assert!(left(name), "{name}");
+    }
+}
+
+#[test]
+fn a_continued_run_says_where_its_first_samples_are_not_those_of_the_run_it_extends() {
+    let sandbox = Sandbox::new();
+    sandbox.run("--material ps -n 60 --quiet").succeeded();
+    let more = "--continue-from results/ps --samples 80 --quiet --out more";
+    let ran = sandbox.run(more);
+    assert!(!ran.succeeded().stderr.contains("are not the first"), "{}", ran.stderr);
+    let path = sandbox.path().join("results/ps/samples.csv");
+    let text = fs::read_to_string(&path).expect("rows");
+    let row = text.lines().nth(8).expect("a row").to_owned();
+    let (first, rest) = row.split_once(',').expect("cells");
+    let other = format!("{:e},{rest}", first.parse::<f64>().expect("a number") * (1.0 + 1e-15));
+    fs::write(&path, text.replacen(&row, &other, 1)).expect("another number");
+    fs::remove_file(sandbox.path().join("results/ps/SHA256SUMS")).expect("the sums");
+    let ran = sandbox.run(more);
+    let said = &ran.succeeded().stderr;
+    assert!(said.contains("results/ps are not the first of this run, from number 8 on"), "{said}");
+    assert!(said.contains("80 simulations made now"), "{said}");
+    fs::remove_file(path).expect("the samples");
+    let ran = sandbox.run(more);
+    assert!(ran.succeeded().stderr.contains("cannot be compared"), "{}", ran.stderr);
+}
+
+#[test]
+fn what_helps_is_said_with_the_folder_of_the_run() {
+    let sandbox = Sandbox::new();
+    let wanted = "calibrate --continue-from kept/here --samples 16384";
+    let ran = sandbox.run("--material peek -n 50 --out kept/here");
+    assert!(ran.succeeded().stdout.contains(wanted), "{}", ran.stdout);
+    let ran = sandbox.run("--material peek -n 50 --out kept/here --quiet");
+    assert!(ran.succeeded().stderr.contains(wanted), "{}", ran.stderr);
+    for named in ["kept/here", "kept/here/posterior.json"] {
+        let ran = sandbox.run(&format!("inspect {named}"));
+        assert!(ran.succeeded().stdout.contains(wanted), "{}", ran.stdout);
+    }
+    // The record is the same wherever it is.
+    let bytes = String::from_utf8(sandbox.posterior_bytes("kept/here")).expect("UTF-8");
+    assert!(bytes.contains("--continue-from DIR ") && !bytes.contains("kept"));
 }

@@ -3,6 +3,7 @@
 mod extension;
 mod interruptions;
 mod outages;
+mod proposal;
 mod runs;
 mod slurm;
 mod storm;

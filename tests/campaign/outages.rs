@@ -164,6 +164,8 @@ fn a_run_whose_failures_are_being_made_again_has_no_result() {
     assert_eq!(status(&sandbox, "results/line")["state"], "stopped");
     let aside = sandbox.path().join("results/line/campaign/posterior.json.retried-1");
     assert!(fs::read(aside).expect("the earlier result") == with_failures);
+    // Nor do its sums stay beside files that are about to be others.
+    assert!(!sandbox.path().join("results/line/SHA256SUMS").exists());
     sandbox.run("inspect results/line").refused(&["no posterior yet", "--resume results/line"]);
     mend(&sandbox);
     sandbox.run("--resume results/line --quiet").succeeded();

@@ -222,16 +222,24 @@ impl Campaign {
     ///
     /// # Errors
     ///
-    /// A failed write: the file is then the old one, or counts as damaged.
+    /// A failed write: the file is then the old one or the new one, also where the driver is killed on the way.
     pub fn replace_extra(&mut self, name: &str, contents: &[u8]) -> Result<(), CampaignError> {
         create::check_names(&BTreeMap::from([(name.to_owned(), ())]))?;
         self.check_lock()?;
-        files::write(&self.dir.join(name), contents)?;
         let sum = seal::hex(seal::checksum(contents));
+        self.announce(name, &sum)?;
+        files::write(&self.dir.join(name), contents)?;
         self.record.files.insert(name.to_owned(), sum);
+        self.record.replacing.clear();
         self.record.write(&self.dir)?;
         self.extra.insert(name.to_owned(), contents.to_vec());
         Ok(())
+    }
+
+    /// Says that a file is about to have another checksum.
+    fn announce(&mut self, name: &str, sum: &str) -> Result<(), CampaignError> {
+        self.record.replacing.insert(name.to_owned(), sum.to_owned());
+        self.record.write(&self.dir)
     }
 
     /// Gives up the outcomes of the failed runs that `given_up` chooses, and returns their numbers. The
@@ -395,5 +403,53 @@ impl Campaign {
     fn state(&self) -> MutexGuard<'_, State> {
         // Every change of the state is whole before anything can panic.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::CommandSpec;
+
+    #[test]
+    fn a_file_that_is_being_replaced_is_the_old_or_the_new_one_wherever_the_driver_is_killed() {
+        let spec = CampaignSpec {
+            parameter_names: vec!["x".into()],
+            commands: vec![CommandSpec::in_process("square")],
+            seed: 1,
+        };
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let dir = folder.path().join("run");
+        let files = BTreeMap::from([("plan".to_owned(), b"old".to_vec())]);
+        let mut campaign = Campaign::create(&dir, &spec, &files).expect("made");
+        let sum = |text: &[u8]| seal::hex(seal::checksum(text));
+        let reopened = |campaign: Campaign| {
+            drop(campaign);
+            let (campaign, damage) = Campaign::open(&dir).expect("opened");
+            assert_eq!(damage, []);
+            campaign
+        };
+        // Killed before a file is written, one that was there and one that was not.
+        campaign.announce("plan", &sum(b"new")).expect("said");
+        campaign = reopened(campaign);
+        assert_eq!(campaign.extra("plan"), Some(&b"old"[..]));
+        campaign.announce("more", &sum(b"new")).expect("said");
+        campaign = reopened(campaign);
+        assert_eq!(campaign.extra("more"), None);
+        // Killed when it is written, and its checksum is not yet the only one.
+        for name in ["plan", "more"] {
+            campaign.announce(name, &sum(b"new")).expect("said");
+            files::write(&campaign.dir.join(name), b"new").expect("written");
+            campaign = reopened(campaign);
+            assert_eq!(campaign.extra(name), Some(&b"new"[..]), "{name}");
+            campaign = reopened(campaign);
+            assert_eq!(campaign.extra(name), Some(&b"new"[..]), "{name}, once more");
+        }
+        campaign.replace_extra("plan", b"newest").expect("replaced");
+        assert_eq!(reopened(campaign).extra("plan"), Some(&b"newest"[..]));
+        // Anything else is damage.
+        files::write(&dir.join("plan"), b"other").expect("written");
+        let (campaign, damage) = Campaign::open(&dir).expect("opened");
+        assert_eq!((campaign.extra("plan"), damage.len()), (None, 1));
     }
 }

@@ -43,6 +43,7 @@ pub(crate) fn mend(dir: &Path, given: Given<'_>) -> Result<Mended, CampaignError
     };
     mend_folders(dir, &mut damage)?;
     let mut extra = BTreeMap::new();
+    rewrite |= settle_replaced(dir, &mut record)?;
     for (name, sum) in &record.files.clone() {
         let path = dir.join(name);
         let contents = if path.is_dir() { None } else { files::read(&path)? };
@@ -64,6 +65,19 @@ pub(crate) fn mend(dir: &Path, given: Given<'_>) -> Result<Mended, CampaignError
         record.write(dir)?;
     }
     Ok(Mended { record, extra, damage, copied })
+}
+
+/// Takes files that a driver has replaced before it was killed for the new ones; whether the record has changed.
+fn settle_replaced(dir: &Path, record: &mut Record) -> Result<bool, CampaignError> {
+    let replacing = std::mem::take(&mut record.replacing);
+    for (name, sum) in &replacing {
+        let path = dir.join(name);
+        let contents = if path.is_dir() { None } else { files::read(&path)? };
+        if contents.is_some_and(|contents| seal::hex(seal::checksum(&contents)) == *sum) {
+            record.files.insert(name.clone(), sum.clone());
+        }
+    }
+    Ok(!replacing.is_empty())
 }
 
 fn mend_folders(dir: &Path, damage: &mut Vec<Damage>) -> Result<(), CampaignError> {

@@ -24,6 +24,9 @@ pub(crate) struct Record {
     pub(crate) spec: CampaignSpec,
     /// Checksums of the caller's files, by name.
     pub(crate) files: BTreeMap<String, String>,
+    /// Checksums of files that are being replaced: such a file is whole as it was and as it will be.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub(crate) replacing: BTreeMap<String, String>,
     /// The directory that it was written in, by which a copy is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     place: Option<Place>,
@@ -86,7 +89,8 @@ impl Record {
         let files =
             extra.iter().map(|(name, text)| (name.clone(), seal::hex(seal::checksum(text))));
         let (id, place) = (Self::new_id(dir), Place::of(dir));
-        Self { format: FORMAT, id, spec: spec.clone(), files: files.collect(), place }
+        let (files, replacing) = (files.collect(), BTreeMap::new());
+        Self { format: FORMAT, id, spec: spec.clone(), files, replacing, place }
     }
 
     fn new_id(dir: &Path) -> String {
@@ -148,6 +152,7 @@ impl Record {
         record.spec.check()?;
         // A record that came from elsewhere must not lead to other files.
         create::check_names(&record.files)?;
+        create::check_names(&record.replacing)?;
         Ok(record)
     }
 }

@@ -244,6 +244,10 @@ pub(crate) fn check(
             range: "none with tuned noise, whose result is that of its newest iteration alone",
         });
     }
+    if let (Some(_), true) = (&settings.first_proposal, tuned) {
+        let problem = "tuned noise weights samples as draws from the prior".to_owned();
+        return Err(CalibrateError::FirstProposal { problem });
+    }
     let likelihood = JointLikelihood::new(problem)?;
     let observations = problem.observations();
     if likelihood.has_shape() && !CurveTarget::has_room(observations, settings.samples) {

@@ -25,8 +25,13 @@ pub fn calibrate_design(
     sets: &[Vec<f64>],
     observer: &mut dyn Observer,
 ) -> Result<Posterior, CalibrateError> {
-    let settings =
-        Settings { samples: sets.len(), overlap: 0, earlier: Vec::new(), ..settings.clone() };
+    let settings = Settings {
+        samples: sets.len(),
+        overlap: 0,
+        earlier: Vec::new(),
+        first_proposal: None,
+        ..settings.clone()
+    };
     let likelihood = check(problem, &settings)?;
     if problem.groups.iter().any(|group| matches!(group.noise, Noise::EssTarget { .. })) {
         return Err(CalibrateError::Design {

@@ -48,6 +48,12 @@ pub enum CalibrateError {
         /// The problem with it.
         problem: String,
     },
+    /// An earlier posterior that cannot be the first proposal.
+    #[error("the first proposal: {problem}")]
+    FirstProposal {
+        /// The problem with it.
+        problem: String,
+    },
     /// The simulator said that it cannot run at all.
     #[error("the simulator cannot run, stopped after {simulations} simulations: {cause}")]
     Fatal {

@@ -12,6 +12,7 @@ mod em;
 mod error;
 mod estimate;
 mod failing;
+mod first_proposal;
 mod gaussian_process;
 mod joint;
 mod lanes;
@@ -55,6 +56,7 @@ pub use calibrate::{Observer, calibrate, calibrate_joint};
 pub use density::{DensitySummary, sample_density, sample_density_in};
 pub use design::calibrate_design;
 pub use error::CalibrateError;
+pub use first_proposal::FirstProposal;
 pub use joint::{Group, JointProblem};
 pub use leave_one_out::{LeaveOneOut, LeaveOneOutPoint, leave_one_out, leave_one_out_of};
 pub use noise::{

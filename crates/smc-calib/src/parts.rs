@@ -15,6 +15,11 @@ impl Settings {
         self.earlier.iter().chain([&self.samples]).copied().find(|budget| *budget > samples)
     }
 
+    /// Whether a Gaussian process has placed the last samples.
+    pub(crate) fn ends_with_process(&self) -> bool {
+        self.of_part(self.samples).surrogate
+    }
+
     /// Settings that place the part up to a budget: those of the run. A later part that ends beyond what a Gaussian process
     /// is for is placed without it, as a run of so many samples is; settings that were chosen stay.
     fn of_part(&self, budget: usize) -> Self {
@@ -57,7 +62,7 @@ impl Sampler<'_> {
         }
         let (sizes, stage, left) = (self.schedule(budget), self.stages(), budget - placed);
         if stage == 0 {
-            return Some((sizes[0], Proposal::prior(self.pool.d), last && sizes.len() == 1));
+            return Some((sizes[0], self.opening.clone(), last && sizes.len() == 1));
         }
         if let Some(n) = self.explored(budget, sizes[0]) {
             self.beta = 0.0;
@@ -86,13 +91,16 @@ impl Sampler<'_> {
     }
 
     /// Size of a first stage of a later part that the process places, drawn from the prior: as much of the prior is explored
-    /// as by a run of its budget, whose first stage has `wished` samples.
+    /// as by a run of its budget, whose first stage has `wished` samples, or a share of it where that begins elsewhere.
     fn explored(&self, budget: usize, wished: usize) -> Option<usize> {
         let placed = self.samples();
         if !self.placing.surrogate || !self.settings.earlier.contains(&placed) {
             return None;
         }
-        let n = wished.saturating_sub(self.schedule(placed)[0]);
+        let mut n = wished.saturating_sub(self.schedule(placed)[0]);
+        if !self.opening.components.is_empty() {
+            n = (n as f64 * self.opening.prior_share) as usize;
+        }
         (n > 0 && placed + n < budget).then_some(n)
     }
 

@@ -58,6 +58,8 @@ struct Placed {
 pub(crate) struct Sampler<'a> {
     pub(crate) target: &'a dyn Target,
     pub(crate) settings: &'a Settings,
+    /// The proposal of the first stage.
+    pub(crate) opening: Proposal,
     /// The settings that the newest stage was placed by: those of its part of an extended run.
     pub(crate) placing: Settings,
     pub pool: Pool,
@@ -84,6 +86,10 @@ impl<'a> Sampler<'a> {
         Self {
             target,
             settings,
+            // Settings were checked: there is none only where the sampler made them itself.
+            opening: settings
+                .opening(target.dimension())
+                .unwrap_or_else(|_| Proposal::prior(target.dimension())),
             placing: settings.clone(),
             pool: Pool::new(target.dimension(), target.kept()),
             proposals: Vec::new(),

@@ -1,7 +1,7 @@
 //! How a calibration is run.
 
-use crate::CalibrateError;
 use crate::sobol::MAX_DIMENSIONS;
+use crate::{CalibrateError, MixtureRecord};
 use serde::{Deserialize, Serialize};
 
 /// Settings of the sampler. The defaults were measured; see each field.
@@ -63,6 +63,11 @@ pub struct Settings {
     /// stay those of the true likelihood. For budgets of up to two thousand simulations.
     #[serde(skip_serializing_if = "is_default")]
     pub surrogate: bool,
+    /// The density that the first stage is drawn from, where it is not the prior: an earlier posterior
+    /// ([`FirstProposal`](crate::FirstProposal)), in normal scores of the priors, with the degrees of freedom of these settings.
+    /// It belongs to the priors and is not stored with the settings.
+    #[serde(skip)]
+    pub first_proposal: Option<MixtureRecord>,
     /// Whether the path over the observations is computed: what was known after each of them. With many nodes of
     /// correlated noise it takes most of the time.
     #[serde(skip_serializing_if = "Clone::clone")]
@@ -97,6 +102,7 @@ impl Default for Settings {
             batch: 0,
             overlap: 0,
             surrogate: false,
+            first_proposal: None,
             path: true,
         }
     }
@@ -204,6 +210,6 @@ impl Settings {
         if !within(self.max_failed_share, 0.0, 1.0) {
             return refuse("max_failed_share", self.max_failed_share, "between 0 and 1");
         }
-        Ok(())
+        self.opening(dimension).map(|_| ())
     }
 }

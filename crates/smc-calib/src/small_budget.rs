@@ -282,6 +282,7 @@ impl Sampler<'_> {
             surrogate: false,
             overlap: 0,
             earlier: Vec::new(),
+            first_proposal: None,
             ..self.placing.clone()
         };
         let mut inner = Sampler::new(&stand_in, &settings);

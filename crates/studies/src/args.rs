@@ -41,6 +41,8 @@ pub(crate) enum Study {
     Sampler(CalibrationArgs),
     /// What do 50 to 300 simulations give, with and without a surrogate that places them? (30 minutes)
     SmallBudget(SmallBudgetArgs),
+    /// What is an earlier posterior worth as the first proposal, right or wrong? (20 minutes)
+    Proposal(ProposalArgs),
     /// Prints the exact posterior of a material, or what one run of the sampler finds, as JSON (1 second)
     Exact(ExactArgs),
     /// What do mass scaling and the quasi-static mode cost in accuracy for a bed? (30 seconds)
@@ -144,6 +146,26 @@ pub(crate) struct SmallBudgetArgs {
     /// Only the problems whose name has this in it
     #[arg(long, value_name = "NAME")]
     pub(crate) only: Option<String>,
+}
+
+/// Earlier posteriors.
+#[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
+pub(crate) struct ProposalArgs {
+    /// Runs of each kind
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..))]
+    pub(crate) seeds: u64,
+
+    /// Simulations of a run of the closed form
+    #[arg(long, value_name = "N,..", value_delimiter = ',', default_values_t = [60, 100])]
+    pub(crate) samples: Vec<usize>,
+
+    /// One material only
+    #[arg(long, value_name = "NAME")]
+    pub(crate) only: Option<String>,
+
+    /// Leave out the runs of verlet
+    #[arg(long)]
+    pub(crate) closed_form_only: bool,
 }
 
 /// One exact posterior.

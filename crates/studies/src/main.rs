@@ -13,6 +13,7 @@ mod noise;
 mod overhead;
 mod pair;
 mod paths;
+mod proposal;
 mod quantile;
 mod report;
 mod rivals;
@@ -60,6 +61,7 @@ fn run(Args { out, study }: &Args) -> Result<(), Failure> {
         Study::Noise(args) => noise::run(args, out),
         Study::Sampler(args) => sampler::run(args, out),
         Study::SmallBudget(args) => small_budget::run(args, out),
+        Study::Proposal(args) => proposal::run(args, out),
         Study::Exact(args) => exact::run(args),
         Study::BedAccuracy(args) => bed::accuracy::run(args, out),
         Study::BedLaws => bed::laws::run(out),

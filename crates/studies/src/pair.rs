@@ -72,8 +72,23 @@ impl Calibration {
 
     /// With another noise model.
     pub(crate) fn under(material: Material, noise: &Noise) -> Result<Self, Failure> {
-        let noise = noise.clone();
-        let options = PairOptions { material: Some(material), noise, ..PairOptions::default() };
+        Self::planned(&PairOptions {
+            material: Some(material),
+            noise: noise.clone(),
+            ..PairOptions::default()
+        })
+    }
+
+    /// With a solver of one's own choice.
+    pub(crate) fn solved(material: Material, solver: SolverKind) -> Result<Self, Failure> {
+        Self::planned(&PairOptions {
+            material: Some(material),
+            solver: Some(solver),
+            ..PairOptions::default()
+        })
+    }
+
+    fn planned(options: &PairOptions) -> Result<Self, Failure> {
         let plan = options.plan()?.plan;
         let (_, observable) = plan.pair()?;
         let (observations, noise) = (observable.observations()?, observable.noise.clone());

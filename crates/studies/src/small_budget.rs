@@ -9,7 +9,7 @@ use workbench::error::{Failure, RunError};
 use workbench::input::material::Material;
 
 use crate::args::SmallBudgetArgs;
-use crate::cases::{Case, Errors, Run};
+use crate::cases::{Case, Errors, Exact, Run};
 use crate::quantile::quantile;
 use crate::report::{Report, Table};
 use crate::seeds::over_seeds;
@@ -21,6 +21,18 @@ const SAMPLERS: [Sampler; 3] = [
     ("default", |samples| Settings { samples, map_simulations: 0, ..Settings::default() }),
     ("small stages", |samples| Settings { surrogate: false, ..Settings::for_budget(samples) }),
     ("small stages, surrogate", Settings::for_budget),
+];
+
+/// Columns of [`cells`].
+pub(crate) const COLUMNS: [&str; 8] = [
+    "mean [posterior sd]",
+    "sd, relative",
+    "ln Z",
+    "spread of z",
+    "ESS",
+    "k-hat",
+    "off, not said",
+    "right, called unsolved",
 ];
 
 /// Each error counts as this much at most.
@@ -40,19 +52,7 @@ those of the true likelihood. Where it explains 98 % of their variance, it takes
 
 pub(crate) fn run(args: &SmallBudgetArgs, out: &Path) -> Result<(), Failure> {
     let report = Report::begin(out, "small-budget")?;
-    let mut table = Table::new(&[
-        "problem",
-        "simulations",
-        "sampler",
-        "mean [posterior sd]",
-        "sd, relative",
-        "ln Z",
-        "spread of z",
-        "ESS",
-        "k-hat",
-        "off, not said",
-        "right, called unsolved",
-    ]);
+    let mut table = Table::new(&[&["problem", "simulations", "sampler"], &COLUMNS[..]].concat());
     let mut lost = String::new();
     for (name, case) in problems(args.only.as_deref().unwrap_or_default())? {
         for &samples in &args.samples {
@@ -71,7 +71,7 @@ pub(crate) fn run(args: &SmallBudgetArgs, out: &Path) -> Result<(), Failure> {
                 }
                 if !runs.is_empty() {
                     let what = [name.clone(), samples.to_string(), sampler.to_owned()];
-                    table.push([what.as_slice(), &cells(&case, &runs)].concat());
+                    table.push([what.as_slice(), &cells(&case.exact, &runs)].concat());
                 }
             }
         }
@@ -110,17 +110,15 @@ fn problems(only: &str) -> Result<Vec<(String, Case)>, Failure> {
     Ok(problems)
 }
 
-fn cells(case: &Case, runs: &[Run]) -> Vec<String> {
-    let errors: Vec<Errors> =
-        runs.iter().map(|run| Errors::of(&case.exact, &run.estimate)).collect();
+/// Errors of runs over seeds, and what the runs say of themselves.
+pub(crate) fn cells(exact: &Exact, runs: &[Run]) -> Vec<String> {
+    let errors: Vec<Errors> = runs.iter().map(|run| Errors::of(exact, &run.estimate)).collect();
     let worst = |errors: &[&Vec<f64>]| {
         let of = |j: usize| rms(errors.iter().map(|row| row[j]));
-        (0..case.exact.mean.len()).map(of).fold(0.0, f64::max)
+        (0..exact.mean.len()).map(of).fold(0.0, f64::max)
     };
-    let z = runs
-        .iter()
-        .zip(&errors)
-        .map(|(run, error)| error.mean[0] / (run.mean_se[0] / case.exact.sd[0]));
+    let z =
+        runs.iter().zip(&errors).map(|(run, error)| error.mean[0] / (run.mean_se[0] / exact.sd[0]));
     vec![
         format!("{:.2}", worst(&errors.iter().map(|e| &e.mean).collect::<Vec<_>>())),
         format!("{:.2}", worst(&errors.iter().map(|e| &e.sd).collect::<Vec<_>>())),

@@ -39,6 +39,10 @@ pub(crate) enum Careful {
     UnusedSigma { observable: String, table: String, noise: String },
     /// Parameter sets that the sampler did not draw.
     GivenParameterSets,
+    /// An earlier result as the first proposal that is not to be trusted itself.
+    UntrustedProposal { from: String },
+    /// An earlier result as the first proposal most of which the priors exclude.
+    ProposalOutsidePriors { from: String, share: f64 },
     /// Draws of a result whose noise was tuned.
     TunedDraws,
     /// A contact ratio that is reached after an infinite time.
@@ -113,6 +117,10 @@ impl Careful {
                 "the standard deviations of {observable} in {table} are not used: its noise is {noise}"
             ),
             Self::GivenParameterSets => "the parameter sets were given: they are weighted as draws from the prior, which is right only if they are that".to_owned(),
+            Self::UntrustedProposal { from } => format!(
+                "{from}, which the first runs are placed by, is a result that is not to be trusted itself: they may be in the wrong place, and this result needs more of them; it stays that of its own model and prior"
+            ),
+            Self::ProposalOutsidePriors { from, share } => outside_priors(from, *share),
             Self::TunedDraws => "the draws are not of a posterior: the noise was tuned, and intervals from them mean nothing".to_owned(),
             Self::NeverReached { kinetics } => format!(
                 "under the {kinetics} kinetics a/R approaches 2^(1/3) for ever: times to it have no meaning"
@@ -210,6 +218,10 @@ impl Careful {
             Self::GivenParameterSets => {
                 "draw them from the prior, or leave out design and let the sampler place them"
             }
+            Self::UntrustedProposal { .. } => "give the earlier calibration more simulations first",
+            Self::ProposalOutsidePriors { .. } => {
+                "widen the priors if the earlier result holds, or leave it out"
+            }
             Self::TunedDraws => "calibrate with --noise inferred",
             Self::NeverReached { .. } => "ask for a smaller --contact-ratio",
             Self::InertiaFelt { .. } => "mode = \"quasi-static\" in that phase leaves it out",
@@ -267,6 +279,14 @@ fn soft_settling(phase: &str, k1: f64, [load, limit]: [f64; 2], needed: f64) -> 
         significant(k1, 3),
         significant(load, 2),
         significant(needed, 2)
+    )
+}
+
+/// Words on an earlier result most of which the priors exclude.
+fn outside_priors(from: &str, share: f64) -> String {
+    format!(
+        "{:.0} % of {from}, which the first runs are placed by, lie outside the priors of this run and are left out",
+        100.0 * share
     )
 }
 

@@ -1,6 +1,7 @@
 //! A posterior against quadrature of the same model, data, prior and noise.
 
 use std::fmt::Write as _;
+use std::path::Path;
 
 use smc_calib::Problem;
 use smc_calib::quadrature::{Quadrature, QuadratureSettings, quadrature};
@@ -98,12 +99,12 @@ impl Verification {
         text
     }
 
-    /// Refuses a posterior that is off by more than the sampler may be.
+    /// Refuses a posterior, of the run in `folder`, that is off by more than the sampler may be.
     ///
     /// # Errors
     ///
     /// [`RunError`] with the first number that differs.
-    pub fn passed(&self) -> Result<(), RunError> {
+    pub fn passed(&self, folder: &Path) -> Result<(), RunError> {
         match self.lines.iter().find(|line| line.error.is_nan() || line.error > line.allowed) {
             None => Ok(()),
             Some(line) => Err(RunError::new(format_args!(
@@ -111,7 +112,8 @@ impl Verification {
                 line.what, line.found, line.exact
             ))
             .help(format_args!(
-                "run more simulations: calibrate --continue-from DIR --samples {}",
+                "run more simulations: calibrate --continue-from {} --samples {}",
+                folder.display(),
                 2 * self.samples
             ))),
         }

@@ -105,6 +105,12 @@ pub(crate) struct CalibrateArgs {
     #[arg(long, value_name = "N", value_parser = arguments::iterations, help_heading = "Sampling")]
     iterations: Option<usize>,
 
+    /// Draw the first simulations from an earlier posterior (its folder, or its posterior.json), of a cheaper model or a coarser
+    /// mesh, widened, beside a quarter from the prior. It says where to begin: the answer stays that of this model and its own
+    /// prior. Parameters are matched by name
+    #[arg(long, value_name = "DIR", help_heading = "Sampling")]
+    proposal: Option<PathBuf>,
+
     /// Stop refining early once the effective sample size reaches N [default: use all samples]
     #[arg(long, value_name = "N", value_parser = arguments::effective_samples, help_heading = "Sampling")]
     ess: Option<f64>,
@@ -148,7 +154,7 @@ pub(crate) struct CalibrateArgs {
 }
 
 /// Options that a plan file, or a run that is there, says itself.
-const NOT_WITH_A_RUN: [&str; 11] = [
+const NOT_WITH_A_RUN: [&str; 12] = [
     "material",
     "experiment",
     "prior",
@@ -160,6 +166,7 @@ const NOT_WITH_A_RUN: [&str; 11] = [
     "iterations",
     "ess",
     "seed",
+    "proposal",
 ];
 
 impl CalibrateArgs {
@@ -187,25 +194,29 @@ impl CalibrateArgs {
             iterations: self.iterations,
             ess: self.ess,
             seed: self.seed,
+            proposal: self.proposal.clone(),
         }
     }
 }
 
 /// Runs the command.
 pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
-    let mut out = args.out.clone();
+    let (mut out, mut extends) = (args.out.clone(), None);
     let planned = match (&args.plan, &args.resume, &args.continue_from, args.samples) {
         (_, _, Some(from), Some(samples)) => {
             let (planned, folder) = calibration::continued(from, samples)?;
+            extends = Some(folder.clone());
             out.get_or_insert(folder);
             Some(planned)
         }
+        (Some(file), Some(dir), ..) => Some(calibration::plan_of_run(file, dir)?),
         (Some(file), ..) => Some(Planned::read(file)?),
         (None, None, ..) => Some(args.pair().plan()?),
         (None, Some(_), ..) => None,
     };
     let options = RunOptions {
         out,
+        extends,
         samples: args.samples,
         threads: args.threads,
         worker: vec![program()?, "run-task".to_owned()],
@@ -237,7 +248,7 @@ pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
         if !args.quiet {
             eprint!("{}", checked.text());
         }
-        checked.passed()?;
+        checked.passed(&finished.out)?;
     }
     Ok(())
 }
@@ -265,7 +276,9 @@ fn dry_run(args: &CalibrateArgs, planned: &Planned, out: &Path) -> Result<(), Fa
 fn say(args: &CalibrateArgs, terminal: &Terminal, finished: Finished) -> Result<Finished, Failure> {
     let Finished { record, out, published, timings } = &finished;
     terminal.announce(published, out);
-    terminal.advise(&record.advice);
+    let advice: Vec<String> =
+        record.advice.iter().map(|line| report::in_folder(line, out)).collect();
+    terminal.advise(&advice);
     let text = || report::text(record, Some(timings.inference_seconds), Some(out));
     terminal.print_result(args.json, || report::json(record, Some(out)), text)?;
     Ok(finished)

@@ -1,6 +1,6 @@
 //! `calibrate inspect`: a saved posterior as tables in the terminal.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use workbench::error::Failure;
 use workbench::{record, report};
@@ -25,7 +25,12 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
     let text = if args.json {
         report::json(&record, None)?
     } else {
-        format!("{}\n{}\n", report::text(&record, None, None), report::details(&record).trim_end())
+        let folder =
+            if args.file.is_dir() { Some(args.file.as_path()) } else { args.file.parent() };
+        let folder =
+            folder.filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let summary = report::in_folder(&report::text(&record, None, None), folder);
+        format!("{summary}\n{}\n", report::details(&record).trim_end())
     };
     terminal::write(text.as_bytes())
 }

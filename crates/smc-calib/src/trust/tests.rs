@@ -280,6 +280,22 @@ fn a_small_budget_is_too_small_with_fewer_than_ten_samples_or_a_flattened_likeli
 }
 
 #[test]
+fn an_extended_run_is_judged_as_its_last_part_was_placed() {
+    let reason = |samples| {
+        let trust = after(|p| {
+            p.settings = Settings::for_budget(1000).extended(samples).expect("more");
+            (p.ess.importance, p.stages[1].beta) = (300.0, 0.99);
+        });
+        trust.concerns.into_iter().find_map(|c| match c {
+            Concern::BudgetTooSmall { reason, .. } => Some(reason),
+            _ => None,
+        })
+    };
+    assert!(reason(2000).is_some_and(|r| r.contains("not yet known well enough")));
+    assert!(reason(4096).is_some_and(|r| r.contains("flattened likelihood")));
+}
+
+#[test]
 fn information_is_judged_at_half_a_bit_and_called_almost_none_below_a_tenth() {
     let told = |bits| concern(|p| p.parameters[1].information_gain_bits = bits);
     assert_eq!(told(0.5), None);

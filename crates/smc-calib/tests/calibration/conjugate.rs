@@ -5,14 +5,14 @@ use nalgebra::{DMatrix, DVector};
 use smc_calib::quadrature::{QuadratureSettings, quadrature};
 use smc_calib::{FixedSigma, Noise, Settings, calibrate, predictive_band};
 
-struct Exact {
-    mean: DVector<f64>,
-    covariance: DMatrix<f64>,
-    log_evidence: f64,
+pub(crate) struct Exact {
+    pub(crate) mean: DVector<f64>,
+    pub(crate) covariance: DMatrix<f64>,
+    pub(crate) log_evidence: f64,
 }
 
 /// Posterior `N(C X'y/s^2, C)`, `C = (X'X/s^2 + P^-1)^-1`; evidence `N(y; 0, X P X' + s^2 I)`.
-fn exact(sigma: f64) -> Exact {
+pub(crate) fn exact(sigma: f64) -> Exact {
     let data = line_data();
     let m = data.len();
     let x = DMatrix::from_fn(m, 2, |i, j| if j == 0 { 1.0 } else { data.control()[i] });

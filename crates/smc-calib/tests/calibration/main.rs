@@ -9,6 +9,7 @@ mod extended;
 mod failures;
 mod few_observations;
 mod files;
+mod first_proposal;
 mod joint;
 mod modes;
 mod noise;

@@ -3,21 +3,25 @@
 use std::path::{Path, PathBuf};
 
 use campaign::Campaign;
-use smc_calib::Noise;
+use smc_calib::{Noise, Posterior};
 
 use super::store::{self, Stored};
 use crate::error::{Failure, InputError, Mistake};
 use crate::output::CAMPAIGN;
 use crate::plan::{ExecutorPlan, Plan, Planned};
 use crate::record;
+use crate::report::read_samples;
+use crate::watch::Watch;
 
 /// The kinds of warnings that the files of a plan were given, which are not read again.
-const OF_INPUT: [&str; 5] = [
+const OF_INPUT: [&str; 7] = [
     "above-final-contact-ratio",
     "other-radius",
     "below-adhesive-contact",
     "delta-c-above-radius",
     "tau-s-far-from-times",
+    "untrusted-proposal",
+    "proposal-outside-priors",
 ];
 
 /// A plan of the same run with more samples.
@@ -49,18 +53,30 @@ fn extended(name: &Path, plan: &Plan, samples: usize) -> Result<Plan, InputError
     Ok(Plan { sampler, ..plan.clone() })
 }
 
-/// Gives a run of programs more samples; its result stays until there is that of all. The number that an unfinished run has
-/// already lets it go on: the same command twice is one extension.
+/// The plan of a run of programs with the number of samples that is asked for; none where it stays. The number that an
+/// unfinished run has already, or one whose failed runs are `retried`, lets it go on: the same command twice is one extension.
+/// Nothing in the folder is changed.
+pub(super) fn planned(
+    dir: &Path,
+    plan: &Plan,
+    samples: Option<usize>,
+    retried: bool,
+) -> Result<Option<Plan>, InputError> {
+    let Some(samples) = samples else { return Ok(None) };
+    if samples == plan.sampler.samples && (retried || !record::is_reported(dir, plan)) {
+        return Ok(None);
+    }
+    extended(dir, plan, samples).map(Some)
+}
+
+/// Gives a run of programs that plan; its result stays until there is that of all.
 pub(super) fn extend(
     dir: &Path,
     campaign: &mut Campaign,
     stored: &mut Stored,
-    samples: usize,
+    plan: Plan,
 ) -> Result<(), Failure> {
-    if samples == stored.plan.sampler.samples && !record::is_reported(dir, &stored.plan) {
-        return Ok(());
-    }
-    stored.plan = extended(dir, &stored.plan, samples)?;
+    stored.plan = plan;
     store::replace_plan(dir, campaign, stored)
 }
 
@@ -78,9 +94,11 @@ pub fn continued(from: &Path, samples: usize) -> Result<(Planned, PathBuf), Inpu
     };
     if folder.join(CAMPAIGN).is_dir() {
         let name = folder.display();
+        let has = store::read_stored(&folder).map_or(0, |stored| stored.plan.sampler.samples);
+        let more = if samples > has { samples } else { 2 * has };
         return Err(InputError::new(name.to_string(), Mistake::Conflict)
             .found("a run of programs, whose runs are kept")
-            .help(format_args!("extend it: calibrate --resume {name} --samples {samples}")));
+            .help(format_args!("extend it: calibrate --resume {name} --samples {more}")));
     }
     let record = record::read(from)?;
     let plan = extended(&folder, &record.plan, samples)?;
@@ -92,4 +110,42 @@ pub fn continued(from: &Path, samples: usize) -> Result<(Planned, PathBuf), Inpu
     let executor = ExecutorPlan::Threads { threads: None };
     let planned = Planned { plan, executor, warnings, path: None, text: String::new() };
     Ok((planned.warned(), folder))
+}
+
+/// Holds the first samples of an extended run against those of the run in `earlier`, to the bit, and says so where they are
+/// others: this result is then as good, and the other one no part of it.
+pub(super) fn compare(earlier: &Path, posterior: &Posterior, watch: &dyn Watch) {
+    let name = earlier.display();
+    let read = record::read(earlier).and_then(|record| {
+        let samples = read_samples(&record, earlier)?;
+        Ok((record.plan.version, samples))
+    });
+    let (version, samples) = match read {
+        Ok(read) => read,
+        Err(error) => {
+            watch.warn(&format!(
+                "the simulations of {name} cannot be compared with the first of these: {error}"
+            ));
+            return;
+        }
+    };
+    let column = |(j, column): (usize, &Vec<f64>)| {
+        let own = posterior.samples.iter().map(|sample| sample.theta[j]);
+        column.iter().zip(own).position(|(theirs, own)| theirs.to_bits() != own.to_bits())
+    };
+    let Some(first) = samples.parameters.iter().enumerate().filter_map(column).min() else {
+        return;
+    };
+    let now = env!("CARGO_PKG_VERSION");
+    let by = if version == now {
+        "on another kind of machine, or by another build of this version".to_owned()
+    } else {
+        format!("by version {version} of calibrate, this is {now}")
+    };
+    watch.warn(&format!(
+        "the simulations of {name} are not the first of this run, from number {} on: they were made {by}. The result is that of \
+         {} simulations made now, and none of the earlier ones counts",
+        first + 1,
+        posterior.samples.len()
+    ));
 }

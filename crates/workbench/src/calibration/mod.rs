@@ -16,7 +16,7 @@ mod stopped;
 mod store;
 
 pub use extension::continued;
-pub use run::{Finished, RunOptions, Timings, resume, run, run_by};
+pub use run::{Finished, RunOptions, Timings, plan_of_run, resume, run, run_by};
 pub use sampling::Calibration;
 pub(crate) use sampling::sample;
 pub(crate) use store::{Stored, read_stored, refuse_older_layout, refused};

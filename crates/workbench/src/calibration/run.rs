@@ -38,6 +38,8 @@ pub struct RunOptions {
     pub threads: Option<usize>,
     /// The program and arguments that make given runs of a campaign, for jobs on a cluster: `calibrate run-task`.
     pub worker: Vec<String>,
+    /// Folder of the run in this process that this one extends: its samples are compared with the first ones of this.
+    pub extends: Option<PathBuf>,
     /// On resuming: the number of samples that the run is extended to.
     pub samples: Option<usize>,
     /// On resuming: makes runs once more that failed by a cause, or with words on stderr, that contain this text; empty for
@@ -135,6 +137,9 @@ pub fn run(
         sensitivity::add(&planned.plan, posterior, record, &experiments, watch)?;
         Ok::<_, Failure>(found)
     })?;
+    if let Some(earlier) = &options.extends {
+        extension::compare(earlier, &posterior, watch);
+    }
     let mut timings = Timings {
         threads: pool.current_num_threads(),
         inference_seconds: begun.elapsed().as_secs_f64(),
@@ -178,6 +183,17 @@ pub fn run_by(
     Driver { dir: &out, campaign: &campaign, stored: &stored, watch }.drive(executor, options)
 }
 
+/// Reads the plan file of the run in a folder: the earlier posterior that the run has begun from is the one that it keeps,
+/// wherever the other result is now.
+///
+/// # Errors
+///
+/// As [`Planned::read`].
+pub fn plan_of_run(file: &Path, dir: &Path) -> Result<Planned, InputError> {
+    let stored = store::read_stored(dir).ok();
+    Planned::read_for(file, stored.as_ref().and_then(|stored| stored.plan.proposal.as_ref()))
+}
+
 /// Goes on with the runs of programs in a folder. A plan that is given mends a damaged copy, and may name another
 /// executor.
 pub fn resume(
@@ -188,12 +204,15 @@ pub fn resume(
 ) -> Result<Finished, Failure> {
     store::check_owner(dir, options.accept_owner)?;
     let (mut campaign, mut stored, damage) = store::open(dir, given)?;
+    // Before anything is given up for it.
+    let retried = options.retry_failed.is_some();
+    let extended = extension::planned(dir, &stored.plan, options.samples, retried)?;
     // A line that was being written when the driver was killed is no damage.
     for damage in damage.iter().filter(|damage| !damage.torn) {
         watch.warn(&format!("{damage}; what it held is made again, the rest is used"));
     }
     if given.is_none() {
-        about_the_plan_file(&stored, watch);
+        about_the_plan_file(dir, &stored, watch);
     }
     if campaign.is_copy() {
         watch.note(&format!(
@@ -232,8 +251,8 @@ pub fn resume(
             stopped::retry_failed(dir, &mut campaign, &stored.plan, (cause, options.keep_placed))?;
         watch.note(&format!("{again} failed runs are made once more"));
     }
-    if let Some(samples) = options.samples {
-        extension::extend(dir, &mut campaign, &mut stored, samples)?;
+    if let Some(plan) = extended {
+        extension::extend(dir, &mut campaign, &mut stored, plan)?;
     }
     let (began, version) = (&stored.plan.version, env!("CARGO_PKG_VERSION"));
     if began != version {
@@ -247,8 +266,8 @@ pub fn resume(
 }
 
 /// A run goes on with the plan it began with; that the file has changed since is worth saying.
-fn about_the_plan_file(stored: &Stored, watch: &dyn Watch) {
-    let Ok(now) = Planned::read(&stored.file) else { return };
+fn about_the_plan_file(dir: &Path, stored: &Stored, watch: &dyn Watch) {
+    let Ok(now) = Planned::read_for(&stored.file, stored.plan.proposal.as_ref()) else { return };
     let file = stored.file.display();
     if !store::same(&stored.plan, &now.plan) {
         watch.note(&format!(
@@ -256,7 +275,8 @@ fn about_the_plan_file(stored: &Stored, watch: &dyn Watch) {
         ));
     } else if now.executor != stored.executor || store::limits_differ(&stored.plan, &now.plan) {
         watch.note(&format!(
-            "[executor] or the limits on runs in {file} have changed; to use them: calibrate --resume DIR --plan {file}"
+            "[executor] or the limits on runs in {file} have changed; to use them: calibrate --resume {} --plan {file}",
+            dir.display()
         ));
     }
 }

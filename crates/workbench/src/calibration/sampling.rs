@@ -65,7 +65,10 @@ pub(crate) fn sample(
 ) -> Result<Posterior, CalibrateError> {
     let problem = JointProblem { simulator, parameters: plan.parameters.clone(), groups };
     match &plan.design {
-        None => smc_calib::calibrate_joint(&problem, &plan.sampler, observer),
+        None => {
+            let settings = plan.begun(plan.sampler.clone());
+            smc_calib::calibrate_joint(&problem, &settings, observer)
+        }
         Some(design) => {
             smc_calib::calibrate_design(&problem, &plan.sampler, &design.sets, observer)
         }

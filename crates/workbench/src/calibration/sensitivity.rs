@@ -93,12 +93,12 @@ fn sampled(
     watch: &dyn Watch,
 ) -> Option<Sensitivity> {
     let sampled = |samples: usize| {
-        let settings = Settings {
+        let settings = plan.begun(Settings {
             seed: plan.sampler.seed,
             draws: 1000,
             path: false,
             ..Settings::for_budget(samples)
-        };
+        });
         calibrate_joint(problem, &settings, &mut Stopping(watch)).ok()
     };
     // A few simulations do mostly.

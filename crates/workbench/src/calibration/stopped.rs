@@ -8,7 +8,7 @@ use campaign::{Campaign, ExecutorError, Outcome};
 use super::store::{self, refused};
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::given_up::{self, GivenUp};
-use crate::output::{CAMPAIGN, pretty};
+use crate::output::{CAMPAIGN, checksums, pretty};
 use crate::plan::{Plan, sample_of};
 use crate::record::FILE_NAME;
 
@@ -68,13 +68,10 @@ pub(super) fn retry_failed(
             wanted.insert(task.number, cause);
         }
     }
-    let (result, runs) = (dir.join(FILE_NAME), dir.join(CAMPAIGN));
-    if !wanted.is_empty() && result.is_file() {
-        let name = |k: u32| runs.join(format!("{FILE_NAME}.retried-{k}"));
-        let aside = (1..).map(name).find(|path| !path.exists());
-        aside.map_or(Ok(()), |aside| std::fs::rename(&result, aside)).map_err(|error| {
-            RunError::new(format_args!("{}: cannot be put aside: {error}", result.display()))
-        })?;
+    if !wanted.is_empty() {
+        // The sums last: without them the other files are read as they are.
+        put_aside(dir, FILE_NAME)?;
+        put_aside(dir, checksums::FILE_NAME)?;
     }
     let before = store::given_up(campaign);
     // The sets of a design are placed by nothing.
@@ -98,6 +95,19 @@ pub(super) fn retry_failed(
     }
     let again = campaign.forget_failed(&|outcome| is_wanted(words, outcome)).map_err(refused)?;
     Ok(again.len())
+}
+
+/// Moves a file of a result that no longer holds beside the runs, as `NAME.retried-1`.
+fn put_aside(dir: &Path, file: &str) -> Result<(), RunError> {
+    let (path, runs) = (dir.join(file), dir.join(CAMPAIGN));
+    if !path.is_file() {
+        return Ok(());
+    }
+    let name = |k: u32| runs.join(format!("{file}.retried-{k}"));
+    let aside = (1..).map(name).find(|path| !path.exists());
+    aside.map_or(Ok(()), |aside| std::fs::rename(&path, aside)).map_err(|error| {
+        RunError::new(format_args!("{}: cannot be put aside: {error}", path.display()))
+    })
 }
 
 /// What the last failed run of the commonest cause wrote to stderr: `run 7: license server down`.

@@ -244,11 +244,14 @@ fn other_plan(
 ) -> InputError {
     let file = planned.path.as_deref().unwrap_or(Path::new("plan"));
     let error = InputError::new(file.display().to_string(), Mistake::Conflict);
+    let (name, asked) = (dir.display(), planned.plan.sampler.samples);
+    let has = was.parse().unwrap_or(usize::MAX);
     let error = match field == SAMPLES {
+        true if asked > has => error.help(format_args!(
+            "to give the run more: calibrate --resume {name} --samples {asked}"
+        )),
         true => error.help(format_args!(
-            "to give the run more: calibrate --resume {} --samples {}",
-            dir.display(),
-            planned.plan.sampler.samples
+            "all {was} that it has count; to go on with them: calibrate --resume {name}"
         )),
         false => error,
     };

@@ -55,6 +55,11 @@ pub(crate) fn read_as<T>(
     }
 }
 
+/// Sum of a file of a run.
+pub(crate) fn of_file(path: &Path) -> Result<String, InputError> {
+    Ok(sum(&text_file::read_up_to(path, LARGEST_BYTES)?))
+}
+
 fn sum(text: &str) -> String {
     hex(&Sha256::digest(text.as_bytes()))
 }

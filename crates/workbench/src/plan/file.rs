@@ -6,11 +6,13 @@ use std::path::Path;
 use smc_calib::{Noise, Parameter};
 
 use super::command::command;
+use super::earlier::EarlierPosterior;
 use super::executor::executor;
 use super::input_files::check_places;
 use super::observable::observable;
 use super::pair_file::{check_all_used, check_priors, check_radii, pair};
-use super::sampler::sampler;
+use super::proposal::{Named, begin_from};
+use super::sampler::{Sampling, sampler};
 use super::template;
 use super::types::{ExecutorPlan, ExperimentPlan, Plan, Planned, SimulatorPlan, is_word};
 use crate::error::{InputError, Mistake};
@@ -22,12 +24,28 @@ use crate::input::toml_fields::{At, Document, Fields};
 impl Planned {
     /// Reads a plan file and the tables that it names.
     pub fn read(path: &Path) -> Result<Self, InputError> {
-        let text = text_file::read(path)?;
-        Self::parse(path, text)
+        Self::parse(path, text_file::read(path)?)
     }
 
     /// As [`read`](Self::read), with the text of the file given. Tables are looked for beside `path`.
     pub fn parse(path: &Path, text: String) -> Result<Self, InputError> {
+        Self::parse_for(path, text, None)
+    }
+
+    /// As [`read`](Self::read), for a run that has begun from this earlier posterior: where the file names it as it did then, it is
+    /// not read again.
+    pub(crate) fn read_for(
+        path: &Path,
+        kept: Option<&EarlierPosterior>,
+    ) -> Result<Self, InputError> {
+        Self::parse_for(path, text_file::read(path)?, kept)
+    }
+
+    fn parse_for(
+        path: &Path,
+        text: String,
+        kept: Option<&EarlierPosterior>,
+    ) -> Result<Self, InputError> {
         let name = path.display().to_string();
         let json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
         if !json && !is_toml(path) {
@@ -39,7 +57,7 @@ impl Planned {
         let document =
             if json { Document::parse_json(&name, &text)? } else { Document::parse(&name, &text)? };
         let mut warnings = Vec::new();
-        let (plan, executor) = read_plan(path, &document.top(), &mut warnings)?;
+        let (plan, executor) = read_plan(path, &document.top(), kept, &mut warnings)?;
         drop(document);
         Ok(Self { plan, executor, warnings, path: Some(path.to_owned()), text }.warned())
     }
@@ -55,6 +73,7 @@ fn folder_of(path: &Path) -> &Path {
 fn read_plan(
     path: &Path,
     fields: &Fields<'_>,
+    kept: Option<&EarlierPosterior>,
     warnings: &mut Vec<String>,
 ) -> Result<(Plan, ExecutorPlan), InputError> {
     let name = match fields.text("name")? {
@@ -90,21 +109,27 @@ fn read_plan(
     let experiments =
         experiments(folder_of(path), &experiments_table, (&tables, &parameters), warnings)?;
     let commands = experiments.iter().any(|e| matches!(e.simulator, SimulatorPlan::Command(_)));
-    let (sampler, design) =
+    let Sampling { settings, design, proposal } =
         sampler(folder_of(path), sampler_table.as_ref(), commands, &parameters)?;
     let executor = executor(executor_table.as_ref(), &experiments)?;
     let version = env!("CARGO_PKG_VERSION").to_owned();
-    let plan = Plan {
+    let mut plan = Plan {
         name,
         title,
         source,
         parameters,
         prior_source,
         experiments,
-        sampler,
+        sampler: settings,
         design,
+        proposal: None,
         version,
     };
+    if let (Some(At { value: from, line }), Some(table)) = (proposal, &sampler_table) {
+        let place = |mistake| table.error("proposal", line, mistake);
+        let named = Named { from, path: &folder_of(path).join(from), place: &place };
+        begin_from(&mut plan, &named, kept, warnings)?;
+    }
     Ok((plan, executor))
 }
 

@@ -5,18 +5,21 @@
 //! [`ExecutorPlan`]: the same plan gives the same bytes on threads, local processes and a cluster.
 
 mod command;
+mod earlier;
 mod executor;
 mod file;
 mod input_files;
 mod observable;
 mod pair;
 mod pair_file;
+mod proposal;
 mod sampler;
 mod template;
 mod toml;
 mod types;
 mod words;
 
+pub use earlier::EarlierPosterior;
 pub use pair::{PairOptions, sampler_for};
 pub(crate) use template::with_folder;
 pub use types::{

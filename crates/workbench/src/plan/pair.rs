@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use dem_core::{Kinetics, PairScene, SolverKind, SolverSettings, choose_solver};
 use smc_calib::{FixedSigma, Noise, Settings};
 
+use super::proposal::{Named, begin_from};
 use super::toml::toml;
 use super::types::{
     ExecutorPlan, ExperimentPlan, ObservablePlan, PairPlan, Plan, Planned, SimulatorPlan,
@@ -48,6 +49,8 @@ pub struct PairOptions {
     pub ess: Option<f64>,
     /// Seed of the random numbers.
     pub seed: u64,
+    /// Folder or file of an earlier result that the first samples are drawn from.
+    pub proposal: Option<PathBuf>,
 }
 
 impl Default for PairOptions {
@@ -65,6 +68,7 @@ impl Default for PairOptions {
             iterations: None,
             ess: None,
             seed: 1,
+            proposal: None,
         }
     }
 }
@@ -106,7 +110,7 @@ impl PairOptions {
             (Some(material), _) if by_default => (material.name(), material.title()),
             (_, title) => (experiment.name.as_str(), title.as_deref().unwrap_or(&experiment.name)),
         };
-        let plan = Plan {
+        let mut plan = Plan {
             name: name.to_owned(),
             title: title.to_owned(),
             source: experiment.source.clone(),
@@ -115,11 +119,17 @@ impl PairOptions {
             experiments: vec![pair],
             sampler: self.sampler(),
             design: None,
+            proposal: None,
             version: env!("CARGO_PKG_VERSION").to_owned(),
         };
+        let mut warnings = experiment.warnings();
+        if let Some(path) = &self.proposal {
+            let (from, place) = (path.display().to_string(), |m| InputError::new("--proposal", m));
+            let named = Named { from: &from, path, place: &place };
+            begin_from(&mut plan, &named, None, &mut warnings)?;
+        }
         let text = toml(&plan);
         let executor = ExecutorPlan::Threads { threads: None };
-        let warnings = experiment.warnings();
         Ok(Planned { plan, executor, warnings, path: None, text }.warned())
     }
 

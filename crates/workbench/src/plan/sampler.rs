@@ -14,18 +14,27 @@ const COMMAND_SAMPLES: usize = 300;
 /// The same of a plan with built-in simulators alone.
 const BUILTIN_SAMPLES: usize = 16_384;
 
+/// What `[sampler]` says.
+pub(super) struct Sampling<'d> {
+    pub(super) settings: Settings,
+    pub(super) design: Option<Design>,
+    /// The earlier result that `proposal` names.
+    pub(super) proposal: Option<At<&'d str>>,
+}
+
 /// Reads `[sampler]`; `folder` is that of the plan.
-pub(super) fn sampler(
+pub(super) fn sampler<'d>(
     folder: &Path,
-    fields: Option<&Fields<'_>>,
+    fields: Option<&Fields<'d>>,
     commands: bool,
     parameters: &[Parameter],
-) -> Result<(Settings, Option<Design>), InputError> {
+) -> Result<Sampling<'d>, InputError> {
     let default_samples = if commands { COMMAND_SAMPLES } else { BUILTIN_SAMPLES };
     let Some(fields) = fields else {
-        return Ok((Settings::for_budget(default_samples), None));
+        let settings = Settings::for_budget(default_samples);
+        return Ok(Sampling { settings, design: None, proposal: None });
     };
-    let design_field = fields.text("design")?;
+    let (design_field, proposal) = (fields.text("design")?, fields.text("proposal")?);
     let least = design_field.as_ref().map_or(*SAMPLES.start() as u64, |_| 1);
     let samples = fields.whole("samples", least, *SAMPLES.end() as u64)?;
     let mut settings =
@@ -46,6 +55,43 @@ pub(super) fn sampler(
             *setting = at.value as usize;
         }
     }
+    shares(fields, &mut settings)?;
+    settings.seed = fields.whole("seed", 0, u64::MAX)?.map_or(settings.seed, |at| at.value);
+    settings.ess_target = match fields.number("ess")? {
+        Some(At { value, line }) if value < 1.0 => {
+            return Err(fields
+                .error("ess", line, Mistake::OutOfRange)
+                .found(value)
+                .expected("a number of at least 1"));
+        }
+        ess => ess.map(|at| at.value),
+    };
+    settings.mean_se_target = fields.positive("mean_se", "1")?.map(|at| at.value);
+    if let Some(at) = fields.choice("surrogate", &[("on", true), ("off", false)])? {
+        settings.surrogate = at.value;
+    }
+    fields.finish()?;
+    let Some(design_field) = design_field else {
+        return Ok(Sampling { settings, design: None, proposal });
+    };
+    let table = SampleTable::read(&folder.join(design_field.value))
+        .map_err(|error| error.named_in(fields, "design", design_field.line))?;
+    let sets = design(&table, parameters)?;
+    if let Some(at) = samples
+        && at.value != sets.len() as u64
+    {
+        return Err(fields
+            .error("samples", at.line, Mistake::Conflict)
+            .found(format_args!("{} samples beside a design of {}", at.value, sets.len()))
+            .help("leave samples out: the design says how many there are"));
+    }
+    settings.samples = sets.len();
+    let design = Some(Design { file: design_field.value.to_owned(), sets });
+    Ok(Sampling { settings, design, proposal })
+}
+
+/// Reads the settings that are no whole numbers.
+fn shares(fields: &Fields<'_>, settings: &mut Settings) -> Result<(), InputError> {
     let numbers: [(_, &mut f64, _, _); 6] = [
         ("max_failed_share", &mut settings.max_failed_share, 0.0, 1.0),
         ("final_share", &mut settings.final_share, 0.0, 1.0),
@@ -65,35 +111,7 @@ pub(super) fn sampler(
             *setting = value;
         }
     }
-    settings.seed = fields.whole("seed", 0, u64::MAX)?.map_or(settings.seed, |at| at.value);
-    settings.ess_target = match fields.number("ess")? {
-        Some(At { value, line }) if value < 1.0 => {
-            return Err(fields
-                .error("ess", line, Mistake::OutOfRange)
-                .found(value)
-                .expected("a number of at least 1"));
-        }
-        ess => ess.map(|at| at.value),
-    };
-    settings.mean_se_target = fields.positive("mean_se", "1")?.map(|at| at.value);
-    if let Some(at) = fields.choice("surrogate", &[("on", true), ("off", false)])? {
-        settings.surrogate = at.value;
-    }
-    fields.finish()?;
-    let Some(design_field) = design_field else { return Ok((settings, None)) };
-    let table = SampleTable::read(&folder.join(design_field.value))
-        .map_err(|error| error.named_in(fields, "design", design_field.line))?;
-    let sets = design(&table, parameters)?;
-    if let Some(at) = samples
-        && at.value != sets.len() as u64
-    {
-        return Err(fields
-            .error("samples", at.line, Mistake::Conflict)
-            .found(format_args!("{} samples beside a design of {}", at.value, sets.len()))
-            .help("leave samples out: the design says how many there are"));
-    }
-    settings.samples = sets.len();
-    Ok((settings, Some(Design { file: design_field.value.to_owned(), sets })))
+    Ok(())
 }
 
 /// The given parameter sets, which the priors must allow.

@@ -33,7 +33,16 @@ pub(super) fn toml(plan: &Plan) -> String {
         }
     }
     text.push_str(&sampler(&plan.sampler));
+    if let Some(earlier) = &plan.proposal {
+        let _ = writeln!(text, "proposal = {}", quoted(&whole(&earlier.from)));
+    }
     text
+}
+
+/// The whole path of a file.
+fn whole(file: &str) -> String {
+    std::path::absolute(Path::new(file))
+        .map_or_else(|_| file.to_owned(), |path| path.display().to_string())
 }
 
 /// Text as a TOML string.
@@ -62,8 +71,7 @@ fn named(experiment: &str) -> String {
         .filter(|name| BUILT_IN_NAMES.contains(name));
     match built_in {
         Some(name) => name.to_owned(),
-        None => std::path::absolute(Path::new(experiment))
-            .map_or_else(|_| experiment.to_owned(), |path| path.display().to_string()),
+        None => whole(experiment),
     }
 }
 

@@ -13,6 +13,7 @@ use smc_calib::{
     Settings,
 };
 
+use super::earlier::EarlierPosterior;
 use crate::careful::{self, Careful, Simulations};
 use crate::error::{InputError, Mistake};
 use crate::input::material::Material;
@@ -39,6 +40,9 @@ pub struct Plan {
     pub sampler: Settings,
     /// Given parameter sets, evaluated instead of drawn ones.
     pub design: Option<Design>,
+    /// The earlier posterior that the first samples are drawn from; without it they are drawn from the prior.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub proposal: Option<EarlierPosterior>,
     /// Version of this program.
     pub version: String,
 }
@@ -348,6 +352,12 @@ impl Plan {
     /// Number of measured values.
     pub fn observations(&self) -> usize {
         self.observables().map(|(_, observable)| observable.values.len()).sum()
+    }
+
+    /// Settings with the first proposal of the plan.
+    pub(crate) fn begun(&self, settings: Settings) -> Settings {
+        let first_proposal = self.proposal.as_ref().map(|earlier| earlier.first.mixture.clone());
+        Settings { first_proposal, ..settings }
     }
 
     /// Number of parameter sets that are simulated.

@@ -89,6 +89,10 @@ fn lines(plan: &Plan, executor: &ExecutorPlan) -> Vec<String> {
             }
         ),
     });
+    if let Some(earlier) = &plan.proposal {
+        lines.push(format!("begins from   {}", earlier.result()));
+        lines.push(format!("  takes       {}", earlier.taken()));
+    }
     lines.push(format!(
         "executor      {}, {} runs in all",
         executor_in_words(executor),

@@ -26,7 +26,7 @@ pub use pictures::{fit, pictures};
 pub use samples::{
     SampleColumns, parse_draws, parse_samples, read_draws, read_samples, read_sigma,
 };
-pub use summary::{json, text};
+pub use summary::{in_folder, json, text};
 pub use tables::{csv, markdown};
 
 /// The text of a record, which reads back as what it was.

@@ -67,6 +67,9 @@ pub fn text(record: &Record, seconds: Option<f64>, out: Option<&Path>) -> String
         text.push_str(&knee_line(knee));
     }
     text.push_str(&other_kinetics_line(record));
+    if let Some(earlier) = &record.plan.proposal {
+        let _ = writeln!(text, "  begun from {}: {}", earlier.result(), earlier.taken());
+    }
     let _ = writeln!(text, "  sampling: {}", record.trust.line(&record.log_evidence));
     text.push_str(&beside(record, width));
     for failure in &record.failures {
@@ -84,8 +87,18 @@ pub fn text(record: &Record, seconds: Option<f64>, out: Option<&Path>) -> String
             "  files: {}/ (posterior.json, table.md, samples.csv, draws.csv, corner.png, fit*.png, ...)",
             out.display()
         );
+        return in_folder(&text, out);
     }
     text
+}
+
+/// Text on a result with the folder of the run in the commands that it names. The record itself has `DIR` there: it does not
+/// depend on where it is written to.
+pub fn in_folder(text: &str, folder: &Path) -> String {
+    ["--resume", "--continue-from"].iter().fold(text.to_owned(), |text, option| {
+        let named = format!("calibrate {option} {} ", folder.display());
+        text.replace(&format!("calibrate {option} DIR "), &named)
+    })
 }
 
 /// What failures do to the evidence, and whether they depend on the parameters.

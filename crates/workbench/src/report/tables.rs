@@ -156,6 +156,9 @@ pub fn markdown(record: &Record) -> String {
     }
     let (simulations, seed) = (record.counters.simulations, plan.sampler.seed);
     let _ = writeln!(text, "{simulations} simulations, seed {seed}.\n");
+    if let Some(earlier) = &plan.proposal {
+        let _ = writeln!(text, "Begun from {}: {}.\n", earlier.result(), earlier.taken());
+    }
     let rows = rows(record);
     let with_paper = rows.iter().any(|row| row.paper.is_some());
     let paper_columns = |columns: &'static str| if with_paper { columns } else { "" };

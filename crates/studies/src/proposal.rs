@@ -1,0 +1,187 @@
+//! What an earlier posterior is worth as the first proposal: the same model's, moved ones, and that of the closed form for runs
+//! of the verlet solver.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use dem_core::SolverKind;
+use rayon::prelude::*;
+use smc_calib::quadrature::{QuadratureSettings, quadrature};
+use smc_calib::{FirstProposal, Posterior, Settings, Simulator as _};
+use workbench::error::{Failure, RunError};
+use workbench::input::material::Material;
+
+use crate::args::ProposalArgs;
+use crate::cases::{Exact, Run};
+use crate::pair::Calibration;
+use crate::report::{Report, Table};
+use crate::seeds::over_seeds;
+use crate::small_budget::{COLUMNS, cells};
+
+/// Simulations of the earlier run.
+const EARLIER: usize = 16_384;
+/// Draws of it that the exact posterior of verlet is computed from.
+const DRAWS: usize = 1024;
+/// Runs of verlet.
+const DEAR: usize = 60;
+
+const TEXT: &str = "\
+Errors (root mean square over the seeds, each error counted as 10 at most) of calibrations of the measured neck-growth curves with few simulations, from
+the prior and from an earlier posterior (`--proposal`): that of the same model with 16 384 simulations, and the same with every parameter moved by
+standard deviations of its own, upwards, as that of a wrong model might be. \"verlet\" has the curve from the full dynamics, whose runs stand for runs of an
+hour: the earlier posterior is that of the closed form, the exact one that of verlet (how far apart the two are stands below). Mean and sd are those of the worst parameter, in posterior standard deviations and relative; \"spread of z\" is
+that of the first mean's error over its stated standard error; ESS is the median. The last two columns count the runs with a mean off by more than one sd that do
+not say that their budget is too small, and those right within one sd that do. Exact are the quadrature of the closed form, and for verlet that with the
+ratio of the two likelihoods at 1024 draws. The figures depend on seeds only, not on the machine or its load.
+";
+
+/// What a run begins from.
+#[derive(Clone, Copy)]
+enum Begin {
+    Prior,
+    /// The earlier posterior, every parameter moved by so many standard deviations.
+    Earlier(f64),
+}
+
+impl Begin {
+    fn words(self) -> String {
+        match self {
+            Self::Prior => "the prior".to_owned(),
+            Self::Earlier(0.0) => "earlier posterior".to_owned(),
+            Self::Earlier(off) => format!("the same, {off} sd off"),
+        }
+    }
+}
+
+pub(crate) fn run(args: &ProposalArgs, out: &Path) -> Result<(), Failure> {
+    let report = Report::begin(out, "proposal")?;
+    let mut table = Table::new(&[&["problem", "simulations", "begun from"], &COLUMNS[..]].concat());
+    let mut apart =
+        "From the closed form to verlet the means move by so many posterior sds, and the sds by these factors:\n\n"
+            .to_owned();
+    for material in Material::ALL {
+        if args.only.as_deref().is_some_and(|only| only != material.name()) {
+            continue;
+        }
+        let cheap = Calibration::of(material)?;
+        let earlier = cheap.posterior(EARLIER, 1).map_err(RunError::new)?;
+        let exact = exact(&cheap)?;
+        for &samples in &args.samples {
+            for begin in [0.0, 1.0, 3.0, 10.0].map(Begin::Earlier).into_iter().chain([Begin::Prior])
+            {
+                let runs = runs(&cheap, &earlier, begin, (samples, args.seeds))?;
+                let what = [material.name().to_uppercase(), samples.to_string(), begin.words()];
+                table.push([what.as_slice(), &cells(&exact, &runs)].concat());
+            }
+        }
+        if args.closed_form_only {
+            continue;
+        }
+        let dear = Calibration::solved(material, SolverKind::Verlet)?;
+        let (exact, moves) = corrected(&exact, &earlier, &cheap, &dear)?;
+        let _ = writeln!(apart, "- {}: {moves}", material.name().to_uppercase());
+        for begin in [Begin::Earlier(0.0), Begin::Prior] {
+            let runs = runs(&dear, &earlier, begin, (DEAR, args.seeds))?;
+            let name = format!("{}, verlet", material.name().to_uppercase());
+            table.push(
+                [&[name, DEAR.to_string(), begin.words()][..], &cells(&exact, &runs)].concat(),
+            );
+        }
+    }
+    report.table(&table)?;
+    let text = format!("{} seeds. {TEXT}\n{}\n{apart}", args.seeds, table.markdown());
+    Ok(report.page("Beginning from an earlier posterior", &text)?)
+}
+
+/// Calibrations over the seeds, errors left out: a run without an answer is none.
+fn runs(
+    model: &Calibration,
+    earlier: &Posterior,
+    begin: Begin,
+    (samples, seeds): (usize, u64),
+) -> Result<Vec<Run>, Failure> {
+    let found = over_seeds(seeds, &|seed| {
+        let mut settings = Settings { seed, ..Settings::for_budget(samples) };
+        if let Begin::Earlier(off) = begin {
+            let first = moved(model, earlier, off, &settings).map_err(RunError::new)?;
+            settings.first_proposal = Some(first.mixture);
+        }
+        model.sampled(&settings).map(Run::of_posterior).map_err(RunError::new)
+    })?;
+    Ok(found)
+}
+
+/// The earlier posterior as the first proposal, every normal score moved by so many of its standard deviations.
+fn moved(
+    model: &Calibration,
+    earlier: &Posterior,
+    off: f64,
+    settings: &Settings,
+) -> Result<FirstProposal, smc_calib::CalibrateError> {
+    let weights: Vec<f64> = earlier.samples.iter().map(|sample| sample.weight).collect();
+    let column = |j: usize| -> Vec<f64> {
+        let mean: f64 = earlier.samples.iter().map(|s| s.weight * s.z[j]).sum();
+        let square: f64 = earlier.samples.iter().map(|s| s.weight * (s.z[j] - mean).powi(2)).sum();
+        let prior = &model.parameters[j].prior;
+        earlier.samples.iter().map(|s| prior.from_z(s.z[j] + off * square.sqrt())).collect()
+    };
+    let columns: Vec<Vec<f64>> = (0..model.parameters.len()).map(column).collect();
+    let columns: Vec<Option<&[f64]>> = columns.iter().map(|column| Some(&column[..])).collect();
+    FirstProposal::fitted(&model.parameters, &columns, &weights, settings)
+}
+
+/// The posterior by quadrature.
+fn exact(model: &Calibration) -> Result<Exact, Failure> {
+    let found = quadrature(&model.problem(), &QuadratureSettings::default())
+        .map_err(|error| RunError::new(format_args!("quadrature: {error}")))?;
+    Ok(Exact {
+        mean: found.mean,
+        sd: found.sd,
+        log_evidence: found.log_evidence,
+        settled: found.error,
+    })
+}
+
+/// The posterior of another solver of the same curve: that of the first, moved by what the ratio of their likelihoods moves equally
+/// weighted draws of the first; and these moves in words. Only what the two differ by is left to chance.
+fn corrected(
+    exact: &Exact,
+    earlier: &Posterior,
+    cheap: &Calibration,
+    dear: &Calibration,
+) -> Result<(Exact, String), Failure> {
+    let step = (earlier.draws.len() / DRAWS).max(1);
+    let samples: Vec<_> =
+        earlier.draws.iter().step_by(step).map(|draw| &earlier.samples[draw.sample]).collect();
+    let ln = |model: &Calibration, theta: &[f64]| {
+        let mut curve = vec![0.0; model.observations.len()];
+        model.model.simulate(theta, &mut curve).map(|()| model.likelihood.ln_joint(&curve))
+    };
+    let ratio =
+        |theta: &Vec<f64>| Ok::<f64, smc_calib::SimError>(ln(dear, theta)? - ln(cheap, theta)?);
+    let ratios: Result<Vec<f64>, _> = samples.par_iter().map(|s| ratio(&s.theta)).collect();
+    let ratios: Vec<f64> = ratios.map_err(RunError::new)?.into_iter().map(f64::exp).collect();
+    let n = ratios.len() as f64;
+    let total: f64 = ratios.iter().sum();
+    let mut moves = Vec::new();
+    let mut moved = Exact {
+        mean: Vec::new(),
+        sd: Vec::new(),
+        log_evidence: exact.log_evidence + (total / n).ln(),
+        settled: exact.settled,
+    };
+    for (j, parameter) in cheap.parameters.iter().enumerate() {
+        let x = |k: usize| parameter.prior.to_coordinate(samples[k].theta[j]);
+        let moments = |weight: &dyn Fn(usize) -> f64| {
+            let mean: f64 = (0..samples.len()).map(|k| weight(k) * x(k)).sum();
+            let square: f64 = (0..samples.len()).map(|k| weight(k) * (x(k) - mean).powi(2)).sum();
+            (mean, square.sqrt())
+        };
+        let (before, after) = (moments(&|_| 1.0 / n), moments(&|k| ratios[k] / total));
+        moved.mean.push(exact.mean[j] + after.0 - before.0);
+        moved.sd.push(exact.sd[j] * after.1 / before.1);
+        let (shift, factor) = ((after.0 - before.0) / exact.sd[j], after.1 / before.1);
+        moves.push(format!("{} {shift:.3} and {factor:.3}", parameter.name));
+    }
+    Ok((moved, moves.join(", ")))
+}
