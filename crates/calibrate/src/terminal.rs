@@ -3,11 +3,12 @@
 use std::borrow::Cow;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use campaign::Stop;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 use smc_calib::StageRecord;
 use workbench::error::{Failure, RunError};
 use workbench::output::Published;
@@ -28,6 +29,9 @@ pub(crate) struct Terminal {
     quiet: bool,
     visible: bool,
     bar: Mutex<ProgressBar>,
+    /// The step of the job that is under way, and of how many.
+    step: AtomicU64,
+    steps: AtomicU64,
     stop: Stop,
 }
 
@@ -47,10 +51,16 @@ impl Terminal {
                 OnInterrupt::Cancel => asked.cancel(),
             }
         });
+        Self::of(quiet, stop)
+    }
+
+    fn of(quiet: bool, stop: Stop) -> Self {
         Self {
             quiet,
             visible: !quiet && std::io::stderr().is_terminal(),
             bar: Mutex::new(ProgressBar::hidden()),
+            step: AtomicU64::new(0),
+            steps: AtomicU64::new(0),
             stop,
         }
     }
@@ -99,6 +109,46 @@ impl Terminal {
     }
 }
 
+impl Terminal {
+    /// Bar, pieces, time left and the present step of some work; where its pieces cannot be counted, how long it has taken.
+    fn style(&self, total: u64, what: &str) -> ProgressStyle {
+        let of = self.steps.load(Ordering::Relaxed);
+        let (step, within) = match self.step.fetch_add(1, Ordering::Relaxed) + 1 {
+            step if step <= of => (format!("step {step} of {of}: "), " in this step"),
+            _ => (String::new(), ""),
+        };
+        let template = if total == 0 {
+            format!("{{spinner}} {step}{what}, {{elapsed}} so far {{msg}}")
+        } else {
+            format!("{{bar:20}} {step}{{pos}}/{{len}} {what}{{left}} {{msg}}")
+        };
+        let left = move |state: &ProgressState, out: &mut dyn std::fmt::Write| {
+            // The first piece tells how long they take.
+            let known = state.pos() > 0 && state.len().is_some_and(|len| state.pos() < len);
+            if known {
+                let _ = write!(out, ", {:#} left{within}", HumanDuration(state.eta()));
+            }
+        };
+        ProgressStyle::with_template(&template)
+            .unwrap_or_else(|_| ProgressStyle::default_bar())
+            .with_key("left", left)
+    }
+}
+
+impl Drop for Terminal {
+    /// What is printed after the job, errors too, has a line of its own.
+    fn drop(&mut self) {
+        self.bar().finish_and_clear();
+    }
+}
+
+/// Does work that watches nothing and cannot be counted, and says so on a terminal while it lasts.
+pub(crate) fn working<T>(quiet: bool, what: &'static str, work: impl FnOnce() -> T) -> T {
+    let terminal = Terminal::of(quiet, Stop::new());
+    terminal.begin(0, 0, what);
+    work()
+}
+
 /// Prints a warning on standard error.
 pub(crate) fn warning(text: &str) {
     eprintln!("warning: {}", plain(text));
@@ -131,15 +181,18 @@ impl Watch for Terminal {
         if !self.visible {
             return;
         }
+        self.bar().finish_and_clear();
         let bar = ProgressBar::new(total);
-        let template = format!("{{bar:30}} {{pos}}/{{len}} {what}, {{eta}} left {{msg}}");
-        if let Ok(style) = ProgressStyle::with_template(&template) {
-            bar.set_style(style);
-        }
+        bar.set_style(self.style(total, what));
         bar.set_position(done);
         bar.reset_eta();
         bar.enable_steady_tick(Duration::from_millis(200));
         *self.bar.lock().unwrap_or_else(PoisonError::into_inner) = bar;
+    }
+
+    fn steps(&self, of: u64) {
+        self.step.store(0, Ordering::Relaxed);
+        self.steps.store(of, Ordering::Relaxed);
     }
 
     fn advance(&self) {

@@ -88,27 +88,33 @@ impl Surrogate {
         }
         let tree = Neighbours::new(&places, d);
         let samples = Samples { d, places: &places, ln_l };
-        let mut slopes = vec![0.0; ln_l.len() * p];
-        let fits: Vec<Option<Quadratic>> = slopes
+        // In the order of the tree, so that one fit finds in the cache what the last one has read.
+        let mut in_order = vec![0.0; ln_l.len() * p];
+        let order: Vec<usize> = tree.order().iter().map(|i| *i as usize).collect();
+        let fits_in_order: Vec<Option<Quadratic>> = in_order
             .par_chunks_mut(p)
-            .zip(fitted)
-            .enumerate()
+            .zip(&order)
             .with_min_len(64)
             .map_init(
                 || (Vec::new(), Workspace::new(p)),
-                |(found, space), (i, (slopes, fitted))| {
-                    if !fitted {
+                |(found, space), (slopes, i)| {
+                    if !fitted[*i] {
                         return None;
                     }
                     tree.nearest(&places[i * d..(i + 1) * d], count, f64::INFINITY, found);
-                    let mut fit = quadratic(samples, i, found, space, slopes)?;
+                    let mut fit = quadratic(samples, *i, found, space, slopes)?;
                     let ratios = found.iter().map(|(_, k)| ln_l[*k as usize] - ln_q[*k as usize]);
                     fit.highest_ratio = ratios.fold(f64::NEG_INFINITY, f64::max) + EXCESS;
                     Some(fit)
                 },
             )
             .collect();
-        let reach2 = fits.iter().flatten().map(|fit| fit.reach2).fold(0.0, f64::max);
+        let (mut slopes, mut fits) = (vec![0.0; in_order.len()], vec![None; order.len()]);
+        for ((i, fit), own) in order.into_iter().zip(fits_in_order).zip(in_order.chunks_exact(p)) {
+            fits[i] = fit;
+            slopes[i * p..(i + 1) * p].copy_from_slice(own);
+        }
+        let reach2 = fits.iter().flatten().map(|fit: &Quadratic| fit.reach2).fold(0.0, f64::max);
         Some(Self { d, inverse, tree, places, fits, reach2, slopes })
     }
 

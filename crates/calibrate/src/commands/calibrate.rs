@@ -233,7 +233,10 @@ pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
         (None, None) => return Ok(()),
     };
     if args.verify {
-        let checked = pool(args.threads)?.install(|| verify::verify(&finished.record))?;
+        let integrate = || verify::verify(&finished.record);
+        let checked = terminal::working(args.quiet, "quadrature of the posterior", || {
+            pool(args.threads)?.install(integrate)
+        })?;
         if !args.quiet {
             eprint!("{}", checked.text());
         }

@@ -62,10 +62,11 @@ pub(crate) fn run(args: &PlotArgs) -> Result<(), Failure> {
     }
     output::check_file(&out.join("corner.png"))?;
     let figures = report::pictures(&record, &samples, args.log_time);
-    report::draw_all(&figures, args.width, &|name, bytes| {
+    let write = |name: &str, bytes: &[u8]| {
         output::write_file(&out.join(name), bytes)
             .map_err(|error| RunError::new(format_args!("{}: {error}", out.join(name).display())))
-    })?;
+    };
+    terminal::working(args.quiet, "figures", || report::draw_all(&figures, args.width, &write))?;
     if args.quiet {
         return Ok(());
     }

@@ -102,7 +102,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
     if let Some(out) = &args.out {
         output::check_file(out)?;
     }
-    let found = simulate(&args.options())?;
+    let found = terminal::working(args.quiet, "the curve", || simulate(&args.options()))?;
     if !args.quiet {
         eprint!("{}", found.text());
     }
