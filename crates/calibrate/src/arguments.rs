@@ -11,6 +11,7 @@ use workbench::input::experiment::checked_phi;
 use workbench::input::material::Material;
 use workbench::input::observation_table::LARGEST_CONTACT_RATIO;
 use workbench::plan::{SAMPLES, SolverPlan};
+use workbench::report::TimeScale;
 
 use crate::terminal::OnInterrupt;
 
@@ -279,6 +280,15 @@ pub(crate) fn noises(text: &str) -> Result<NoiseList, String> {
 /// Correlated noise with a given scale of distances.
 fn scaled(scale: DistanceScale) -> Noise {
     Noise::Correlated { nu0: 4.0, s0: 0.05, scale: Some(scale), nodes: None }
+}
+
+/// Scale of the time axes by two options, of which at most one is given.
+pub(crate) fn time_scale(log: bool, linear: bool) -> TimeScale {
+    match (log, linear) {
+        (true, _) => TimeScale::Log,
+        (_, true) => TimeScale::Linear,
+        _ => TimeScale::ByData,
+    }
 }
 
 #[cfg(test)]

@@ -88,6 +88,7 @@ mod tests {
     use crate::compare::Compared;
     use crate::input::material::Material;
     use crate::plan::PairOptions;
+    use crate::report::TimeScale;
     use crate::table3::Table3;
 
     /// Keeps what is begun: how many pieces of what, and how many were done.
@@ -143,7 +144,8 @@ mod tests {
     fn a_job_of_many_calibrations_counts_each_of_them_once() {
         let watch = Kept::default();
         let noises = &crate::compare::default_noises()[..1];
-        Compared::new(&options(2048), noises, false, false, &watch).expect("a comparison");
+        Compared::new(&options(2048), noises, false, TimeScale::ByData, &watch)
+            .expect("a comparison");
         let cells = dem_core::Kinetics::ALL.len() as u64;
         assert_eq!(*watch.begun.lock().expect("work"), [("calibrations", cells, cells)]);
         let watch = Kept::default();

@@ -58,9 +58,14 @@ pub(crate) struct CompareArgs {
     #[arg(short = 'j', long, value_name = "N", value_parser = arguments::threads)]
     threads: Option<usize>,
 
-    /// Logarithmic time axis in the figures
+    /// Logarithmic time axis in the figures [default: where half of what is measured changes within the first tenth of the
+    /// time]
     #[arg(long)]
     log_time: bool,
+
+    /// Linear time axes, also where the measurements change early
+    #[arg(long, conflicts_with = "log_time")]
+    linear_time: bool,
 
     /// Folder for the results
     #[arg(short, long, value_name = "DIR", default_value = "results/compare")]
@@ -89,7 +94,13 @@ pub(crate) fn run(args: &CompareArgs) -> Result<(), Failure> {
     };
     let noises = args.noise.clone().unwrap_or_else(default_noises);
     let (compared, published) = pool(args.threads)?.install(|| {
-        let compared = Compared::new(&options, &noises, args.phi, args.log_time, &terminal)?;
+        let compared = Compared::new(
+            &options,
+            &noises,
+            args.phi,
+            arguments::time_scale(args.log_time, args.linear_time),
+            &terminal,
+        )?;
         let published = compared.publish(&folder)?;
         Ok::<_, Failure>((compared, published))
     })?;

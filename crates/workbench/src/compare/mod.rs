@@ -23,7 +23,7 @@ use crate::pair::model::NeckGrowth;
 use crate::pair::parameter::ParameterName;
 use crate::plan::{PairOptions, Planned};
 use crate::record::Record;
-use crate::report::{NamedFigures, draw_all};
+use crate::report::{NamedFigures, TimeScale, draw_all};
 use crate::watch::{Watch, Within};
 use comparison::{PHI_RANGE, SCHEMA_VERSION};
 use figures::{CompareFigure, NamedCurve, Role, Width};
@@ -55,12 +55,12 @@ struct Column {
 impl Compared {
     /// Compares the kinetics under each of `noises` on one experiment, or on every built-in material where `options` name
     /// none. Kinetics and noise of the options are not used; with `phi` the final contact ratio is calibrated too, and with
-    /// `log_time` the figures have a logarithmic time axis.
+    /// `scale` is that of the time axes of the figures.
     pub fn new(
         options: &PairOptions,
         noises: &[Noise],
         phi: bool,
-        log_time: bool,
+        scale: TimeScale,
         watch: &dyn Watch,
     ) -> Result<Self, Failure> {
         let subjects = match (options.material, &options.experiment) {
@@ -97,7 +97,7 @@ impl Compared {
         let mut kept = Vec::new();
         for table in &tables {
             let (comparison, models, mut figure) = side_by_side(table, watch)?;
-            figure.axes.log_control = log_time;
+            figure.axes.log_control = scale.is_log(&figure.control, &figure.value);
             figures.push((format!("compare-{}", comparison.name), Box::new(figure)));
             kept.push(models);
             report.comparisons.push(comparison);

@@ -24,7 +24,7 @@ pub use crate::input::data_table::quoted;
 pub use details::{details, understood};
 pub(crate) use drawing::draw_watched;
 pub use drawing::{NamedFigures, draw_all};
-pub use pictures::{fit, pictures};
+pub use pictures::{TimeScale, fit, pictures};
 pub use samples::{
     SampleColumns, parse_draws, parse_samples, read_draws, read_samples, read_sigma,
 };
@@ -50,7 +50,7 @@ pub(crate) fn write_all(
     write: &WriteFile<'_>,
     watch: &dyn Watch,
 ) -> Result<(), RunError> {
-    let figures = pictures(record, &SampleColumns::of(posterior), false);
+    let figures = pictures(record, &SampleColumns::of(posterior), TimeScale::ByData);
     watch.begin(figures.len() as u64 + 1, 0, "tables and figures");
     let tables = || {
         let written = write_tables(record, posterior, write);
