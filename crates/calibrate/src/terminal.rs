@@ -77,11 +77,19 @@ impl Terminal {
             Published::Replaced => {
                 self.note(&format!("{out}: replaced the earlier run of the same plan"));
             }
-            Published::MovedAside { kept, same_plan } => self.note(&format!(
-                "{out}: moved the earlier run to {}, as {}",
-                kept.display(),
-                if *same_plan { "it holds other files too" } else { "its plan was another" }
-            )),
+            Published::MovedAside { kept, same_plan, earlier } => {
+                let by_now = match earlier {
+                    0 | 1 => String::new(),
+                    n => format!(
+                        "; {n} earlier runs are kept by now, delete those that are not needed"
+                    ),
+                };
+                self.note(&format!(
+                    "{out}: moved the earlier run to {}, as {}{by_now}",
+                    kept.display(),
+                    if *same_plan { "it holds other files too" } else { "its plan was another" }
+                ));
+            }
         }
     }
 

@@ -67,7 +67,7 @@ pub fn text(record: &Record, seconds: Option<f64>, out: Option<&Path>) -> String
         text.push_str(&knee_line(knee));
     }
     text.push_str(&other_kinetics_line(record));
-    let _ = writeln!(text, "  sampling: {}", record.trust.line(&record.log_evidence));
+    let _ = writeln!(text, "  trust: {}", record.trust.line(&record.log_evidence));
     text.push_str(&beside(record, width));
     for failure in &record.failures {
         let _ = writeln!(text, "  failed {} times: {}", failure.count, failure.cause);
