@@ -136,6 +136,11 @@ pub(crate) fn samples(text: &str) -> Result<usize, String> {
     count(text, SAMPLES)
 }
 
+/// The seed of random numbers.
+pub(crate) fn seed(text: &str) -> Result<u64, String> {
+    text.trim().parse().map_err(|_| format!("expected a whole number from 0 to {}", u64::MAX))
+}
+
 /// A number of adaptive stages.
 pub(crate) fn iterations(text: &str) -> Result<usize, String> {
     count(text, 1..=1000)

@@ -1,7 +1,8 @@
 //! The terminal: progress bars, notes and warnings on standard error, results on standard output, Ctrl-C.
 
 use std::borrow::Cow;
-use std::io::{IsTerminal as _, Write as _};
+use std::ffi::OsStr;
+use std::io::{IsTerminal, Write as _};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -113,7 +114,7 @@ impl Terminal {
 
     /// Prints a text on standard output unless `quiet`.
     pub(crate) fn print(&self, text: impl FnOnce() -> String) -> Result<(), Failure> {
-        if self.quiet { Ok(()) } else { write(text().as_bytes()) }
+        if self.quiet { Ok(()) } else { report(&text()) }
     }
 }
 
@@ -159,12 +160,65 @@ pub(crate) fn working<T>(quiet: bool, what: &'static str, work: impl FnOnce() ->
 
 /// Prints a warning on standard error.
 pub(crate) fn warning(text: &str) {
-    eprintln!("warning: {}", plain(text));
+    eprintln!("{} {}", on_stderr(YELLOW, "warning:"), plain(text));
 }
 
 /// Prints an error on standard error.
 pub(crate) fn error(text: &str) {
-    eprintln!("error: {}", plain(text));
+    eprintln!("{} {}", on_stderr(RED, "error:"), plain(text));
+}
+
+const BOLD: &str = "\u{1b}[1m";
+const YELLOW: &str = "\u{1b}[1;33m";
+const RED: &str = "\u{1b}[1;31m";
+const END: &str = "\u{1b}[0m";
+
+/// Whether colours are shown on a stream: on a terminal that has them, unless `NO_COLOR` is set to something
+/// (<https://no-color.org>).
+fn has_colours(is_terminal: bool, no_color: Option<&OsStr>, term: Option<&OsStr>) -> bool {
+    is_terminal && no_color.is_none_or(OsStr::is_empty) && term.is_none_or(|term| term != "dumb")
+}
+
+fn colours_on(stream: &impl IsTerminal) -> bool {
+    let (no_color, term) = (std::env::var_os("NO_COLOR"), std::env::var_os("TERM"));
+    has_colours(stream.is_terminal(), no_color.as_deref(), term.as_deref())
+}
+
+fn on_stderr(colour: &str, word: &str) -> String {
+    if colours_on(&std::io::stderr()) { format!("{colour}{word}{END}") } else { word.to_owned() }
+}
+
+/// Prints what a person reads on standard output; on a terminal headings are bold and warnings yellow, numbers plain.
+pub(crate) fn report(text: &str) -> Result<(), Failure> {
+    if !colours_on(&std::io::stdout()) {
+        return write(text.as_bytes());
+    }
+    Ok(std::io::stdout().lock().write_all(painted(&plain(text)).as_bytes())?)
+}
+
+/// A text with its headings, the lines over indented ones, in bold and its words of warning in yellow.
+fn painted(text: &str) -> String {
+    const WARNINGS: [&str; 4] =
+        ["careful:", "NOT TO BE TRUSTED", "NOT INFORMED", "NOT A POSTERIOR"];
+    let mut painted = String::new();
+    let mut lines = text.split_inclusive('\n').peekable();
+    while let Some(line) = lines.next() {
+        let indented = |line: &str| line.starts_with(' ') && !line.trim().is_empty();
+        let heading = !line.starts_with(' ')
+            && !line.trim().is_empty()
+            && lines.peek().is_some_and(|next| indented(next));
+        if heading {
+            let end = line.trim_end().len();
+            painted.extend([BOLD, &line[..end], END, &line[end..]]);
+            continue;
+        }
+        let mut line = line.to_owned();
+        for word in WARNINGS {
+            line = line.replacen(word, &format!("{YELLOW}{word}{END}"), 1);
+        }
+        painted.push_str(&line);
+    }
+    painted
 }
 
 /// Writes on standard output.
@@ -231,5 +285,34 @@ impl Watch for Terminal {
 
     fn warn(&self, message: &str) {
         self.bar().suspend(|| warning(message));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_are_for_terminals_that_have_them_and_not_where_no_color_is_set() {
+        let (set, empty, xterm) = (OsStr::new("1"), OsStr::new(""), OsStr::new("xterm"));
+        assert!(has_colours(true, None, Some(xterm)));
+        assert!(has_colours(true, Some(empty), None));
+        assert!(!has_colours(false, None, Some(xterm)));
+        assert!(!has_colours(true, Some(set), Some(xterm)));
+        assert!(!has_colours(true, None, Some(OsStr::new("dumb"))));
+    }
+
+    #[test]
+    fn headings_and_warnings_stand_out_and_numbers_are_plain() {
+        let text = "PS: 44 observations\n  tau_s 0.07 s\n  careful: few\n\nlist\nrow 1\n";
+        let shown = painted(text);
+        assert_eq!(
+            shown,
+            format!(
+                "{BOLD}PS: 44 observations{END}\n  tau_s 0.07 s\n  {YELLOW}careful:{END} few\n\nlist\nrow 1\n"
+            )
+        );
+        let stripped = [BOLD, YELLOW, END].iter().fold(shown, |text, code| text.replace(code, ""));
+        assert_eq!(stripped, text);
     }
 }

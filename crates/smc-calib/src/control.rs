@@ -170,9 +170,7 @@ fn integrals(
     let mut of_sub_nets = vec![0.0; r * p];
     let mut controls = vec![0.0; n];
     for fold in 0..folds {
-        let half = Finishing::OF_INTEGRALS / 2;
-        let step = fold * Finishing::OF_INTEGRALS / folds;
-        finishing.step(step, "evidence and means: stand-in for the likelihood");
+        finishing.of_integrals(2 * fold, folds, "evidence and means: stand-in");
         let (own, others): (Vec<usize>, Vec<usize>) =
             (first..pool.len()).partition(|i| pool.replicate[*i] as usize % folds == fold);
         let known: Vec<usize> = (0..first).chain(others.iter().copied()).collect();
@@ -197,7 +195,7 @@ fn integrals(
         }
         own.iter().zip(&control).for_each(|(i, control)| controls[i - first] = *control);
 
-        finishing.step(step + half / folds, "evidence and means: integrals");
+        finishing.of_integrals(2 * fold + 1, folds, "evidence and means: integrals");
         // Per sub-net: the integral of g phi by a net of its own, and the mean of (f - g) phi / q.
         let seed = sampler.settings.seed;
         of_sub_nets.par_chunks_mut(p).enumerate().skip(fold).step_by(folds).for_each(

@@ -86,9 +86,19 @@ impl Finishing<'_> {
     /// All steps.
     const STEPS: usize = 8;
     /// Those of the integrals, which come first.
-    pub(crate) const OF_INTEGRALS: usize = 4;
+    const OF_INTEGRALS: usize = 4;
 
-    pub(crate) fn step(&mut self, done: usize, what: &'static str) {
+    /// Before one of the two halves of one of so many folds.
+    pub(crate) fn of_integrals(&mut self, half: usize, folds: usize, what: &'static str) {
+        self.step(half * Self::OF_INTEGRALS / (2 * folds), what);
+    }
+
+    /// Before a step behind those of the integrals.
+    pub(crate) fn after_integrals(&mut self, number: usize, what: &'static str) {
+        self.step(Self::OF_INTEGRALS + number, what);
+    }
+
+    fn step(&mut self, done: usize, what: &'static str) {
         self.0.finishing(done, Self::STEPS, what);
     }
 }

@@ -6,7 +6,7 @@ use crate::failing::failing;
 use crate::joint::JointProblem;
 use crate::map_search::find_map;
 use crate::marginal::{Marginal, in_si, mean_and_sd};
-use crate::noise_summary::Part;
+use crate::noise_summary::{GroupNoise, Part};
 use crate::path::path;
 use crate::pool::{Pool, effective_sample_size};
 use crate::predictive::at_observations;
@@ -57,10 +57,9 @@ pub(crate) fn summarise(
     let coordinate: Vec<Vec<f64>> =
         columns(problem, |j, i| problem.parameters[j].prior.to_coordinate(theta[j][i]), n);
 
-    let first = Finishing::OF_INTEGRALS;
-    finishing.step(first, "best fit");
+    finishing.after_integrals(0, "best fit");
     let map = find_map(target, &sampler, &estimator).map_err(|error| error.after(&stages))?;
-    finishing.step(first + 1, "intervals");
+    finishing.after_integrals(1, "intervals");
     let (weight_khat, weight_share) = tail(&raw);
     let parameters: Vec<ParameterSummary> = (0..d)
         .into_par_iter()
@@ -76,22 +75,17 @@ pub(crate) fn summarise(
         .collect();
     let khat = parameters.iter().map(|p| p.khat).fold(weight_khat, f64::max);
 
-    finishing.step(first + 2, "noise and predictions");
+    finishing.after_integrals(2, "noise and predictions");
     let chosen = chosen(&estimator, settings);
     let noise = likelihood.single().map(|one| {
         let range = 0..problem.observations();
         let part = Part { likelihood: one, group: 0, range, ln_l: &pool.ln_l };
         part.noise(&sampler, &estimator, &chosen)
     });
-    let draw = |(k, sample): (usize, &usize)| {
-        let noise = noise.as_ref().and_then(|noise| noise.draws.get(k));
-        let (sigma, shape) = (noise.map(|draw| draw.sigma), noise.and_then(|draw| draw.shape));
-        Draw { sample: *sample, sigma, shape }
-    };
-    let draws: Vec<Draw> = chosen.iter().enumerate().map(draw).collect();
+    let draws = draws(&chosen, noise.as_ref());
     let groups = groups(target, &sampler, &estimator, &chosen, &map);
     let predictive = at_observations(target, &sampler, &estimator, &draws, &groups);
-    finishing.step(first + 3, "what each observation taught");
+    finishing.after_integrals(3, "what each observation taught");
     // The kept curves are most of the memory: used up here, before the samples take theirs.
     let kept = std::mem::take(&mut sampler.pool.kept);
     let wanted = settings.path && !tuned;
@@ -142,6 +136,16 @@ fn estimator(
         prior.to_coordinate(prior.from_z(z))
     };
     estimate(sampler, raw, ln_scale, &coordinate, finishing)
+}
+
+/// The chosen samples with the noise that was drawn for each.
+fn draws(chosen: &[usize], noise: Option<&GroupNoise>) -> Vec<Draw> {
+    let draw = |(k, sample): (usize, &usize)| {
+        let noise = noise.and_then(|noise| noise.draws.get(k));
+        let (sigma, shape) = (noise.map(|draw| draw.sigma), noise.and_then(|draw| draw.shape));
+        Draw { sample: *sample, sigma, shape }
+    };
+    chosen.iter().enumerate().map(draw).collect()
 }
 
 /// One parameter of all samples.

@@ -22,10 +22,9 @@ pub(crate) struct InspectArgs {
 /// Runs the command.
 pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
     let record = record::read(&args.file)?;
-    let text = if args.json {
-        report::json(&record, None)?
-    } else {
-        format!("{}\n{}\n", report::text(&record, None, None), report::details(&record).trim_end())
-    };
-    terminal::write(text.as_bytes())
+    if args.json {
+        return terminal::write(report::json(&record, None)?.as_bytes());
+    }
+    let details = report::details(&record);
+    terminal::report(&format!("{}\n{}\n", report::text(&record, None, None), details.trim_end()))
 }

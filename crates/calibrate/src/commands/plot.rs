@@ -13,9 +13,10 @@ use crate::terminal;
 const EXAMPLES: &str = "\
 Examples:
   calibrate plot results/ps
-  calibrate plot results/ps/posterior.json --log-time --width full --out figures
+  calibrate plot results/ps/posterior.json --log-time --width full \\
+      --out figures
 
-Draws fit, corner, recursion, convergence and residuals (.png and .svg) from posterior.json and samples.csv.
+Draws fit, corner, recursion, convergence and residuals (.png and .svg) from posterior.json and samples.csv. \
 Without options they are the files of the run itself, byte for byte.";
 
 /// Figures of a saved run.
