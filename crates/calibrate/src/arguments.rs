@@ -11,6 +11,7 @@ use workbench::input::experiment::checked_phi;
 use workbench::input::material::Material;
 use workbench::input::observation_table::LARGEST_CONTACT_RATIO;
 use workbench::plan::{SAMPLES, SolverPlan};
+use workbench::report::TimeScale;
 
 use crate::terminal::OnInterrupt;
 
@@ -133,6 +134,11 @@ fn count(text: &str, range: std::ops::RangeInclusive<usize>) -> Result<usize, St
 /// A number of simulations: at least two sub-nets of eight points each, as fewer have no standard error.
 pub(crate) fn samples(text: &str) -> Result<usize, String> {
     count(text, SAMPLES)
+}
+
+/// The seed of random numbers.
+pub(crate) fn seed(text: &str) -> Result<u64, String> {
+    text.trim().parse().map_err(|_| format!("expected a whole number from 0 to {}", u64::MAX))
 }
 
 /// A number of adaptive stages.
@@ -279,6 +285,15 @@ pub(crate) fn noises(text: &str) -> Result<NoiseList, String> {
 /// Correlated noise with a given scale of distances.
 fn scaled(scale: DistanceScale) -> Noise {
     Noise::Correlated { nu0: 4.0, s0: 0.05, scale: Some(scale), nodes: None }
+}
+
+/// Scale of the time axes by two options, of which at most one is given.
+pub(crate) fn time_scale(log: bool, linear: bool) -> TimeScale {
+    match (log, linear) {
+        (true, _) => TimeScale::Log,
+        (_, true) => TimeScale::Linear,
+        _ => TimeScale::ByData,
+    }
 }
 
 #[cfg(test)]

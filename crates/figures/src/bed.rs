@@ -9,7 +9,7 @@ use plotters::style::{Color as _, RGBAColor};
 use rayon::prelude::*;
 
 use crate::columns::Columns;
-use crate::drawing::{Axis, Page, Panel, Scale, Spec, header, layout, row};
+use crate::drawing::{Axis, Look, Marker, Page, Panel, Scale, Spec, Swatch, header, layout, row};
 use crate::error::{Drawn, PlotError};
 use crate::picture::Width;
 
@@ -59,7 +59,7 @@ impl BedFigure {
         let each = (self.position_m.len(), "particle");
         columns.need("radius_m", &self.radius_m, each)?;
         columns.need("contact_ratio", &self.contact_ratio, each)?;
-        let top = header(page, &self.title, &[])?;
+        let top = header(page, &self.title, &self.entries())?;
         const EDGE: f32 = 4.0;
         let [left, right, low, high] = self.bounds(&Camera::eye());
         let room = page.width - 2.0 * EDGE;
@@ -76,6 +76,30 @@ impl BedFigure {
         let y = Axis::holding("", "", Scale::Linear, [0.0, 1.0], 0.0);
         let bar = [row(7.0, [Spec::new(x, y).bare()])];
         layout(page, top + height + 6.0, 8.0, &bar)?.iter().try_for_each(colour_bar)
+    }
+
+    /// What is neither a sphere in the colour of its contacts nor their shadow.
+    fn entries(&self) -> Vec<(&'static str, Swatch)> {
+        let disc = |[r, g, b]: Vec3| {
+            let [r, g, b] = [r, g, b].map(|part| (255.0 * part) as u8);
+            Swatch::Point(Look::filled(Marker::Circle, 2.0, RGBAColor(r, g, b, 1.0)))
+        };
+        let mut entries = Vec::new();
+        // An image beyond a periodic side is not drawn: of its neck only the disc is.
+        let beyond = |&(i, to, j): &(usize, Vec3, usize)| {
+            let (Some(from), Some(other)) = (self.position_m.get(i), self.position_m.get(j)) else {
+                return false;
+            };
+            let off = sub(add(*from, to), *other);
+            dot(off, off) > 1e-12 * dot(to, to)
+        };
+        if self.contacts.iter().any(beyond) {
+            entries.push(("dark disc: neck across a periodic side", disc([0.25; 3])));
+        }
+        if self.contact_ratio.iter().any(|ratio| ratio.is_nan()) {
+            entries.push(("no contact", disc(NO_CONTACT)));
+        }
+        entries
     }
 
     fn colour(&self, particle: usize) -> Vec3 {
@@ -138,7 +162,8 @@ impl BedFigure {
             let sky = 0.5 + 0.5 * normal[2];
             let gloss = dot(normal, half).max(0.0).powi(40) * shade;
             let away = (near - depth) / (near - far).max(1e-300);
-            let mut light = 0.30 + 0.18 * sky + 0.62 * facing * shade;
+            // Weak shadows: the colour is what is read.
+            let mut light = 0.58 + 0.14 * sky + 0.32 * facing * shade;
             for neck in &necks[particle] {
                 let along = dot(normal, neck.toward);
                 if along > neck.outer_cosine {

@@ -49,15 +49,20 @@ impl Figure for CompareFigure {
             columns.need(&format!("at_data of {name}"), at_data, data)?;
         }
         let few = !Panel::dense(&self.control);
+        // Where curves coincide, each is wider than those above it.
+        let last = self.curves.len().saturating_sub(1);
+        let pens: Vec<Pen> = (self.curves.iter().enumerate())
+            .map(|(place, c)| Pen { width: 0.8 + 0.35 * (last - place) as f32, ..c.role.pen() })
+            .collect();
         let mut entries = vec![("measured", Swatch::measurement())];
-        entries.extend(self.curves.iter().map(|c| {
-            let (pen, marker) = (c.role.pen(), c.role.marker());
+        entries.extend(self.curves.iter().zip(&pens).map(|(c, pen)| {
+            let (pen, marker) = (*pen, c.role.marker());
             let swatch = if few { Swatch::LineAndPoint(pen, marker) } else { Swatch::Line(pen) };
             (c.name.as_str(), swatch)
         }));
         let top = header(page, &self.title, &entries)?;
 
-        let x = self.axes.control(self.control.iter().chain(&self.grid).copied());
+        let x = self.axes.control_of(&self.control, &self.grid);
         let values = self.curves.iter().flat_map(|c| &c.curve).chain(&self.value);
         let y = self.axes.value(values.copied());
         let residual =
@@ -73,15 +78,23 @@ impl Figure for CompareFigure {
         ];
         let panels = layout(page, top, 10.0, &rows)?;
         let [curves, residual] = panels.as_slice() else { return Ok(()) };
-        curves.data(&self.control, &self.value)?;
-        for curve in &self.curves {
-            curves.line(&self.grid, &curve.curve, curve.role.pen())?;
+        if !few {
+            curves.data(&self.control, &self.value)?;
+        }
+        for (curve, pen) in self.curves.iter().zip(&pens) {
+            curves.line(&self.grid, &curve.curve, *pen)?;
+        }
+        if few {
+            curves.data(&self.control, &self.value)?;
         }
         residual.across(0.0, Pen::solid(GREY, 0.5))?;
-        for (NamedCurve { role, .. }, values) in self.curves.iter().zip(&residuals) {
+        for (place, (NamedCurve { role, .. }, values)) in
+            self.curves.iter().zip(&residuals).enumerate()
+        {
             if few {
+                let under = (last - place) as f32;
                 residual.line(&self.control, values, Pen { width: 0.6, ..role.pen() })?;
-                let look = Look::filled(role.marker(), 1.3, role.ink());
+                let look = Look::filled(role.marker(), 1.2 + 0.3 * under, role.ink());
                 residual.markers(&self.control, values, look)?;
             } else {
                 let look = Look::filled(Marker::Dot, 0.5, role.ink().mix(0.5));

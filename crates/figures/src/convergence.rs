@@ -34,6 +34,8 @@ pub struct ConvergenceFigure {
     pub stages: Vec<ConvergenceStage>,
     /// k-hat above which the weights are not reliable (0.7), drawn as a line.
     pub k_hat_limit: f64,
+    /// k-hat of the result, which is the worst of the weights and of the parameters' moments.
+    pub k_hat_of_result: Option<f64>,
     /// Effective sample size asked for, drawn as a line.
     pub ess_target: Option<f64>,
 }
@@ -50,10 +52,14 @@ impl Figure for ConvergenceFigure {
         };
         let pen = Pen::solid(Role::Posterior.ink(), 1.1);
         let limit = Pen::dashed(BLACK, 0.7, &[2.0, 1.6]);
-        let entries = [
+        let of_result = Look::filled(Marker::Diamond, 2.0, Role::Map.ink());
+        let mut entries = vec![
             ("after each stage", Swatch::LineAndPoint(pen, Marker::Circle)),
             ("limit or target", Swatch::Line(limit)),
         ];
+        if self.k_hat_of_result.is_some() {
+            entries.push(("k\u{302} of the result", Swatch::Point(of_result)));
+        }
         let top = header(page, &self.title, &entries)?;
 
         // Name, scale, values, value of the line across (NaN for none), and what else the axis holds.
@@ -62,7 +68,13 @@ impl Figure for ConvergenceFigure {
             ("log Z", Scale::Linear, log_z, f64::NAN, errors.bounds().collect()),
             ("ESS", Scale::Log, column(|s| s.ess), target, vec![]),
             ("tempering β", Scale::Linear, column(|s| s.beta), 1.0, vec![0.0]),
-            ("k\u{302}", Scale::Linear, column(|s| s.k_hat), self.k_hat_limit, vec![0.0]),
+            (
+                "k\u{302}",
+                Scale::Linear,
+                column(|s| s.k_hat),
+                self.k_hat_limit,
+                [0.0].into_iter().chain(self.k_hat_of_result).collect(),
+            ),
             ("components", Scale::Count, column(|s| s.components), f64::NAN, vec![0.0]),
         ];
         let x = Axis::holding("simulations", "", Scale::Linear, spent.iter().copied(), 0.03)
@@ -87,6 +99,9 @@ impl Figure for ConvergenceFigure {
             }
             panel.line(&spent, values, pen)?;
             panel.markers(&spent, values, look)?;
+            if let (3, Some(k_hat), Some(last)) = (place, self.k_hat_of_result, spent.last()) {
+                panel.mark(*last, k_hat, of_result)?;
+            }
         }
         Ok(())
     }

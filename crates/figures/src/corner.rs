@@ -10,7 +10,7 @@ use crate::density::{self, Bins};
 use crate::drawing::{
     Axis, Look, Marker, Page, Panel, Pen, Region, Role, Row, Scale, Spec, Swatch,
 };
-use crate::drawing::{OVERHANG, WHITE, anchor, header, layout, length, written};
+use crate::drawing::{GREY, OVERHANG, WHITE, anchor, header, layout, length, written};
 use crate::error::{Drawn, PlotError};
 use crate::figure::Figure;
 
@@ -33,7 +33,7 @@ pub struct CornerParameter {
     pub map: Option<f64>,
 }
 
-/// Posterior of up to five parameters: marginals with 50 % and 95 % intervals, pairs with 50 % and 90 % regions.
+/// Posterior of up to five parameters: marginals with 50 % and 95 % intervals, pairs with 50 % and 95 % regions.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct CornerFigure {
     /// Heading; empty for none.
@@ -50,6 +50,10 @@ const MOST_PARAMETERS: usize = 5;
 const BINS: usize = 160;
 /// Bins per coordinate of a pair.
 const PAIR_BINS: usize = 72;
+/// Share of a pair's mass below which a part of a region apart from the others is left out: chance draws it.
+const LEAST_PART: f64 = 0.02;
+/// The end of a prior: values beyond it were excluded, not found improbable.
+const BOUND: Pen = Pen::solid(GREY, 1.3);
 /// Size of the numbers above the marginals, and the distance between their lines.
 const SUMMARY_SIZE: f32 = 6.0;
 const SUMMARY_LINE: f32 = 8.0;
@@ -61,7 +65,7 @@ struct Prepared<'a> {
     bins: Bins,
     pair_bins: Bins,
     density: Vec<f64>,
-    bandwidth: f64,
+    pair_bandwidth: f64,
     /// 2.5, 25, 50, 75 and 97.5 %.
     quantiles: [f64; 5],
 }
@@ -78,10 +82,10 @@ impl Figure for CornerFigure {
         let weight = |i: usize| {
             self.weights.get(i).map_or(1.0, |w| if w.is_finite() { w.max(0.0) } else { 0.0 })
         };
-        let top = header(page, &self.title, &self.entries())?;
-
         let prepared: Vec<Prepared> =
             self.parameters.iter().map(|p| Prepared::new(p, weight)).collect();
+        let bounded = prepared.iter().any(|one| one.ends_of_prior().next().is_some());
+        let top = header(page, &self.title, &self.entries(bounded))?;
         let count = prepared.len();
         let gap = if count > 3 { 7.0 } else { 10.0 };
         let room = page.width - 50.0 - gap * count.saturating_sub(1) as f32;
@@ -105,15 +109,17 @@ impl Figure for CornerFigure {
 }
 
 impl CornerFigure {
-    fn entries(&self) -> Vec<(&'static str, Swatch)> {
+    fn entries(&self, bounded: bool) -> Vec<(&'static str, Swatch)> {
         let ink = Role::Posterior.ink();
-        let pairs = self.parameters.len() > 1;
         let mut entries = vec![
             ("50 % of the posterior", Swatch::Band(ink.mix(0.55))),
-            (if pairs { "95 % (90 % in pairs)" } else { "95 %" }, Swatch::Band(ink.mix(0.22))),
+            ("95 %", Swatch::Band(ink.mix(0.22))),
         ];
         if self.parameters.iter().any(|p| !p.prior.is_empty()) {
             entries.push(("prior", Swatch::Line(Role::Prior.pen())));
+        }
+        if bounded {
+            entries.push(("end of the prior", Swatch::Line(BOUND)));
         }
         if self.parameters.iter().any(|p| p.map.is_some()) {
             entries.push(("MAP", Swatch::Point(map_look())));
@@ -155,7 +161,7 @@ impl Prepared<'_> {
         let reach = 1.5 * (high - low);
         let marks = [p.paper, p.map].into_iter().flatten();
         let near = marks.filter(|m| (low - reach..=high + reach).contains(m));
-        let axis = Axis::holding(&p.symbol, &p.unit, scale, near.chain([low, high]), 0.06);
+        let axis = Axis::holding(&p.symbol, &p.unit, scale, near.chain([low, high]), 0.1);
         let support = match (p.prior.first(), p.prior.last()) {
             (Some(first), Some(last)) if first.0 <= low && high <= last.0 && first.0 < last.0 => {
                 (first.0, last.0)
@@ -163,16 +169,25 @@ impl Prepared<'_> {
             _ => (f64::NEG_INFINITY, f64::INFINITY),
         };
         let bins = |count| Bins { low: axis.low, high: axis.high, count, support };
-        let bandwidth = density::bandwidth(&p.draws, weight, 1.0);
+        // Wider than what fits a normal density best: a wave that chance drew is taken for a shape.
+        let bandwidth = 1.4 * density::bandwidth(&p.draws, weight, 1.0);
         Prepared {
             parameter: p,
             bins: bins(BINS),
             pair_bins: bins(PAIR_BINS),
             density: density::marginal(&bins(BINS), &p.draws, weight, bandwidth),
-            bandwidth,
+            // Two coordinates need a wider kernel than one.
+            pair_bandwidth: density::bandwidth(&p.draws, weight, 2.0) * 1.2,
             quantiles: [0.025, 0.25, 0.5, 0.75, 0.975].map(quantile),
             axis,
         }
+    }
+
+    /// Ends of the prior that the panels show.
+    fn ends_of_prior(&self) -> impl Iterator<Item = f64> {
+        let (lower, upper) = self.bins.support;
+        let (low, high) = (self.axis.low, self.axis.high);
+        [lower, upper].into_iter().filter(move |end| (low..=high).contains(end))
     }
 
     /// Holds the posterior and the prior, which both integrate to one.
@@ -196,6 +211,7 @@ fn marginal(page: &Page, panel: &Panel, prepared: &Prepared) -> Drawn {
     let (prior_x, prior_y): (Vec<f64>, Vec<f64>) = p.prior.iter().copied().unzip();
     panel.line(&prior_x, &prior_y, Role::Prior.pen())?;
     panel.line(&xs, &prepared.density, Pen::solid(ink, 1.0))?;
+    prepared.ends_of_prior().try_for_each(|end| panel.upright(end, BOUND))?;
     if let Some((_, height)) = between(&xs, &prepared.density, q50, q50) {
         panel.line(&[q50, q50], &[0.0, height[0]], Pen::solid(ink, 1.0))?;
     }
@@ -246,12 +262,17 @@ fn summaries(page: &Page, diagonal: &[&Panel], gap: f32, prepared: &[Prepared]) 
         if !(low.is_finite() && median.is_finite() && high.is_finite()) {
             return Ok(());
         }
-        // As many digits as tell the ends of the interval apart.
+        // In the unit of the axis, with as many digits as tell the ends of the interval apart.
         let value = |q: f64| if p.log10 { 10_f64.powf(q) } else { q };
         let narrow = (value(median) / (value(high) - value(low))).abs().log10();
         let digits = (2.0 + narrow.floor()).clamp(3.0, 6.0) as usize;
-        let [low, median, high] = [low, median, high].map(|q| written(q, p.log10, digits));
-        let unit = if p.unit.is_empty() { String::new() } else { format!(" {}", p.unit) };
+        let (unit, power) = prepared.axis.prefixed_unit(panel.right - panel.left);
+        let in_unit = |q: f64| {
+            let power = f64::from(power);
+            if p.log10 { q - power } else { q * 10_f64.powf(-power) }
+        };
+        let [low, median, high] = [low, median, high].map(|q| written(in_unit(q), p.log10, digits));
+        let unit = if unit.is_empty() { unit } else { format!(" {unit}") };
         // The last one ends with its panel; the others may reach into the empty half.
         let last = texts.len() / 2 + 1 == diagonal.len();
         let to = if last { page.width - 2.0 } else { panel.right + panel.right - panel.left };
@@ -301,18 +322,18 @@ fn between(xs: &[f64], ys: &[f64], low: f64, high: f64) -> Option<(Vec<f64>, Vec
 fn pair(panel: &Panel, x: &Prepared, y: &Prepared, weight: impl Fn(usize) -> f64) -> Drawn {
     let (px, py) = (x.parameter, y.parameter);
     let ink = Role::Posterior.ink();
-    // Two coordinates need a wider kernel than one, correlated ones a narrower: a compromise.
     let mass = density::pair(
         (&x.pair_bins, &y.pair_bins),
         (&px.draws, &py.draws),
         weight,
-        (x.bandwidth * 1.2, y.bandwidth * 1.2),
+        (x.pair_bandwidth, y.pair_bandwidth),
     );
     let at =
         |bins: &Bins, cell: f64| (bins.centre(0) + cell * bins.width()).clamp(bins.low, bins.high);
-    for (share, opacity) in [(0.9, 0.22), (0.5, 0.42)] {
+    for (share, opacity) in [(0.95, 0.22), (0.5, 0.42)] {
         let level = density::level_holding(&mass, share);
-        let outlines = density::contours(&mass, PAIR_BINS, level)
+        let kept = density::without_specks(&mass, PAIR_BINS, level, LEAST_PART);
+        let outlines = density::contours(&kept, PAIR_BINS, level)
             .into_iter()
             .map(|outline| {
                 let place = |(column, row)| (at(&x.pair_bins, column), at(&y.pair_bins, row));
@@ -321,6 +342,8 @@ fn pair(panel: &Panel, x: &Prepared, y: &Prepared, weight: impl Fn(usize) -> f64
             .collect();
         panel.draw(&Region::new(outlines, ink.mix(opacity), Pen::solid(ink, 0.7)))?;
     }
+    x.ends_of_prior().try_for_each(|end| panel.upright(end, BOUND))?;
+    y.ends_of_prior().try_for_each(|end| panel.across(end, BOUND))?;
     if let Some(paper) = px.paper {
         panel.upright(paper, Role::Paper.pen())?;
     }
@@ -331,4 +354,33 @@ fn pair(panel: &Panel, x: &Prepared, y: &Prepared, weight: impl Fn(usize) -> f64
         panel.mark(map_x, map_y, map_look())?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::picture::Width;
+
+    #[test]
+    fn the_unit_above_a_marginal_is_that_of_its_axis() {
+        for (scale, unit) in [(1e-9, "m"), (1e-3, "s"), (3e4, "Pa")] {
+            let draws: Vec<f64> = (0..=200).map(|i| scale * (146.0 + f64::from(i))).collect();
+            let parameter = CornerParameter {
+                symbol: "q".to_owned(),
+                unit: unit.to_owned(),
+                draws,
+                ..CornerParameter::default()
+            };
+            let figure = CornerFigure { parameters: vec![parameter; 2], ..CornerFigure::default() };
+            let page = Page::new(Width::Full);
+            figure.draw(&page).expect("the columns match");
+            let texts: Vec<String> = page.canvas().texts.iter().map(|t| t.text.clone()).collect();
+            let of_axis = texts
+                .iter()
+                .find_map(|t| t.strip_prefix("q (")?.strip_suffix(')'))
+                .expect("an axis");
+            let above = texts.iter().find(|t| t.starts_with("q = ")).expect("a median");
+            assert!(above.ends_with(&format!(" {of_axis}")), "{above} over an axis in {of_axis}");
+        }
+    }
 }

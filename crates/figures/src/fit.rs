@@ -4,7 +4,7 @@ use plotters::style::Color as _;
 
 use crate::axes::Axes;
 use crate::columns::{Band, Columns};
-use crate::drawing::{Axis, Look, Marker, Page, Panel, Pen, Role, Spec, Swatch, WHITE};
+use crate::drawing::{Axis, BLACK, Look, Marker, Page, Panel, Pen, Role, Spec, Swatch, WHITE};
 use crate::drawing::{header, one_panel};
 use crate::error::{Drawn, PlotError};
 use crate::figure::Figure;
@@ -59,7 +59,7 @@ impl Figure for FitFigure {
     fn draw(&self, page: &Page) -> Result<(), PlotError> {
         self.check()?;
         let top = header(page, &self.title, &self.entries())?;
-        let x = self.axes.control(self.control.iter().chain(&self.grid).copied());
+        let x = self.axes.control_of(&self.control, &self.grid);
         let Some(panel) = one_panel(page, top, Spec::new(x, self.value_axis()))? else {
             return Ok(());
         };
@@ -70,13 +70,15 @@ impl Figure for FitFigure {
         for (band, opacity, _) in self.bands() {
             panel.band(&self.grid, band, Role::Posterior.ink().mix(opacity))?;
         }
-        for (values, role, _) in self.curves() {
-            panel.line(&self.grid, values, role.pen())?;
+        for (values, pen, _) in self.curves() {
+            panel.line(&self.grid, values, pen)?;
         }
+        self.draw_knees(&panel)?;
+        // Nothing covers a measurement.
         if !dense {
             panel.data(&self.control, &self.value)?;
         }
-        self.draw_knees(&panel)
+        Ok(())
     }
 }
 
@@ -97,18 +99,20 @@ impl FitFigure {
     /// The bands from the widest to the narrowest, with opacity and name.
     fn bands(&self) -> [(&Band, f64, &'static str); 3] {
         [
-            (&self.predictive90, 0.13, "90 % with noise"),
+            (&self.predictive90, 0.13, "with noise"),
             (&self.band90, 0.25, "90 %"),
             (&self.band50, 0.35, "50 %"),
         ]
     }
 
-    fn curves(&self) -> [(&[f64], Role, &'static str); 4] {
+    /// The curves in the order of drawing. Where they coincide, each is wider than those above it.
+    fn curves(&self) -> [(&[f64], Pen, &'static str); 4] {
+        let wide = |role: Role, width: f32| Pen { width, ..role.pen() };
         [
-            (&self.mean, Role::Posterior, "posterior mean"),
-            (&self.frenkel, Role::Frenkel, "Frenkel"),
-            (&self.paper, Role::Paper, "paper"),
-            (&self.map, Role::Map, "MAP"),
+            (&self.mean, wide(Role::Posterior, 2.4), "mean"),
+            (&self.frenkel, wide(Role::Frenkel, 1.8), "Frenkel"),
+            (&self.paper, wide(Role::Paper, 1.2), "paper"),
+            (&self.map, wide(Role::Map, 0.8), "MAP"),
         ]
     }
 
@@ -118,16 +122,16 @@ impl FitFigure {
             entries.push(("measured", Swatch::measurement()));
         }
         let curves = self.curves().into_iter().filter(|(values, ..)| !values.is_empty());
-        entries.extend(curves.map(|(_, role, name)| (name, Swatch::Line(role.pen()))));
+        entries.extend(curves.map(|(_, pen, name)| (name, Swatch::Line(pen))));
         for (_, opacity, name) in self.bands().into_iter().rev().filter(|(b, ..)| !b.is_empty()) {
             // Bands lie on top of each other: they look darker than one band alone.
             entries.push((name, Swatch::Band(Role::Posterior.ink().mix(opacity).mix(1.6))));
         }
         if self.knee.is_some() {
-            entries.push(("knee a_{ve}/R", Swatch::Point(knee_look(Role::Posterior))));
+            entries.push(("knee", Swatch::Interval(KNEE)));
         }
         if self.paper_knee.is_some() {
-            entries.push(("knee, paper", Swatch::Point(knee_look(Role::Paper))));
+            entries.push(("paper’s", Swatch::Point(paper_knee_look())));
         }
         entries
     }
@@ -148,18 +152,21 @@ impl FitFigure {
     fn draw_knees(&self, panel: &Panel) -> Drawn {
         if let Some(ratio) = self.paper_knee {
             let at = crossing(&self.grid, &self.paper, ratio).unwrap_or(f64::NAN);
-            panel.mark(at, ratio, knee_look(Role::Paper))?;
+            panel.mark(at, ratio, paper_knee_look())?;
         }
         if let Some(Knee { time_s, ratio, lower, upper }) = self.knee {
-            panel.bars(&[time_s], &[lower], &[upper], Pen::solid(Role::Posterior.ink(), 1.6))?;
-            panel.mark(time_s, ratio, knee_look(Role::Posterior))?;
+            panel.interval(time_s, [lower, ratio, upper], KNEE)?;
         }
         Ok(())
     }
 }
 
-fn knee_look(role: Role) -> Look {
-    Look::filled(Marker::Diamond, 2.3, role.ink()).outlined(Pen::solid(WHITE, 0.5))
+/// The interval of the knee: a bar with its ends and its middle, which leaves room for what lies under it.
+const KNEE: Pen = Pen::solid(BLACK, 1.1);
+
+/// Open, as the paper's knee is a point without an interval.
+fn paper_knee_look() -> Look {
+    Look::filled(Marker::Diamond, 2.3, WHITE.mix(0.0)).outlined(Pen::solid(Role::Paper.ink(), 1.0))
 }
 
 /// Where a curve first rises through a level, by linear interpolation.

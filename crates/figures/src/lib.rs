@@ -25,6 +25,8 @@
 //! - Text is drawn as outlines of the DejaVu Sans face that is linked into the program. A figure gives the same bytes on
 //!   every run, and needs no fonts of the system.
 //! - In names, symbols and units `_{..}` lowers and `^{..}` raises: `C_{1}`, `τ_{s}`, `10^{-3}`.
+//! - A label covers no data, nothing is drawn over a measurement, and every curve and point has its colour in the legend:
+//!   [`broken_rules`] says where a figure does not keep that.
 //! - A value that is not finite is left out: a gap in a curve, a missing marker.
 //! - plotters draws onto a backend of this crate, a list of fills and strokes at a hundredth of a point; PNG and SVG are
 //!   both written from that list.
@@ -48,6 +50,7 @@ mod ranks;
 mod recursion;
 mod regime_map;
 mod residuals;
+mod rules;
 mod series;
 #[cfg(test)]
 mod synthetic;
@@ -73,5 +76,6 @@ pub use ranks::{RankedQuantity, RanksFigure};
 pub use recursion::{RecursionFigure, RecursionParameter};
 pub use regime_map::RegimeMapFigure;
 pub use residuals::ResidualsFigure;
+pub use rules::broken_rules;
 pub use series::SeriesFigure;
 pub use work_precision::{WorkPrecisionFigure, WorkPrecisionGrid, WorkPrecisionSeries};

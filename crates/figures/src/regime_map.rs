@@ -49,10 +49,18 @@ impl Figure for RegimeMapFigure {
             .map(|(a1, a2)| self.a0.max(*a1).max(*a2))
             .map(|a| self.final_ratio.map_or(a, |end| a.min(end)))
             .collect();
+        let change = Look::filled(Marker::Square, 2.0, BLACK);
         let wide = Pen::solid(opaque(0xd9d9d9), 4.0);
         let mut entries: Vec<_> =
             stages.iter().map(|(_, role, name)| (*name, Swatch::Line(role.pen()))).collect();
         entries.push(("largest of the three", Swatch::Line(wide)));
+        let end = Pen::dashed(GREY, 0.8, &[1.2, 1.4]);
+        if self.final_ratio.is_some() {
+            entries.push(("final a/R", Swatch::Line(end)));
+        }
+        if self.p1.or(self.p2).is_some() {
+            entries.push(("change of stage", Swatch::Point(change)));
+        }
         if !self.data_time_s.is_empty() {
             entries.push(("measured", Swatch::measurement()));
         }
@@ -67,8 +75,8 @@ impl Figure for RegimeMapFigure {
         let y = Axis::holding("contact ratio a/R", "", Scale::Log, heights, 0.1);
         let Some(panel) = one_panel(page, top, Spec::new(x, y))? else { return Ok(()) };
         panel.line(&self.grid_s, &envelope, wide)?;
-        if let Some(end) = self.final_ratio {
-            panel.across(end, Pen::dashed(GREY, 0.6, &[1.2, 1.4]))?;
+        if let Some(ratio) = self.final_ratio {
+            panel.across(ratio, end)?;
         }
         for (values, role, _) in &stages {
             panel.line(&self.grid_s, values, role.pen())?;
@@ -81,7 +89,7 @@ impl Figure for RegimeMapFigure {
             [(self.p1, "p_{1}", [above, below]), (self.p2, "p_{2}", [below, above])]
         {
             let Some((time_s, ratio)) = point else { continue };
-            panel.mark(time_s, ratio, Look::filled(Marker::Circle, 2.2, BLACK))?;
+            panel.mark(time_s, ratio, change)?;
             let (Some((x, y)), Some(inner)) = (panel.on_page(time_s, ratio), panel.inner(1.0))
             else {
                 continue;

@@ -45,8 +45,12 @@ impl Figure for SeriesFigure {
         let heat = Pen::dashed(Role::Map.ink(), 0.8, &[3.0, 1.5]);
         let ends = Pen::dashed(GREY, 0.8, &[1.2, 1.4]);
         let spread = Role::Posterior.ink().mix(0.25);
-        let mut entries =
-            vec![("mean", Swatch::Line(pen)), ("10 to 90 % of the contacts", Swatch::Band(spread))];
+        let mut entries = vec![("mean", Swatch::Line(pen))];
+        // A single contact has no spread.
+        let deciles = || self.contact_ratio_10.iter().zip(&self.contact_ratio_90);
+        if deciles().any(|(lower, upper)| lower < upper) {
+            entries.push(("10 to 90 % of the contacts", Swatch::Band(spread)));
+        }
         if self.heated_from_s.is_some() {
             entries.push(("heated", Swatch::Line(heat)));
         }

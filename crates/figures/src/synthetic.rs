@@ -269,6 +269,7 @@ impl Data {
             stages,
             k_hat_limit: 0.7,
             ess_target: Some(4000.0),
+            k_hat_of_result: Some(0.45),
         }
     }
 

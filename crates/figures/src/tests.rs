@@ -450,7 +450,7 @@ proptest! {
                 control: sorted.clone(), log_control: log, parameters: vec![recursion], ess: xs.clone(), ..Default::default()
             }),
             Box::new(ConvergenceFigure {
-                stages: (0..xs.len()).map(stage).collect(), k_hat_limit: shift, ess_target: Some(shift), title: String::new(),
+                stages: (0..xs.len()).map(stage).collect(), k_hat_limit: shift, ess_target: Some(shift), k_hat_of_result: Some(shift), title: String::new(),
             }),
             Box::new(ResidualsFigure {
                 control: sorted.clone(), residual: ys.clone(), sigma: shift, title: String::new(),

@@ -25,6 +25,22 @@ pub struct WorkPrecisionSeries {
     pub band: Band,
 }
 
+impl WorkPrecisionSeries {
+    /// Whether it is a line up the panel, which marks a cost.
+    fn upright(&self) -> bool {
+        self.cost.len() > 1 && self.cost.iter().all(|cost| *cost == self.cost[0])
+    }
+
+    /// The parts over which the cost does not fall: a line through all would fold back over itself.
+    fn runs(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
+        let falls = |k: &usize| self.cost[*k] < self.cost[*k - 1];
+        let breaks: Vec<usize> = (1..self.cost.len()).filter(falls).collect();
+        let starts: Vec<usize> = [0].into_iter().chain(breaks.iter().copied()).collect();
+        let ends = breaks.into_iter().chain([self.cost.len()]);
+        starts.into_iter().zip(ends).map(|(start, end)| start..end)
+    }
+}
+
 /// Error against cost of several methods, with a guide line of a given slope.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct WorkPrecisionFigure {
@@ -101,7 +117,11 @@ impl WorkPrecisionFigure {
     fn entries(&self) -> Vec<(String, Swatch)> {
         let series = self.series.iter();
         let mut entries: Vec<_> = series
-            .map(|s| (s.name.clone(), Swatch::LineAndPoint(s.role.pen(), s.role.marker())))
+            .map(|s| {
+                let (pen, marker) = (s.role.pen(), s.role.marker());
+                let points = Swatch::LineAndPoint(pen, marker);
+                (s.name.clone(), if s.upright() { Swatch::Line(pen) } else { points })
+            })
             .collect();
         if let Some(slope) = self.guide() {
             let slope = slope.to_string().replace('-', "−");
@@ -114,14 +134,19 @@ impl WorkPrecisionFigure {
         let costs = self.series.iter().flat_map(|s| &s.cost).copied();
         let errors =
             self.series.iter().flat_map(|s| s.error.iter().copied().chain(s.band.bounds()));
+        // Between few whole numbers there is nothing.
+        let (least, most) =
+            costs.clone().fold((f64::MAX, 0.0_f64), |(l, m), c| (l.min(c), m.max(c)));
+        let counts = self.cost_unit.is_empty() && costs.clone().all(|cost| cost.fract() == 0.0);
+        let scale = if counts && most < 10.0 * least { Scale::Count } else { Scale::Log };
         Spec::new(
-            Axis::holding(&self.cost_name, &self.cost_unit, Scale::Log, costs, 0.05),
+            Axis::holding(&self.cost_name, &self.cost_unit, scale, costs, 0.05),
             Axis::holding(&self.error_name, &self.error_unit, Scale::Log, errors, 0.06),
         )
     }
 
     fn fill(&self, panel: &Panel) -> Drawn {
-        if let Some(slope) = self.guide() {
+        if let Some(slope) = self.guide().filter(|_| panel.x.scale == Scale::Log) {
             // Through the middle of the panel; in coordinates, then back to values.
             let (x0, y0) = ((panel.x.low + panel.x.high) / 2.0, (panel.y.low + panel.y.high) / 2.0);
             let half = (panel.x.high - panel.x.low) / 2.0;
@@ -129,11 +154,18 @@ impl WorkPrecisionFigure {
             let ys = [-half, half].map(|dx| 10_f64.powf(y0 + slope * dx));
             panel.line(&xs, &ys, GUIDE)?;
         }
-        for s in &self.series {
-            panel.band(&s.cost, &s.band, s.role.ink().mix(0.15))?;
+        for (s, run) in self.series.iter().flat_map(|s| s.runs().map(move |run| (s, run))) {
+            let bound = |of: &[f64]| of.get(run.clone()).unwrap_or_default().to_vec();
+            let band = Band { lower: bound(&s.band.lower), upper: bound(&s.band.upper) };
+            panel.band(&s.cost[run.clone()], &band, s.role.ink().mix(0.15))?;
         }
         for s in &self.series {
-            panel.line(&s.cost, &s.error, s.role.pen())?;
+            for run in s.runs() {
+                panel.line(&s.cost[run.clone()], &s.error[run], s.role.pen())?;
+            }
+            if s.upright() {
+                continue;
+            }
             let radius = if Panel::dense(&s.cost) { 0.7 } else { 1.8 };
             let look = Look::filled(s.role.marker(), radius, s.role.ink());
             panel.markers(&s.cost, &s.error, look)?;

@@ -6,6 +6,7 @@ use crate::marginal::mean_and_sd;
 use crate::mixture::Proposal;
 use crate::pool::{Pool, effective_sample_size, exponentiate};
 use crate::sampler::{NextStage, Sampler};
+use crate::stage::Observer;
 use crate::summary::{Run, summarise};
 use crate::target::CurveTarget;
 use crate::trust::khat_holds;
@@ -13,20 +14,6 @@ use crate::{
     CalibrateError, Noise, NoiseError, Posterior, Problem, Settings, StageRecord, StopReason, psis,
 };
 use rayon::prelude::*;
-use std::ops::ControlFlow;
-
-/// Watches a run, and may end it.
-pub trait Observer {
-    /// Called after every stage; `Break` ends the run with the samples so far.
-    fn stage(&mut self, record: &StageRecord) -> ControlFlow<()>;
-}
-
-/// Watches nothing.
-impl Observer for () {
-    fn stage(&mut self, _: &StageRecord) -> ControlFlow<()> {
-        ControlFlow::Continue(())
-    }
-}
 
 /// Fewest simulations after which too many failures end a run.
 const FEWEST_TO_JUDGE: usize = 16;
@@ -98,7 +85,8 @@ pub fn calibrate_joint(
     if ln_scale == f64::NEG_INFINITY {
         return Err(CalibrateError::ZeroEvidence { simulations: sampler.pool.len() });
     }
-    summarise(Run { target: &target, sampler, raw, ln_scale, tuned: tuned.is_some(), stages, stop })
+    let run = Run { target: &target, sampler, raw, ln_scale, tuned: tuned.is_some(), stages, stop };
+    summarise(run, observer)
 }
 
 /// Ends a run in which too large a share of the simulations failed.

@@ -30,6 +30,7 @@ use crate::pool::Pool;
 use crate::sampler::{Frozen, Sampler};
 use crate::small_budget::StandIn;
 use crate::sobol::scrambled_net;
+use crate::stage::Finishing;
 use crate::stream::{Purpose, stream};
 use crate::surrogate::{MOST_PARAMETERS, Surrogate, coefficients, monomials};
 use crate::trust::agree;
@@ -160,6 +161,7 @@ fn integrals(
     ln_scale: f64,
     drawn: &Drawn<'_>,
     coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
+    finishing: &mut Finishing<'_>,
 ) -> Option<Integrals> {
     let pool = &sampler.pool;
     let (d, r) = (pool.d, sampler.replicates);
@@ -182,6 +184,7 @@ fn integrals(
     let mut of_sub_nets = vec![0.0; r * p];
     let mut controls = vec![0.0; n];
     for fold in 0..folds {
+        finishing.of_integrals(2 * fold, folds, "evidence and means: stand-in");
         let (own, others): (Vec<usize>, Vec<usize>) =
             (first..pool.len()).partition(|i| pool.replicate[*i] as usize % folds == fold);
         let known: Vec<usize> = (0..first).chain(others.iter().copied()).collect();
@@ -206,6 +209,7 @@ fn integrals(
         }
         own.iter().zip(&control).for_each(|(i, control)| controls[i - first] = *control);
 
+        finishing.of_integrals(2 * fold + 1, folds, "evidence and means: integrals");
         // Per sub-net: the integral of g phi by a net of its own, and the mean of (f - g) phi / q.
         let seed = sampler.settings.seed;
         of_sub_nets.par_chunks_mut(p).enumerate().skip(fold).step_by(folds).for_each(
@@ -370,12 +374,14 @@ pub(crate) fn estimate(
     raw: &[f64],
     ln_scale: f64,
     coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
+    finishing: &mut Finishing<'_>,
 ) -> (Estimator, Evidence) {
     let mut estimator = Estimator::new(&sampler.pool, raw.to_vec(), ln_scale, sampler.replicates);
     let (pooled_value, pooled_se) = estimator.log_evidence();
     let frozen = sampler.frozen();
     let (frozen_value, frozen_se) = sampler.frozen_evidence(&frozen);
-    let integrals = |drawn: &Drawn<'_>| integrals(sampler, raw, ln_scale, drawn, coordinate);
+    let mut integrals =
+        |drawn: &Drawn<'_>| integrals(sampler, raw, ln_scale, drawn, coordinate, finishing);
     let ln_w = sampler.ln_weights();
     let far = sampler.placing.surrogate || sampler.pool.d > MOST_DIMENSIONS;
     let known = if far {

@@ -3,6 +3,7 @@
 use crate::control::estimate;
 use crate::pool::exponentiate;
 use crate::sampler::Sampler;
+use crate::stage::Finishing;
 use crate::target::Target;
 use crate::{CalibrateError, Counters, Evidence, Settings, psis};
 
@@ -59,7 +60,8 @@ pub fn sample_density_in(
         return Err(CalibrateError::ZeroEvidence { simulations: sampler.pool.len() });
     }
     let ess = crate::pool::effective_sample_size(&raw);
-    let (estimator, log_evidence) = estimate(&sampler, &raw, ln_scale, coordinate);
+    let (estimator, log_evidence) =
+        estimate(&sampler, &raw, ln_scale, coordinate, &mut Finishing(&mut ()));
     let d = sampler.pool.d;
     let mut khat = psis::khat(&raw);
     let (mut mean, mut mean_se, mut sd, mut sd_se) = (vec![], vec![], vec![], vec![]);

@@ -1,8 +1,9 @@
 //! Parameter sets that are given, not drawn: a design of experiments, or samples of another program.
 
-use crate::calibrate::{Observer, check, final_weights, refuse_failures, stage_record};
+use crate::calibrate::{check, final_weights, refuse_failures, stage_record};
 use crate::mixture::Proposal;
 use crate::sampler::Sampler;
+use crate::stage::Observer;
 use crate::summary::{Run, summarise};
 use crate::target::CurveTarget;
 use crate::{CalibrateError, JointProblem, Noise, Posterior, Settings, StopReason};
@@ -72,15 +73,9 @@ pub fn calibrate_design(
     if ln_scale == f64::NEG_INFINITY {
         return Err(CalibrateError::ZeroEvidence { simulations: sampler.pool.len() });
     }
-    summarise(Run {
-        target: &target,
-        sampler,
-        raw,
-        ln_scale,
-        tuned: false,
-        stages,
-        stop: StopReason::BudgetSpent,
-    })
+    let stop = StopReason::BudgetSpent;
+    let run = Run { target: &target, sampler, raw, ln_scale, tuned: false, stages, stop };
+    summarise(run, observer)
 }
 
 #[cfg(test)]

@@ -52,7 +52,7 @@ mod target;
 pub mod trust;
 mod weighted;
 
-pub use calibrate::{Observer, calibrate, calibrate_joint};
+pub use calibrate::{calibrate, calibrate_joint};
 pub use density::{DensitySummary, sample_density, sample_density_in};
 pub use design::calibrate_design;
 pub use error::CalibrateError;
@@ -75,7 +75,7 @@ pub use problem::{Parameter, Problem};
 pub use reweight::{Reweighted, reweighted};
 pub use settings::Settings;
 pub use simulator::{FnSimulator, SimError, Simulator};
-pub use stage::{ComponentRecord, MixtureRecord, StageRecord};
+pub use stage::{ComponentRecord, MixtureRecord, Observer, StageRecord};
 pub use target::Target;
 pub use trust::{Concern, Trust, Verdict};
 pub use weighted::Weighted;

@@ -6,12 +6,13 @@ use crate::failing::failing;
 use crate::joint::JointProblem;
 use crate::map_search::find_map;
 use crate::marginal::{Marginal, in_si, mean_and_sd};
-use crate::noise_summary::Part;
+use crate::noise_summary::{GroupNoise, Part};
 use crate::path::path;
 use crate::pool::{Pool, effective_sample_size};
 use crate::predictive::at_observations;
 use crate::residuals::residuals_of;
 use crate::sampler::Sampler;
+use crate::stage::{Finishing, Observer};
 use crate::stream::{Purpose, stream};
 use crate::target::CurveTarget;
 use crate::trust::khat_holds;
@@ -37,13 +38,18 @@ pub(crate) struct Run<'a> {
 }
 
 /// Everything that is reported of a run.
-pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
+pub(crate) fn summarise(
+    run: Run<'_>,
+    observer: &mut dyn Observer,
+) -> Result<Posterior, CalibrateError> {
+    let mut finishing = Finishing(observer);
     let Run { target, mut sampler, raw, ln_scale, tuned, stages, stop } = run;
     let (problem, likelihood, settings) = (target.problem, target.likelihood, sampler.settings);
     let pool = &sampler.pool;
     let (n, d) = (pool.len(), pool.d);
     let importance = effective_sample_size(&raw);
-    let (estimator, log_evidence) = estimator(problem, &sampler, &raw, ln_scale, tuned);
+    let (estimator, log_evidence) =
+        estimator(problem, &sampler, (&raw, ln_scale), tuned, &mut finishing);
 
     // Columns of the samples: SI, coordinate.
     let theta: Vec<Vec<f64>> =
@@ -51,7 +57,9 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
     let coordinate: Vec<Vec<f64>> =
         columns(problem, |j, i| problem.parameters[j].prior.to_coordinate(theta[j][i]), n);
 
+    finishing.after_integrals(0, "best fit");
     let map = find_map(target, &sampler, &estimator).map_err(|error| error.after(&stages))?;
+    finishing.after_integrals(1, "intervals");
     let (weight_khat, weight_share) = tail(&raw);
     // Weights that are tilted as far as it takes say nothing of the tail that they had.
     let judged = if estimator.is_held_far() { &raw } else { &estimator.weights };
@@ -70,20 +78,17 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
         .collect();
     let khat = parameters.iter().map(|p| p.khat).fold(weight_khat, f64::max);
 
+    finishing.after_integrals(2, "noise and predictions");
     let chosen = chosen(&estimator, settings);
     let noise = likelihood.single().map(|one| {
         let range = 0..problem.observations();
         let part = Part { likelihood: one, group: 0, range, ln_l: &pool.ln_l };
         part.noise(&sampler, &estimator, &chosen)
     });
-    let draw = |(k, sample): (usize, &usize)| {
-        let noise = noise.as_ref().and_then(|noise| noise.draws.get(k));
-        let (sigma, shape) = (noise.map(|draw| draw.sigma), noise.and_then(|draw| draw.shape));
-        Draw { sample: *sample, sigma, shape }
-    };
-    let draws: Vec<Draw> = chosen.iter().enumerate().map(draw).collect();
+    let draws = draws(&chosen, noise.as_ref());
     let groups = groups(target, &sampler, &estimator, &chosen, &map);
     let predictive = at_observations(target, &sampler, &estimator, &draws, &groups);
+    finishing.after_integrals(3, "what each observation taught");
     // The kept curves are most of the memory: used up here, before the samples take theirs.
     let kept = std::mem::take(&mut sampler.pool.kept);
     let wanted = settings.path && !tuned;
@@ -121,18 +126,29 @@ pub(crate) fn summarise(run: Run<'_>) -> Result<Posterior, CalibrateError> {
 fn estimator(
     problem: &JointProblem<'_>,
     sampler: &Sampler<'_>,
-    raw: &[f64],
-    ln_scale: f64,
+    (raw, ln_scale): (&[f64], f64),
     tuned: bool,
+    finishing: &mut Finishing<'_>,
 ) -> (Estimator, Evidence) {
     if tuned {
         let estimator = Estimator::new(&sampler.pool, raw.to_vec(), ln_scale, sampler.replicates);
         return (estimator, Evidence { agree: true, ..Evidence::default() });
     }
-    estimate(sampler, raw, ln_scale, &|j, z| {
+    let coordinate = |j: usize, z: f64| {
         let prior = &problem.parameters[j].prior;
         prior.to_coordinate(prior.from_z(z))
-    })
+    };
+    estimate(sampler, raw, ln_scale, &coordinate, finishing)
+}
+
+/// The chosen samples with the noise that was drawn for each.
+fn draws(chosen: &[usize], noise: Option<&GroupNoise>) -> Vec<Draw> {
+    let draw = |(k, sample): (usize, &usize)| {
+        let noise = noise.and_then(|noise| noise.draws.get(k));
+        let (sigma, shape) = (noise.map(|draw| draw.sigma), noise.and_then(|draw| draw.shape));
+        Draw { sample: *sample, sigma, shape }
+    };
+    chosen.iter().enumerate().map(draw).collect()
 }
 
 /// One parameter of all samples.

@@ -94,7 +94,8 @@ impl Surrogate {
         }
         let tree = Neighbours::new(&places, d);
         let samples = Samples { d, places: &places, ln_l };
-        let centres = centres(d, fitted);
+        // In the order of the tree, so that one fit finds in the cache what the last one has read.
+        let centres = centres(d, fitted, tree.order());
         let mut slopes = vec![0.0; centres.len() * p];
         let fits: Vec<Option<Quadratic>> = slopes
             .par_chunks_mut(p)
@@ -114,14 +115,19 @@ impl Surrogate {
                 },
             )
             .collect();
-        let (tree, places) = if centres.len() == fitted.len() {
-            (tree, places)
-        } else {
+        let reach2 = fits.iter().flatten().map(|fit| fit.reach2).fold(0.0, f64::max);
+        let (tree, places, fits, slopes) = if d > MOST_DIMENSIONS {
             let own: Vec<f64> =
                 centres.iter().flat_map(|i| &places[i * d..(i + 1) * d]).copied().collect();
-            (Neighbours::new(&own, d), own)
+            (Neighbours::new(&own, d), own, fits, slopes)
+        } else {
+            let (mut of_all, mut slopes_of_all) = (vec![None; fits.len()], vec![0.0; slopes.len()]);
+            for ((i, fit), own) in centres.into_iter().zip(fits).zip(slopes.chunks_exact(p)) {
+                of_all[i] = fit;
+                slopes_of_all[i * p..(i + 1) * p].copy_from_slice(own);
+            }
+            (tree, places, of_all, slopes_of_all)
         };
-        let reach2 = fits.iter().flatten().map(|fit| fit.reach2).fold(0.0, f64::max);
         Some(Self { d, inverse, tree, places, fits, reach2, slopes })
     }
 
@@ -178,12 +184,14 @@ impl Surrogate {
     }
 }
 
-/// The samples that fits are looked up around: all, or in many dimensions some of the fitted ones, evenly among them.
-fn centres(d: usize, fitted: &[bool]) -> Vec<usize> {
+/// The samples that fits are looked up around, in the order of the tree: all, or in many dimensions some of the fitted ones,
+/// evenly among them.
+fn centres(d: usize, fitted: &[bool], order: &[u32]) -> Vec<usize> {
+    let all = order.iter().map(|i| *i as usize);
     if d <= MOST_DIMENSIONS {
-        return (0..fitted.len()).collect();
+        return all.collect();
     }
-    let all: Vec<usize> = (0..fitted.len()).filter(|i| fitted[*i]).collect();
+    let all: Vec<usize> = all.filter(|i| fitted[*i]).collect();
     let count = all.len().min(MOST_FITS);
     (0..count).map(|k| all[k * all.len() / count]).collect()
 }

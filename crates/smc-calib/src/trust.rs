@@ -36,7 +36,7 @@ pub enum Verdict {
 impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Converged => "converged",
+            Self::Converged => "good",
             Self::Rough => "rough",
             Self::Untrusted => "NOT TO BE TRUSTED",
         })
@@ -96,14 +96,17 @@ impl Trust {
     pub fn line(&self, evidence: &Evidence) -> String {
         let wished = self.effective_samples_wished;
         let of = if self.effective_samples < wished {
-            format!(" of at least {wished:.0} wished for")
+            format!(" (ESS; at least {wished:.0} wished for)")
         } else {
-            String::new()
+            " (ESS)".to_owned()
         };
-        let harmless = if !khat_holds(self.khat) && self.tail_share < self.tail_share_limit {
-            ", but the tail has hardly any mass"
+        let khat = khat_in_words(self.khat);
+        let weights = if khat_holds(self.khat) {
+            format!("no handful of simulations decides (k-hat {khat})")
+        } else if self.tail_share < self.tail_share_limit {
+            format!("a few simulations stand out, but have hardly any weight (k-hat {khat})")
         } else {
-            ""
+            format!("a few simulations decide (k-hat {khat}; {} is the limit)", self.khat_limit)
         };
         let explored = if self.unseen < 1.0 {
             let share = two_digits(100.0 * self.unseen);
@@ -114,11 +117,9 @@ impl Trust {
             String::new()
         };
         format!(
-            "{}; {:.0} effective samples{of}, k-hat {:.2} (limit {}{harmless}), {}{explored}",
+            "{}; worth {:.0} independent draws of the posterior{of}; {weights}; {}{explored}",
             self.verdict,
             self.effective_samples,
-            self.khat,
-            self.khat_limit,
             self.evidence(evidence)
         )
     }

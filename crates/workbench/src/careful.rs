@@ -9,6 +9,7 @@ use std::fmt;
 
 use serde::Serialize;
 use smc_calib::Concern;
+use smc_calib::trust::limits::khat_in_words;
 
 use crate::number::significant;
 
@@ -149,7 +150,8 @@ impl Careful {
             ),
             Self::SpreadUnknown => "too few draws reach the target, or at one time, to say which parameter the spread comes from".to_owned(),
             Self::UntrustedKinetics { kinetics, noise, ess, khat } => format!(
-                "{kinetics} with {noise} errors: its posterior is not to be trusted (effective sample size {ess:.0}, k-hat {khat:.2}), nor is its evidence"
+                "{kinetics} with {noise} errors: its posterior is not to be trusted (effective sample size {ess:.0}, k-hat {}), nor is its evidence",
+                khat_in_words(*khat)
             ),
             Self::EvidencesTooClose { best, other, noise, difference, error } => format!(
                 "{best} against {other} with {noise} errors: the evidences differ by {}, no more than their Monte Carlo error {} allows to tell",

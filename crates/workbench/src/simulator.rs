@@ -294,9 +294,6 @@ impl Simulator for Experiments<'_> {
         if self.watch.stop().asked() {
             return Err(SimError::Interrupted);
         }
-        if self.runner.is_none() {
-            self.watch.advance();
-        }
         for (place, model, range) in self.places() {
             let Some(model) = model else {
                 return Err(SimError::fatal("a program is run for samples alone"));

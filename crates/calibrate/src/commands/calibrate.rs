@@ -79,15 +79,16 @@ pub(crate) struct CalibrateArgs {
     #[arg(long, value_name = "NAME", default_value = "auto", value_parser = arguments::solver(), help_heading = "Model")]
     solver: SolverChoice,
 
-    /// Largest error of a/R allowed to the solver
-    #[arg(long, value_name = "A/R", default_value = "1e-4", value_parser = arguments::tolerance, help_heading = "Model")]
+    /// Largest error of a/R allowed to the solver, from 1e-12 to 0.1
+    #[arg(long, value_name = "A/R", default_value = "1e-4", value_parser = arguments::tolerance, allow_negative_numbers = true, help_heading = "Model")]
     tolerance: f64,
 
     /// How measurements scatter: inferred (independent), correlated (alike near each other; correlated:log
     /// and correlated:linear say what distances are measured in), robust (with outliers), fixed:SIGMA,
     /// fixed:table (the column sigma), fixed-relative:SHARE of the value, ess-target:SHARE (GrainLearning's
     /// tuning; the result is not a posterior). inferred, correlated and robust stand for inferred:4,0.05 and
-    /// so on: NU0,S0 of the prior of sigma
+    /// so on: NU0,S0 of the prior of sigma, both
+    /// above 0; SIGMA is above 0, SHARE above 0 and below 1
     #[arg(long, value_name = "MODEL", default_value = "inferred", value_parser = arguments::noise, help_heading = "Model")]
     noise: Noise,
 
@@ -96,13 +97,13 @@ pub(crate) struct CalibrateArgs {
     #[arg(long, help_heading = "Model")]
     no_other_kinetics: bool,
 
-    /// Simulations in total; with --resume and --continue-from those of the extended run [default: 16384]
-    #[arg(short = 'n', long, value_name = "N", value_parser = arguments::samples, help_heading = "Sampling")]
+    /// Simulations in total, from 16 to 100000000; with --resume and --continue-from those of the extended run [default: 16384]
+    #[arg(short = 'n', long, value_name = "N", value_parser = arguments::samples, allow_negative_numbers = true, help_heading = "Sampling")]
     samples: Option<usize>,
 
-    /// Adaptive stages, over which the proposal is refined [default: 8; below 2048 simulations 20
+    /// Adaptive stages, from 1 to 1000, over which the proposal is refined [default: 8; below 2048 simulations 20
     /// small ones, placed by a Gaussian process]
-    #[arg(long, value_name = "N", value_parser = arguments::iterations, help_heading = "Sampling")]
+    #[arg(long, value_name = "N", value_parser = arguments::iterations, allow_negative_numbers = true, help_heading = "Sampling")]
     iterations: Option<usize>,
 
     /// Draw the first simulations from an earlier posterior (its folder, or its posterior.json), of a cheaper model or a coarser
@@ -111,16 +112,16 @@ pub(crate) struct CalibrateArgs {
     #[arg(long, value_name = "DIR", help_heading = "Sampling")]
     proposal: Option<PathBuf>,
 
-    /// Stop refining early once the effective sample size reaches N [default: use all samples]
-    #[arg(long, value_name = "N", value_parser = arguments::effective_samples, help_heading = "Sampling")]
+    /// Stop refining early once the effective sample size reaches N, at least 1 [default: use all samples]
+    #[arg(long, value_name = "N", value_parser = arguments::effective_samples, allow_negative_numbers = true, help_heading = "Sampling")]
     ess: Option<f64>,
 
-    /// Seed of the random numbers; the same seed gives the same bits, for any number of threads
-    #[arg(short, long, value_name = "N", default_value_t = 1, help_heading = "Sampling")]
+    /// Seed of the random numbers, from 0 to 18446744073709551615; the same seed gives the same bits, for any number of threads
+    #[arg(short, long, value_name = "N", default_value_t = 1, value_parser = arguments::seed, allow_negative_numbers = true, help_heading = "Sampling")]
     seed: u64,
 
-    /// Threads [default: all cores]
-    #[arg(short = 'j', long, value_name = "N", value_parser = arguments::threads, help_heading = "Sampling")]
+    /// Threads, from 1 to 1024 [default: all cores]
+    #[arg(short = 'j', long, value_name = "N", value_parser = arguments::threads, allow_negative_numbers = true, help_heading = "Sampling")]
     threads: Option<usize>,
 
     /// Folder for the results [default: results/NAME of the material or experiment]
@@ -244,7 +245,10 @@ pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
         (None, None) => return Ok(()),
     };
     if args.verify {
-        let checked = pool(args.threads)?.install(|| verify::verify(&finished.record))?;
+        let integrate = || verify::verify(&finished.record);
+        let checked = terminal::working(args.quiet, "quadrature of the posterior", || {
+            pool(args.threads)?.install(integrate)
+        })?;
         if !args.quiet {
             eprint!("{}", checked.text());
         }
@@ -261,12 +265,11 @@ fn program() -> Result<String, RunError> {
 }
 
 fn dry_run(args: &CalibrateArgs, planned: &Planned, out: &Path) -> Result<(), Failure> {
-    let text = match (args.json, args.toml) {
-        (true, _) => pretty(&planned.plan)?,
-        (_, true) => planned.toml()?,
-        _ => plan::dry_run(planned, out),
-    };
-    terminal::write(text.as_bytes())?;
+    match (args.json, args.toml) {
+        (true, _) => terminal::write(pretty(&planned.plan)?.as_bytes())?,
+        (_, true) => terminal::write(planned.toml()?.as_bytes())?,
+        _ => terminal::report(&plan::dry_run(planned, out))?,
+    }
     for warning in &planned.warnings {
         terminal::warning(warning);
     }

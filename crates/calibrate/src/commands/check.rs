@@ -30,7 +30,7 @@ pub(crate) fn run(args: &CheckArgs) -> Result<(), Failure> {
                     for detail in &understood.details {
                         text.push_str(&format!("  {detail}\n"));
                     }
-                    terminal::write(text.as_bytes())?;
+                    terminal::report(&text)?;
                 }
                 for warning in &understood.warnings {
                     terminal::warning(warning);

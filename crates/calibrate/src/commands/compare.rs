@@ -13,12 +13,15 @@ use crate::terminal::{OnInterrupt, Terminal};
 
 const EXAMPLES: &str = "\
 Examples:
-  calibrate compare                             all three built-in materials
-  calibrate compare --material ps --phi         with the final contact ratio as a fourth parameter
+  calibrate compare
+      all three built-in materials
+  calibrate compare --material ps --phi
+      with the final contact ratio as a fourth parameter
   calibrate compare --material pa12 --noise inferred,correlated:linear
-  calibrate compare --experiment experiments/example-my-powder.toml --prior priors/example-my-powder.toml
+  calibrate compare --experiment experiments/example-my-powder.toml \\
+      --prior priors/example-my-powder.toml
 
-The priors are those of the materials, the same for every kinetics that has the parameter.
+The priors are those of the materials, the same for every kinetics that has the parameter. \
 calibrate predict --average DIR predicts with the average of all models by their evidence.";
 
 /// A comparison of kinetics and noise models.
@@ -46,21 +49,26 @@ pub(crate) struct CompareArgs {
     #[arg(long)]
     phi: bool,
 
-    /// Simulations per calibration
-    #[arg(short = 'n', long, value_name = "N", default_value_t = 16_384, value_parser = arguments::samples)]
+    /// Simulations per calibration, from 16 to 100000000
+    #[arg(short = 'n', long, value_name = "N", default_value_t = 16_384, value_parser = arguments::samples, allow_negative_numbers = true)]
     samples: usize,
 
-    /// Seed of the random numbers
-    #[arg(short, long, value_name = "N", default_value_t = 1)]
+    /// Seed of the random numbers, from 0 to 18446744073709551615
+    #[arg(short, long, value_name = "N", default_value_t = 1, value_parser = arguments::seed, allow_negative_numbers = true)]
     seed: u64,
 
-    /// Threads [default: all cores]
-    #[arg(short = 'j', long, value_name = "N", value_parser = arguments::threads)]
+    /// Threads, from 1 to 1024 [default: all cores]
+    #[arg(short = 'j', long, value_name = "N", value_parser = arguments::threads, allow_negative_numbers = true)]
     threads: Option<usize>,
 
-    /// Logarithmic time axis in the figures
+    /// Logarithmic time axis in the figures [default: where half of what is measured changes within the first tenth of the
+    /// time]
     #[arg(long)]
     log_time: bool,
+
+    /// Linear time axes, also where the measurements change early
+    #[arg(long, conflicts_with = "log_time")]
+    linear_time: bool,
 
     /// Folder for the results
     #[arg(short, long, value_name = "DIR", default_value = "results/compare")]
@@ -89,7 +97,13 @@ pub(crate) fn run(args: &CompareArgs) -> Result<(), Failure> {
     };
     let noises = args.noise.clone().unwrap_or_else(default_noises);
     let (compared, published) = pool(args.threads)?.install(|| {
-        let compared = Compared::new(&options, &noises, args.phi, args.log_time, &terminal)?;
+        let compared = Compared::new(
+            &options,
+            &noises,
+            args.phi,
+            arguments::time_scale(args.log_time, args.linear_time),
+            &terminal,
+        )?;
         let published = compared.publish(&folder)?;
         Ok::<_, Failure>((compared, published))
     })?;

@@ -12,13 +12,16 @@ use crate::terminal::{self, OnInterrupt, Terminal};
 
 const EXAMPLES: &str = "\
 Examples:
-  calibrate densify --posterior results/pa12 --scene experiments/scenes/packing-200.toml
-  calibrate densify --posterior results/pa12 --scene my-bed.toml --draws 100 --target 0.85
-  calibrate densify --posterior results/pa12 --scene experiments/scenes/pair.toml --contact-ratio 0.9
+  calibrate densify --posterior results/pa12 \\
+      --scene experiments/scenes/packing-200.toml
+  calibrate densify --posterior results/pa12 --scene my-bed.toml \\
+      --draws 100 --target 0.85
+  calibrate densify --posterior results/pa12 --contact-ratio 0.9 \\
+      --scene experiments/scenes/pair.toml
 
-Takes draws of the posterior, evenly spread over the sintering time of their pair, runs the scene with the parameters of each,
-and writes densify.json (all of it), densify.csv (bands over time), draws.csv (a row per draw), series/ (the bed of each draw)
-and the fan chart densify.png and .svg. Finished draws are kept: the same command goes on with the others after an
+Takes draws of the posterior, evenly spread over the sintering time of their pair, runs the scene with the parameters of each, \
+and writes densify.json (all of it), densify.csv (bands over time), draws.csv (a row per draw), series/ (the bed of each draw) \
+and the fan chart densify.png and .svg. Finished draws are kept: the same command goes on with the others after an \
 interruption, and another target is read from the same beds.";
 
 /// A powder bed for draws of a posterior.
@@ -34,24 +37,24 @@ pub(crate) struct DensifyArgs {
     #[arg(short, long, value_name = "FILE")]
     scene: PathBuf,
 
-    /// Draws of the posterior
-    #[arg(short = 'n', long, value_name = "N", default_value_t = 50, value_parser = arguments::draws)]
+    /// Draws of the posterior, from 2 to 100000
+    #[arg(short = 'n', long, value_name = "N", default_value_t = 50, value_parser = arguments::draws, allow_negative_numbers = true)]
     draws: usize,
 
-    /// When is this relative density reached? [default: 0.9]
+    /// When is this relative density reached? Above 0, at most 1 [default: 0.9]
     #[arg(short, long, value_name = "DENSITY", value_parser = arguments::density, allow_negative_numbers = true)]
     target: Option<f64>,
 
-    /// When is this mean contact ratio a/R reached? For beds without a volume, as the pair
+    /// When is this mean contact ratio a/R reached? Above 0, at most 2. For beds without a volume, as the pair
     #[arg(short, long, value_name = "A/R", value_parser = arguments::contact_ratio, conflicts_with = "target", allow_negative_numbers = true)]
     contact_ratio: Option<f64>,
 
-    /// Seed of the choice of draws
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    /// Seed of the choice of draws, from 0 to 18446744073709551615
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = arguments::seed, allow_negative_numbers = true)]
     seed: u64,
 
-    /// Threads, each of which computes one bed at a time [default: all cores]
-    #[arg(short = 'j', long, value_name = "N", value_parser = arguments::threads)]
+    /// Threads, from 1 to 1024, each of which computes one bed at a time [default: all cores]
+    #[arg(short = 'j', long, value_name = "N", value_parser = arguments::threads, allow_negative_numbers = true)]
     threads: Option<usize>,
 
     /// Folder for the results [default: results/SCENE-POSTERIOR]
@@ -84,7 +87,7 @@ pub(crate) fn run(args: &DensifyArgs) -> Result<(), Failure> {
     })?;
     let terminal = Terminal::new(args.quiet, OnInterrupt::Detach);
     if args.dry_run {
-        terminal::write(job.describe().as_bytes())?;
+        terminal::report(&job.describe())?;
         job.advice().iter().for_each(|line| terminal.warn(line));
         return Ok(());
     }

@@ -8,8 +8,8 @@ use workbench::export::{Exported, export};
 use crate::terminal;
 
 const EXPORT_NOTES: &str = "\
-Writes samples.csv (every sample so far: parameters, state, log likelihood, its weight where its stage is
-complete, simulated values), runs.csv (every run: state, cause, attempts, seconds) and
+Writes samples.csv (every sample so far: parameters, state, log likelihood, its weight where its stage is \
+complete, simulated values), runs.csv (every run: state, cause, attempts, seconds) and \
 samples-grainlearning.txt (the parameter sets as GrainLearning and yade-batch read them).";
 
 /// Tables of a run.

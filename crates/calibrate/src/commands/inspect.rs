@@ -22,15 +22,12 @@ pub(crate) struct InspectArgs {
 /// Runs the command.
 pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
     let record = record::read(&args.file)?;
-    let text = if args.json {
-        report::json(&record, None)?
-    } else {
-        let folder =
-            if args.file.is_dir() { Some(args.file.as_path()) } else { args.file.parent() };
-        let folder =
-            folder.filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let summary = report::in_folder(&report::text(&record, None, None), folder);
-        format!("{summary}\n{}\n", report::details(&record).trim_end())
-    };
-    terminal::write(text.as_bytes())
+    if args.json {
+        return terminal::write(report::json(&record, None)?.as_bytes());
+    }
+    let folder = if args.file.is_dir() { Some(args.file.as_path()) } else { args.file.parent() };
+    let folder = folder.filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let summary = report::in_folder(&report::text(&record, None, None), folder);
+    let details = report::details(&record);
+    terminal::report(&format!("{summary}\n{}\n", details.trim_end()))
 }

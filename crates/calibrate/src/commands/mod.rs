@@ -37,25 +37,34 @@ use validate::ValidateArgs;
 
 const AFTER_HELP: &str = "\
 Examples:
-  calibrate --material ps                       measured neck growth of polystyrene -> results/ps/
-  calibrate --material pa12 --dry-run           say what would be done, and stop
-  calibrate --material ps --experiment my.csv   own measurements of a built-in powder
-  calibrate --experiment experiments/example-my-powder.toml --prior priors/example-my-powder.toml
-                                                own powder, own measurements, own priors
+  calibrate --material ps
+      measured neck growth of polystyrene -> results/ps/
+  calibrate --material pa12 --dry-run
+      say what would be done, and stop
+  calibrate --material ps --experiment my.csv
+      own measurements of a built-in powder
+  calibrate --experiment experiments/example-my-powder.toml \\
+      --prior priors/example-my-powder.toml
+      own powder, own measurements, own priors
   calibrate --plan experiments/external/impact.toml
-                                                own simulation program, own measurements of any kind
-  calibrate --resume results/impact             go on after an interruption
+      own simulation program, own measurements of any kind
+  calibrate --resume results/impact
+      go on after an interruption
   calibrate --resume results/impact --samples 600
-                                                more runs for a run that is there; all it has made count
+      more runs for a run that is there; all it has made count
   calibrate --continue-from results/ps --samples 32768
-                                                the same of a run of a built-in simulator
-  calibrate inspect results/ps/posterior.json   print a posterior again
-  calibrate plot results/ps --width full        draw its figures again
-  calibrate compare --material ps               which kinetics do the data support?
-  calibrate table3                              the paper's Table 3, all three materials
+      the same of a run of a built-in simulator
+  calibrate inspect results/ps/posterior.json
+      print a posterior again
+  calibrate plot results/ps --width full
+      draw its figures again
+  calibrate compare --material ps
+      which kinetics do the data support?
+  calibrate table3
+      the paper's Table 3, all three materials
 
-All quantities are SI. Exit codes: 0 done, 1 the run failed, 2 a mistake in what was given,
-130 interrupted.";
+All quantities are SI. Exit codes: 0 done, 1 the run failed, 2 a mistake in what was given, \
+130 interrupted. calibrate help COMMAND explains a command.";
 
 /// Text printed by `calibrate` without arguments.
 pub(crate) const SHORT_HELP: &str = "\
@@ -63,6 +72,7 @@ Posteriors of sintering parameters from measured neck growth.
 
   calibrate --material ps        calibrate polystyrene and write results/ps/
   calibrate --help               everything else
+  calibrate help COMMAND         the options of a command
 
 Built-in materials: ps, pa12, peek.";
 
@@ -76,7 +86,6 @@ Built-in materials: ps, pa12, peek.";
     after_help = AFTER_HELP,
     args_conflicts_with_subcommands = true,
     subcommand_negates_reqs = true,
-    disable_help_subcommand = true,
     infer_subcommands = false,
     max_term_width = 100
 )]
@@ -204,5 +213,102 @@ mod tests {
         assert!(refused("simulate --table3 --c1 1").contains("--c1"));
         assert!(refused("check").contains("FILE"));
         assert_eq!(parse("--material ps --samples 1e5").expect("1e5").run.pair().samples, 100_000);
+    }
+
+    /// All options of all commands, each with the words before it on a command line.
+    fn options() -> Vec<(Vec<String>, clap::Arg)> {
+        let command = Args::command();
+        let own = |words: Vec<String>, command: &clap::Command| {
+            let options = command.get_arguments().filter(|arg| arg.get_long().is_some());
+            options.map(|arg| (words.clone(), arg.clone())).collect::<Vec<_>>()
+        };
+        let mut all = own(vec![], &command);
+        for one in command.get_subcommands().filter(|one| !one.is_hide_set()) {
+            all.extend(own(vec![one.get_name().to_owned()], one));
+        }
+        all
+    }
+
+    /// Whether the value itself of an option is refused.
+    fn is_refused(words: &[String], option: &clap::Arg, value: &str) -> bool {
+        let option = format!("--{}", option.get_long().expect("a name"));
+        let line = [&["calibrate".to_owned()], words, &[option, value.to_owned()]].concat();
+        Args::try_parse_from(line)
+            .is_err_and(|error| error.kind() == clap::error::ErrorKind::ValueValidation)
+    }
+
+    #[test]
+    fn every_option_that_takes_a_number_says_from_where_to_where_and_takes_no_other() {
+        const NUMBERS: [&str; 8] = ["N", "A/R", "C1", "S", "M", "DT/TC", "PERCENT", "DENSITY"];
+        let mut seen = 0;
+        for (words, option) in options() {
+            let name = option.get_value_names().and_then(|names| names.first().cloned());
+            if !name.is_some_and(|name| NUMBERS.contains(&name.as_str())) {
+                continue;
+            }
+            seen += 1;
+            let long = option.get_long().expect("a name");
+            let help = option.get_help().expect("a help").to_string();
+            let words_of_help: Vec<&str> = help
+                .split_whitespace()
+                .map(|word| word.trim_end_matches(['.', ',', ';', '?']))
+                .collect();
+            // The words behind some others, as many as there are names for.
+            let behind = |start: &[&str], count: usize| {
+                let all = start.len() + count;
+                let found = words_of_help.windows(all).find(|found| {
+                    let same = |(word, one): (&&str, &&str)| word.eq_ignore_ascii_case(one);
+                    let number = found[start.len()].parse::<f64>().is_ok();
+                    number && found.iter().zip(start).all(same)
+                });
+                found.map(|found| found[start.len()..].to_vec())
+            };
+            let refused = |value: &str| is_refused(&words, &option, value);
+            let shifted = |end: &str, by: i128| match end.parse::<i128>() {
+                Ok(end) => (end + by).to_string(),
+                Err(_) => {
+                    format!("{:e}", end.parse::<f64>().expect("a number") * (1.0 + by as f64 / 9.0))
+                }
+            };
+            if let Some(range) = behind(&["from"], 3).filter(|range| range[1] == "to") {
+                let [low, high] = [range[0], range[2]];
+                assert!(!refused(low) && !refused(high), "{words:?} --{long}: {low} to {high}");
+                assert!(refused(&shifted(low, -1)), "{words:?} --{long} below {low}");
+                assert!(refused(&shifted(high, 1)), "{words:?} --{long} above {high}");
+            } else if behind(&["above"], 1).is_some_and(|bound| bound == ["0"]) {
+                assert!(refused("0") && !refused("1e-3"), "{words:?} --{long}: above 0");
+                if let Some(most) = behind(&["at", "most"], 1) {
+                    let most = most[0];
+                    assert!(!refused(most) && refused(&shifted(most, 1)), "{words:?} --{long}");
+                }
+            } else {
+                let least = behind(&["at", "least"], 1);
+                let least = least.unwrap_or_else(|| panic!("{words:?} --{long}: {help}"))[0];
+                assert!(!refused(least) && refused(&shifted(least, -1)), "{words:?} --{long}");
+            }
+            assert!(refused("-1"), "{words:?} --{long} -1");
+        }
+        assert!(seen > 30, "{seen} options");
+    }
+
+    #[test]
+    fn help_is_a_command_and_texts_below_the_options_wrap_whole() {
+        for command in ["plot", "compare", "simulate"] {
+            let error = parse(&format!("help {command}")).expect_err("help");
+            assert_eq!(error.kind(), clap::error::ErrorKind::DisplayHelp);
+            assert!(error.to_string().contains(&format!("calibrate {command}")), "{error}");
+        }
+        let command = Args::command();
+        for one in command.get_subcommands().chain([&command]) {
+            let Some(text) = one.get_after_help().map(ToString::to_string) else { continue };
+            let lines: Vec<&str> = text.lines().collect();
+            let is_text =
+                |line: &str| !line.is_empty() && !line.starts_with(' ') && line != "Examples:";
+            for (line, next) in lines.iter().zip(lines.iter().skip(1).chain([&""])) {
+                // Commands fit into 80 columns; paragraphs are one line, which is wrapped where the terminal ends.
+                assert!(is_text(line) || line.len() <= 78, "{}: {line}", one.get_name());
+                assert!(!(is_text(line) && is_text(next)), "{}: {line}", one.get_name());
+            }
+        }
     }
 }

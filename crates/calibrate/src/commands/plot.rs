@@ -13,9 +13,10 @@ use crate::terminal;
 const EXAMPLES: &str = "\
 Examples:
   calibrate plot results/ps
-  calibrate plot results/ps/posterior.json --log-time --width full --out figures
+  calibrate plot results/ps/posterior.json --log-time --width full \\
+      --out figures
 
-Draws fit, corner, recursion, convergence and residuals (.png and .svg) from posterior.json and samples.csv.
+Draws fit, corner, recursion, convergence and residuals (.png and .svg) from posterior.json and samples.csv. \
 Without options they are the files of the run itself, byte for byte.";
 
 /// Figures of a saved run.
@@ -26,9 +27,14 @@ pub(crate) struct PlotArgs {
     #[arg(value_name = "FILE")]
     file: PathBuf,
 
-    /// Logarithmic time axes, for stages that span decades
+    /// Logarithmic time axes, for stages that span decades [default: where half of what is measured changes within the
+    /// first tenth of the time]
     #[arg(long)]
     log_time: bool,
+
+    /// Linear time axes, also where the measurements change early
+    #[arg(long, conflicts_with = "log_time")]
+    linear_time: bool,
 
     /// Printed width: column is 85 mm, full is 170 mm
     #[arg(long, value_name = "WIDTH", default_value = "column", value_parser = arguments::width())]
@@ -61,11 +67,13 @@ pub(crate) fn run(args: &PlotArgs) -> Result<(), Failure> {
         })?;
     }
     output::check_file(&out.join("corner.png"))?;
-    let figures = report::pictures(&record, &samples, args.log_time);
-    report::draw_all(&figures, args.width, &|name, bytes| {
+    let figures =
+        report::pictures(&record, &samples, arguments::time_scale(args.log_time, args.linear_time));
+    let write = |name: &str, bytes: &[u8]| {
         output::write_file(&out.join(name), bytes)
             .map_err(|error| RunError::new(format_args!("{}: {error}", out.join(name).display())))
-    })?;
+    };
+    terminal::working(args.quiet, "figures", || report::draw_all(&figures, args.width, &write))?;
     if args.quiet {
         return Ok(());
     }

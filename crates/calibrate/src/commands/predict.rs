@@ -13,10 +13,12 @@ use crate::terminal;
 const EXAMPLES: &str = "\
 Examples:
   calibrate predict --posterior results/pa12 --contact-ratio 0.9
-  calibrate predict --posterior results/pa12 --coalescence 60 --coalescence 100
+  calibrate predict --posterior results/pa12 \\
+      --coalescence 60 --coalescence 100
   calibrate predict --posterior results/pa12 --after 1,2,5 --radius-m 25e-6
   calibrate predict --average results/compare --of pa12 --contact-ratio 0.9
-  calibrate predict --average results/compare --of pa12 --after 1,2,5 --with-noise";
+  calibrate predict --average results/compare --of pa12 --after 1,2,5 \\
+      --with-noise";
 
 /// Options of a prediction from a saved posterior.
 #[derive(Debug, Clone, PartialEq, clap::Args)]
@@ -40,15 +42,15 @@ pub(crate) struct PredictArgs {
     #[arg(long, value_name = "NAME", requires = "average")]
     of: Option<String>,
 
-    /// When is this contact ratio a/R reached?
+    /// When is this contact ratio a/R reached? Above 0, at most 2
     #[arg(short, long, value_name = "A/R", value_delimiter = ',', value_parser = arguments::contact_ratio, allow_negative_numbers = true)]
     contact_ratio: Vec<f64>,
 
-    /// When is this much coalescence reached, in percent of a/R = 1?
+    /// When is this much coalescence reached, in percent of a/R = 1? Above 0, at most 200
     #[arg(long, value_name = "PERCENT", value_delimiter = ',', value_parser = arguments::percent, allow_negative_numbers = true)]
     coalescence: Vec<f64>,
 
-    /// What is a/R after this time in seconds?
+    /// What is a/R after this time in seconds, above 0?
     #[arg(short, long, value_name = "S", value_delimiter = ',', value_parser = arguments::positive, allow_negative_numbers = true)]
     after: Vec<f64>,
 
@@ -56,7 +58,7 @@ pub(crate) struct PredictArgs {
     #[arg(long)]
     with_noise: bool,
 
-    /// Radius of the pair in metres [default: the one that was calibrated]; tau_s moves in proportion
+    /// Radius of the pair in metres, above 0 [default: the one that was calibrated]; tau_s moves in proportion
     #[arg(short, long, value_name = "M", value_parser = arguments::positive, allow_negative_numbers = true)]
     radius_m: Option<f64>,
 
@@ -88,6 +90,8 @@ pub(crate) fn run(args: &PredictArgs) -> Result<(), Failure> {
     if let Some(out) = &args.out {
         write_file(out, prediction.csv().as_bytes())?;
     }
-    let text = if args.json { pretty(&prediction)? } else { prediction.text() };
-    terminal::write(text.as_bytes())
+    if args.json {
+        return terminal::write(pretty(&prediction)?.as_bytes());
+    }
+    terminal::report(&prediction.text())
 }

@@ -15,8 +15,8 @@ Examples:
   calibrate scene experiments/scenes/powder-bed-1000.toml --vtk
   calibrate scene my-bed.toml --dry-run
 
-Writes series.csv (density, coordination, contact ratios, forces and energies over time), scene.json (summary), pictures of
-the bed at the start and at the end (PNG), the curves (PNG and SVG), and with --vtk a file per observation for ParaView. A
+Writes series.csv (density, coordination, contact ratios, forces and energies over time), scene.json (summary), pictures of \
+the bed at the start and at the end (PNG), the curves (PNG and SVG), and with --vtk a file per observation for ParaView. A \
 run that was interrupted or killed goes on where it was when the same command is given again, to the same bits.";
 
 /// Run a scene of many particles.
@@ -35,8 +35,8 @@ pub(crate) struct SceneArgs {
     #[arg(long)]
     vtk: bool,
 
-    /// Threads [default: all cores]
-    #[arg(short = 'j', long, value_name = "N", value_parser = arguments::threads)]
+    /// Threads, from 1 to 1024 [default: all cores]
+    #[arg(short = 'j', long, value_name = "N", value_parser = arguments::threads, allow_negative_numbers = true)]
     threads: Option<usize>,
 
     /// Check the scene, print what would be done, and stop; packings are not made

@@ -14,10 +14,12 @@ use crate::terminal;
 const EXAMPLES: &str = "\
 Examples:
   calibrate simulate --material pa12 --table3
-  calibrate simulate --material pa12 --c1 1.2e-5 --tau-s 3.8 --delta-c 9.5e-8 --t-end 10 --points 50
-  calibrate simulate --material ps --table3 --solver verlet --from-contact --out ps.csv
+  calibrate simulate --material pa12 --c1 1.2e-5 --tau-s 3.8 \\
+      --delta-c 9.5e-8 --t-end 10 --points 50
+  calibrate simulate --material ps --table3 --solver verlet \\
+      --from-contact --out ps.csv
 
-The curve goes to standard output (or --out) as CSV: time_s, overlap_m, plastic_overlap_m, contact_ratio.
+The curve goes to standard output (or --out) as CSV: time_s, overlap_m, plastic_overlap_m, contact_ratio. \
 Which solver ran and why, and what happens when, goes to standard error.";
 
 /// One curve.
@@ -32,19 +34,19 @@ pub(crate) struct SimulateArgs {
     #[arg(short, long, value_name = "FILE", help_heading = "Particles")]
     experiment: Option<PathBuf>,
 
-    /// Final contact ratio a/R, where coalescence stops [default: the experiment's]
+    /// Final contact ratio a/R, from 0.1 to 2, where coalescence stops [default: the experiment's]
     #[arg(long, value_name = "A/R", value_parser = arguments::final_contact_ratio, allow_negative_numbers = true, help_heading = "Particles")]
     phi: Option<f64>,
 
-    /// Fluidity C1, in 1/(Pa s)
+    /// Fluidity C1, in 1/(Pa s), above 0
     #[arg(long, value_name = "C1", value_parser = arguments::positive, allow_negative_numbers = true, help_heading = "Sintering")]
     c1: Option<f64>,
 
-    /// Sintering time tau_s, in s
+    /// Sintering time tau_s, in s, above 0
     #[arg(long, value_name = "S", value_parser = arguments::positive, allow_negative_numbers = true, help_heading = "Sintering")]
     tau_s: Option<f64>,
 
-    /// Cut-off distance of the adhesive traction delta_c, in m
+    /// Cut-off distance of the adhesive traction delta_c, in m, above 0
     #[arg(long, value_name = "M", value_parser = arguments::positive, allow_negative_numbers = true, help_heading = "Sintering")]
     delta_c: Option<f64>,
 
@@ -60,11 +62,11 @@ pub(crate) struct SimulateArgs {
     #[arg(long, value_name = "NAME", default_value = "auto", value_parser = arguments::solver(), help_heading = "Model")]
     solver: SolverChoice,
 
-    /// Largest error of a/R allowed to the solver
-    #[arg(long, value_name = "A/R", default_value = "1e-4", value_parser = arguments::tolerance, help_heading = "Model")]
+    /// Largest error of a/R allowed to the solver, from 1e-12 to 0.1
+    #[arg(long, value_name = "A/R", default_value = "1e-4", value_parser = arguments::tolerance, allow_negative_numbers = true, help_heading = "Model")]
     tolerance: f64,
 
-    /// Time step of verlet over the collision time [default: 0.02]
+    /// Time step of verlet over the collision time, above 0 [default: 0.02]
     #[arg(long, value_name = "DT/TC", value_parser = arguments::positive, allow_negative_numbers = true, help_heading = "Model")]
     step: Option<f64>,
 
@@ -76,12 +78,12 @@ pub(crate) struct SimulateArgs {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["t_end", "points"], help_heading = "Times")]
     times: Option<PathBuf>,
 
-    /// Last time of the curve, in s [default: the last observation's]
+    /// Last time of the curve, in s, above 0 [default: the last observation's]
     #[arg(long, value_name = "S", value_parser = arguments::positive, allow_negative_numbers = true, help_heading = "Times")]
     t_end: Option<f64>,
 
-    /// Points of the curve, evenly spaced from 0
-    #[arg(long, value_name = "N", default_value_t = 201, value_parser = arguments::points, help_heading = "Times")]
+    /// Points of the curve, from 2 to 1000000, evenly spaced from time 0
+    #[arg(long, value_name = "N", default_value_t = 201, value_parser = arguments::points, allow_negative_numbers = true, help_heading = "Times")]
     points: usize,
 
     /// Write the curve to a file [default: standard output]
@@ -102,7 +104,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
     if let Some(out) = &args.out {
         output::check_file(out)?;
     }
-    let found = simulate(&args.options())?;
+    let found = terminal::working(args.quiet, "the curve", || simulate(&args.options()))?;
     if !args.quiet {
         eprint!("{}", found.text());
     }

@@ -12,23 +12,23 @@ use crate::arguments;
 use crate::terminal::{OnInterrupt, Terminal};
 
 const NOTES: &str = "\
-Writes table3.md, .csv, .json and .tex (the table), report.md (errors, statements of the paper, the check that
+Writes table3.md, .csv, .json and .tex (the table), report.md (errors, statements of the paper, the check that \
 was not fitted, how the table is read), and Figures 2, 4, 5 and 6 of the paper. The same seed gives the same bytes.";
 
 /// The paper's Table 3.
 #[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
 #[command(after_help = NOTES)]
 pub(crate) struct Table3Args {
-    /// Simulations per calibration
-    #[arg(short = 'n', long, value_name = "N", default_value_t = 16_384, value_parser = arguments::samples)]
+    /// Simulations per calibration, from 16 to 100000000
+    #[arg(short = 'n', long, value_name = "N", default_value_t = 16_384, value_parser = arguments::samples, allow_negative_numbers = true)]
     samples: usize,
 
-    /// Seed of the random numbers
-    #[arg(short, long, value_name = "N", default_value_t = 1)]
+    /// Seed of the random numbers, from 0 to 18446744073709551615
+    #[arg(short, long, value_name = "N", default_value_t = 1, value_parser = arguments::seed, allow_negative_numbers = true)]
     seed: u64,
 
-    /// Threads [default: all cores]
-    #[arg(short = 'j', long, value_name = "N", value_parser = arguments::threads)]
+    /// Threads, from 1 to 1024 [default: all cores]
+    #[arg(short = 'j', long, value_name = "N", value_parser = arguments::threads, allow_negative_numbers = true)]
     threads: Option<usize>,
 
     /// Folder for the results

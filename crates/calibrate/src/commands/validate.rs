@@ -32,20 +32,20 @@ pub(crate) struct ValidateArgs {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["material", "experiment", "prior", "samples"])]
     plan: Option<PathBuf>,
 
-    /// Number of data sets that are made and calibrated
-    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = arguments::data_sets)]
+    /// Number of data sets that are made and calibrated, from 100 to 1000000
+    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = arguments::data_sets, allow_negative_numbers = true)]
     data_sets: usize,
 
-    /// Simulations per calibration [default: 16384, or the plan's]
-    #[arg(short = 'n', long, value_name = "N", value_parser = arguments::samples_of_many)]
+    /// Simulations per calibration, from 256 to 1000000 [default: 16384, or the plan's]
+    #[arg(short = 'n', long, value_name = "N", value_parser = arguments::samples_of_many, allow_negative_numbers = true)]
     samples: Option<usize>,
 
-    /// Seed of the data sets and of the calibrations
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    /// Seed of the data sets and of the calibrations, from 0 to 18446744073709551615
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = arguments::seed, allow_negative_numbers = true)]
     seed: u64,
 
-    /// Number of threads [default: all cores]
-    #[arg(short = 'j', long, value_name = "N", value_parser = arguments::threads)]
+    /// Threads, from 1 to 1024 [default: all cores]
+    #[arg(short = 'j', long, value_name = "N", value_parser = arguments::threads, allow_negative_numbers = true)]
     threads: Option<usize>,
 
     /// Folder for the table and the figure

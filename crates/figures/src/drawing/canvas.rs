@@ -4,6 +4,7 @@
 //! curves stay smooth. PNG and SVG are written from the same list.
 
 use std::convert::Infallible;
+use std::ops::Range;
 
 use plotters::prelude::{Color as _, DrawingBackend, FontTransform};
 use plotters_backend::{
@@ -17,7 +18,7 @@ use super::palette::Pen;
 use super::text;
 
 /// One drawn element of a figure.
-pub(super) enum Mark {
+pub(crate) enum Mark {
     Fill(Path, BackendColor),
     Stroke { path: Path, color: BackendColor, width: u32, dash: &'static [f32] },
     Text(Path, BackendColor, String),
@@ -26,28 +27,44 @@ pub(super) enum Mark {
 /// A text as it was drawn, with the bounds of its outlines in points.
 #[derive(Debug, Clone)]
 pub(crate) struct TextBox {
-    #[cfg_attr(
-        not(test),
-        expect(dead_code, reason = "tests name the texts that overlap, and look for texts")
-    )]
     pub(crate) text: String,
     pub(crate) bounds: Rect,
+}
+
+/// Numbers of the marks that checks of a figure look at.
+#[derive(Debug, Default)]
+pub(crate) struct Traces {
+    /// All marks of the legend.
+    pub(crate) legend: Range<usize>,
+    /// Curves, those of the legend among them.
+    pub(crate) curves: Vec<usize>,
+    /// Points, those of the legend among them.
+    pub(crate) points: Vec<usize>,
+    /// Measurements.
+    pub(crate) measured: Vec<usize>,
 }
 
 /// A picture under construction, in hundredths of a point. The origin is the upper left corner, y points down.
 pub(crate) struct Canvas {
     /// Width and height that plotters may draw on; the picture is cut to what is used.
     pub(super) size: (u32, u32),
-    pub(super) marks: Vec<Mark>,
+    pub(crate) marks: Vec<Mark>,
     pub(crate) texts: Vec<TextBox>,
     pub(super) backdrop: Option<Backdrop>,
+    pub(crate) traces: Traces,
 }
 
 impl Canvas {
     /// An empty picture of a size in points.
     pub(super) fn new(width: f32, height: f32) -> Canvas {
         let size = (grid(width) as u32, grid(height) as u32);
-        Canvas { size, marks: Vec::new(), texts: Vec::new(), backdrop: None }
+        Canvas {
+            size,
+            marks: Vec::new(),
+            texts: Vec::new(),
+            backdrop: None,
+            traces: Traces::default(),
+        }
     }
 
     /// Width and height in points.

@@ -29,6 +29,8 @@ pub(crate) struct Look {
     pub(crate) radius: f32,
     pub(crate) fill: RGBAColor,
     pub(crate) outline: Option<Pen>,
+    /// Whether it is a measurement, which nothing may cover.
+    pub(crate) measured: bool,
 }
 
 /// A region within closed outlines; outlines that wind the other way are holes.
@@ -43,7 +45,7 @@ pub(crate) struct Region<C> {
 impl Look {
     /// Filled, without outline.
     pub(crate) fn filled(marker: Marker, radius: f32, fill: RGBAColor) -> Look {
-        Look { marker, radius, fill, outline: None }
+        Look { marker, radius, fill, outline: None, measured: false }
     }
 
     /// Filled, with an outline around.
@@ -84,6 +86,7 @@ impl<C> Drawable<Canvas> for Line<C> {
     ) -> Marked {
         let mut path = PathBuilder::new();
         push_corners(&mut path, points);
+        canvas.traces.curves.push(canvas.marks.len());
         canvas.stroke(path.finish(), &self.pen);
         Ok(())
     }
@@ -102,6 +105,11 @@ impl<C> Drawable<Canvas> for Points<C> {
             self.look.marker.push(&mut path, (x as f32, y as f32), radius);
         }
         let path = path.finish();
+        let mark = canvas.marks.len();
+        canvas.traces.points.push(mark);
+        if self.look.measured {
+            canvas.traces.measured.push(mark);
+        }
         canvas.fill(path.clone(), self.look.fill.to_backend_color());
         if let Some(pen) = &self.look.outline {
             canvas.stroke(path, pen);

@@ -13,7 +13,7 @@ use crate::error::{Drawn, PlotError};
 const HEADING_SIZE: f32 = 8.0;
 const ENTRY_SIZE: f32 = 7.0;
 /// Lengths of a line and of a point in the legend.
-const LINE: f32 = 17.0;
+const LINE: f32 = 14.0;
 const POINT: f32 = 6.0;
 /// Space between the mark and the name of an entry.
 const SPACE: f32 = 3.5;
@@ -30,6 +30,8 @@ pub(crate) enum Swatch {
     Band(RGBAColor),
     Point(Look),
     LineAndPoint(Pen, Marker),
+    /// An upright interval with its ends and its middle.
+    Interval(Pen),
 }
 
 impl Swatch {
@@ -40,7 +42,7 @@ impl Swatch {
     }
 
     fn length(self) -> f32 {
-        if matches!(self, Swatch::Point(_)) { POINT } else { LINE }
+        if matches!(self, Swatch::Point(_) | Swatch::Interval(_)) { POINT } else { LINE }
     }
 
     fn draw(self, page: &Page, x: f32, y: f32) -> Drawn {
@@ -55,6 +57,17 @@ impl Swatch {
             Swatch::Band(ink) => {
                 let corners = [(left, grid(y - 3.0)), (right, grid(y + 3.0))];
                 page.area.draw(&Rectangle::new(corners, ink.filled()))?;
+            }
+            Swatch::Interval(pen) => {
+                let stroke = |points: [(f32, f32); 2]| Line {
+                    points: points.map(|(x, y)| (grid(x), grid(y))).to_vec(),
+                    pen,
+                };
+                let middle = x + POINT / 2.0;
+                page.area.draw(&stroke([(middle, y - 3.6), (middle, y + 3.6)]))?;
+                for (up, half) in [(-3.6, 1.6), (0.0, 2.6), (3.6, 1.6)] {
+                    page.area.draw(&stroke([(middle - half, y + up), (middle + half, y + up)]))?;
+                }
             }
             Swatch::Point(look) => page.area.draw(&point(look))?,
             Swatch::LineAndPoint(pen, marker) => {
@@ -79,6 +92,7 @@ pub(crate) fn header(
         page.text(&shown, HEADING_SIZE, (EDGE, y + HEADING_SIZE), anchor::BOTTOM_LEFT)?;
         y += HEADING_SIZE + 5.0;
     }
+    let first = page.canvas().marks.len();
     let mut x = EDGE;
     for (name, swatch) in entries.iter().filter(|(name, _)| !name.trim().is_empty()) {
         let length = swatch.length() + SPACE;
@@ -91,8 +105,9 @@ pub(crate) fn header(
         let middle = y + ROW / 2.0;
         swatch.draw(page, x, middle)?;
         page.text(&name, ENTRY_SIZE, (x + length, middle), anchor::LEFT)?;
-        x += width + 9.0;
+        x += width + 7.0;
     }
+    page.legend_from(first);
     if x > EDGE {
         y += ROW;
     }

@@ -20,6 +20,7 @@ pub(crate) use page::Page;
 pub use palette::Role;
 
 pub(crate) use axis::{Axis, Scale};
+pub(crate) use canvas::{Canvas, Mark};
 pub(crate) use elements::{Look, Region};
 pub(crate) use header::{Swatch, header};
 pub(crate) use layout::{OVERHANG, Row, Spec, TITLE_SIZE, grid_of, layout, one_panel, row};

@@ -109,6 +109,11 @@ impl Numbers {
         signed(trimmed(&format!("{:.12}", value / 10_f64.powi(self.power))))
     }
 
+    /// The unit with its SI prefix, and the power of ten that this stands for.
+    pub(super) fn prefixed_unit(&self) -> (String, i32) {
+        (self.unit.clone(), if self.power_in_unit { self.power } else { 0 })
+    }
+
     /// The offset to write behind the name of the axis, and the unit with the power, in brackets.
     pub(super) fn taken_out(&self) -> (String, String) {
         let mut unit = String::new();

@@ -122,6 +122,12 @@ impl Page {
         self.canvas.borrow_mut().cut(height);
     }
 
+    /// Notes that all marks from this one on make the legend.
+    pub(super) fn legend_from(&self, first: usize) {
+        let mut canvas = self.canvas.borrow_mut();
+        canvas.traces.legend = first..canvas.marks.len();
+    }
+
     /// The drawing so far.
     pub(crate) fn canvas(&self) -> Ref<'_, Canvas> {
         self.canvas.borrow()

@@ -205,7 +205,12 @@ impl Panel {
 
     /// Whether so many measurements are drawn small, and below the curves rather than above.
     pub(crate) fn dense(xs: &[f64]) -> bool {
-        xs.len() > FEW
+        Self::crowded(xs.len())
+    }
+
+    /// The same of their number.
+    pub(crate) fn crowded(measurements: usize) -> bool {
+        measurements > FEW
     }
 
     /// Measurements: open circles, smaller and without outline where there are many.
@@ -218,13 +223,26 @@ impl Panel {
         } else {
             Look::filled(Marker::Dot, 0.6, ink.mix(0.45))
         };
-        self.markers(xs, ys, look)
+        self.markers(xs, ys, Look { measured: true, ..look })
     }
 
     /// Vertical bars with the given ends.
     pub(crate) fn bars(&self, xs: &[f64], lower: &[f64], upper: &[f64], pen: Pen) -> Drawn {
         for ((&x, &low), &high) in xs.iter().zip(lower).zip(upper) {
             self.line(&[x, x], &[low, high], pen)?;
+        }
+        Ok(())
+    }
+
+    /// An upright interval: a bar with a stroke at its lower end, its middle and its upper end.
+    pub(crate) fn interval(&self, x: f64, heights: [f64; 3], pen: Pen) -> Drawn {
+        let [lower, _, upper] = heights;
+        self.line(&[x, x], &[lower, upper], pen)?;
+        for (y, half) in heights.into_iter().zip([1.6, 2.6, 1.6]) {
+            let Some((x, y)) = self.place(x, y).filter(|&at| self.holds(at)) else { continue };
+            let half = half * (self.x.high - self.x.low) / f64::from(self.right - self.left);
+            let ends = [x - half, x + half].map(|x| (self.x.within(x), y));
+            self.draw(&Line { points: ends.to_vec(), pen })?;
         }
         Ok(())
     }

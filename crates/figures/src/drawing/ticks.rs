@@ -19,6 +19,8 @@ pub(crate) struct Ticks {
     pub(crate) name: String,
     /// Unit with prefix or power of ten in brackets, or nothing.
     pub(crate) unit: String,
+    /// The unit with its prefix alone, and the power of ten that the prefix stands for.
+    pub(crate) prefixed: (String, i32),
 }
 
 /// Direction of an axis, which decides where labels collide.
@@ -42,6 +44,11 @@ impl Axis {
             Scale::Count => self.linear(length, direction, most, 1.0),
             Scale::Log | Scale::Exponent => self.logarithmic(length, direction, most),
         }
+    }
+
+    /// The unit in which the labels of a horizontal axis of a length are, and the power of ten that its prefix stands for.
+    pub(crate) fn prefixed_unit(&self, length: f32) -> (String, i32) {
+        self.ticks(length, Direction::Across { overhang: 0.0 }).prefixed
     }
 
     fn linear(&self, length: f32, direction: Direction, most: usize, least_step: f64) -> Ticks {
@@ -190,7 +197,8 @@ impl Axis {
 
     fn titled(&self, numbers: &Numbers, labelled: Vec<(f64, String)>) -> Ticks {
         let (offset, unit) = numbers.taken_out();
-        Ticks { labelled, minor: Vec::new(), name: format!("{}{offset}", self.name), unit }
+        let name = format!("{}{offset}", self.name);
+        Ticks { labelled, minor: Vec::new(), name, unit, prefixed: numbers.prefixed_unit() }
     }
 
     /// Leaves out labels that would stand out over the ends.

@@ -1,6 +1,6 @@
 //! Reasons to be careful with a result.
 
-use super::limits::{KHAT_LIMIT, UNINFORMED_BITS};
+use super::limits::{KHAT_LIMIT, UNINFORMED_BITS, khat_in_words};
 use crate::posterior::FailingPlace;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -180,8 +180,9 @@ impl Concern {
             Self::NotAPosterior => "the noise was tuned to a wished-for effective sample size and proposals were not corrected for".to_owned(),
             Self::FewEffectiveSamples { ess, .. } => format!("only {ess:.0} effective samples"),
             Self::HighKhat { parameter, khat, tail_share } => format!(
-                "the importance weights{} have a heavy tail (k-hat {khat:.2}, trustworthy below {KHAT_LIMIT}, and {:.0} % of an estimate)",
+                "the importance weights{} have a heavy tail (k-hat {}, trustworthy below {KHAT_LIMIT}, and {:.0} % of an estimate)",
                 parameter.as_ref().map_or(String::new(), |p| format!(" for {p}")),
+                khat_in_words(*khat),
                 100.0 * tail_share
             ),
             Self::EvidenceDisagrees { pooled, frozen, se } => format!(

@@ -1,8 +1,18 @@
-//! All limits by which a result is judged.
+//! All limits by which a result is judged, and how a number beside its limit is said.
 
 /// k-hat (Pareto shape of the importance weights) from which on estimates cannot be trusted: their error then falls too
 /// slowly with the number of samples for any error bar (A. Vehtari et al., JMLR 25 (2024) 72, section 3.2).
 pub const KHAT_LIMIT: f64 = 0.7;
+
+/// A k-hat to two decimals, or in words where these would put it on the limit itself.
+pub fn khat_in_words(khat: f64) -> String {
+    let shown = format!("{khat:.2}");
+    match format!("{KHAT_LIMIT:.2}") == shown {
+        true if khat < KHAT_LIMIT => format!("just below {KHAT_LIMIT}"),
+        true => format!("just above {KHAT_LIMIT}"),
+        false => shown,
+    }
+}
 
 /// Share of an estimate in a heavy tail, above the cut from which on it is fitted, from which on the estimate cannot be
 /// trusted: as much again that no sample has found would change a variance by a tenth and an sd by 5 %. A k-hat above

@@ -97,7 +97,8 @@ fn nothing_speaks_against_a_sound_result() {
     assert!(trust.converged() && trust.evidence_error_known && trust.concerns.is_empty());
     assert_eq!(
         trust.line(&sound().log_evidence),
-        "converged; 5000 effective samples, k-hat 0.20 (limit 0.7), log evidence -3.250 +- 0.012"
+        "good; worth 5000 independent draws of the posterior (ESS); no handful of simulations decides (k-hat 0.20); \
+         log evidence -3.250 +- 0.012"
     );
 }
 
@@ -143,8 +144,8 @@ fn effective_samples_are_judged_at_400_at_a_third_of_few_simulations_and_at_40()
     let line = few.line(&sound().log_evidence);
     assert_eq!(
         line,
-        "NOT TO BE TRUSTED; 40 effective samples of at least 400 wished for, k-hat 0.20 (limit 0.7), \
-         log evidence -3.2 or more, its error unknown"
+        "NOT TO BE TRUSTED; worth 40 independent draws of the posterior (ESS; at least 400 wished for); no handful \
+         of simulations decides (k-hat 0.20); log evidence -3.2 or more, its error unknown"
     );
 }
 
@@ -173,6 +174,22 @@ fn a_khat_of_seven_tenths_is_one_too_many() {
 }
 
 #[test]
+fn a_khat_beside_its_limit_is_never_said_to_be_the_limit() {
+    for (khat, words) in [
+        (0.694, "0.69"),
+        (0.6951, "just below 0.7"),
+        (0.69999, "just below 0.7"),
+        (0.7, "just above 0.7"),
+        (0.7049, "just above 0.7"),
+        (0.71, "0.71"),
+        (-0.2, "-0.20"),
+        (f64::INFINITY, "inf"),
+    ] {
+        assert_eq!(khat_in_words(khat), words);
+    }
+}
+
+#[test]
 fn a_heavy_tail_counts_from_a_tenth_of_an_estimate_on() {
     let with = |tail_share| {
         after(|p| {
@@ -183,11 +200,15 @@ fn a_heavy_tail_counts_from_a_tenth_of_an_estimate_on() {
     let below = with(0.0999);
     assert!(below.converged() && below.concerns.is_empty());
     let line = below.line(&sound().log_evidence);
-    assert!(line.contains("k-hat 1.30 (limit 0.7, but the tail has hardly any mass"), "{line}");
+    assert!(line.contains("stand out, but have hardly any weight (k-hat 1.30);"), "{line}");
     let above = with(0.1);
     assert_eq!(above.verdict, Verdict::Untrusted);
     assert!(matches!(above.concerns[..], [Concern::HighKhat { .. }]), "{:?}", above.concerns);
-    assert!(above.line(&sound().log_evidence).contains("k-hat 1.30 (limit 0.7),"));
+    assert!(
+        above
+            .line(&sound().log_evidence)
+            .contains("a few simulations decide (k-hat 1.30; 0.7 is the limit);")
+    );
 }
 
 /// Quantiles of two normals of sd 0.1 in the first parameter, centres this many sds apart, with this share at the second.

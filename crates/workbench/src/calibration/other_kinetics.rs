@@ -12,6 +12,7 @@ use crate::input::prior_file::PriorFile;
 use crate::pair::parameter::ParameterName;
 use crate::plan::{PairPlan, Plan};
 use crate::record::{OtherKinetics, Record};
+use crate::watch::Watch;
 
 /// Fewest simulations of a run that is worth it.
 const LEAST_SAMPLES: usize = 4096;
@@ -32,8 +33,9 @@ pub(super) fn add(
     plan: &Plan,
     posterior: &Posterior,
     record: &mut Record,
+    watch: &dyn Watch,
 ) -> Result<(), InputError> {
-    let found = look(plan, posterior, &record.trust)?;
+    let found = look(plan, posterior, &record.trust, watch)?;
     let neck = record.experiments.first_mut().and_then(|one| one.neck_growth.as_mut());
     if let Some(neck) = neck {
         neck.other_kinetics = found;
@@ -45,6 +47,7 @@ fn look(
     plan: &Plan,
     posterior: &Posterior,
     trust: &Trust,
+    watch: &dyn Watch,
 ) -> Result<Vec<OtherKinetics>, InputError> {
     let Ok((pair, measured)) = plan.pair() else { return Ok(Vec::new()) };
     let tuned = matches!(measured.noise, Noise::EssTarget { .. });
@@ -92,7 +95,11 @@ fn look(
     };
     let others: Vec<Kinetics> =
         Kinetics::ALL.into_iter().filter(|other| *other != pair.kinetics).collect();
-    let found: Vec<_> = others.into_par_iter().map(one).collect::<Result<_, _>>()?;
+    watch.begin(others.len() as u64, 0, "other kinetics");
+    let found: Vec<_> = others
+        .into_par_iter()
+        .map(|kinetics| one(kinetics).inspect(|_| watch.advance()))
+        .collect::<Result<_, _>>()?;
     Ok(found.into_iter().flatten().collect())
 }
 

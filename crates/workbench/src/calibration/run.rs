@@ -129,11 +129,13 @@ pub fn run(
     let pool = pool(threads)?;
     let begun = Instant::now();
     let mut stages = Stages::new(watch, None);
+    watch.steps(if options.without_other_kinetics { 4 } else { 5 });
     let Calibration { mut record, posterior } = pool.install(|| {
         let mut found = Calibration::in_process(planned, &mut stages)?;
         let unwatched = Unwatched::default();
         let experiments = Experiments::new(&planned.plan, None, &unwatched)?;
         let Calibration { record, posterior } = &mut found;
+        watch.begin(0, 0, "with correlated errors");
         sensitivity::add(&planned.plan, posterior, record, &experiments, watch)?;
         Ok::<_, Failure>(found)
     })?;
@@ -148,15 +150,14 @@ pub fn run(
         report_seconds: 0.0,
     };
     if !options.without_other_kinetics {
-        pool.install(|| other_kinetics::add(&planned.plan, &posterior, &mut record))?;
+        pool.install(|| other_kinetics::add(&planned.plan, &posterior, &mut record, watch))?;
         timings.other_kinetics_seconds = begun.elapsed().as_secs_f64() - timings.inference_seconds;
     }
     let reporting = Instant::now();
     let staging = folder.stage()?;
     pool.install(|| {
-        report::write_all(&record, &posterior, &|name, bytes| {
-            staging.write(&out, name, bytes).map_err(make_room)
-        })
+        let write = |name: &str, bytes: &[u8]| staging.write(&out, name, bytes).map_err(make_room);
+        report::write_all(&record, &posterior, &write, watch)
     })?;
     timings.report_seconds = reporting.elapsed().as_secs_f64();
     staging.write(&out, "timings.json", pretty(&timings)?.as_bytes()).map_err(make_room)?;
@@ -316,6 +317,7 @@ impl Driver<'_> {
     fn calibrate(&self, runner: Runner<'_>, options: &RunOptions) -> Result<Finished, Failure> {
         let plan = &self.stored.plan;
         let begun = Instant::now();
+        self.watch.steps(3);
         self.watch.begin(self.total() as u64, self.ended() as u64, "runs");
         let experiments = Experiments::new(plan, Some(runner), self.watch)?;
         let groups = plan.groups()?;
@@ -375,7 +377,7 @@ impl Driver<'_> {
                 ))
             })
         };
-        report::write_all(&record, posterior, &write)?;
+        report::write_all(&record, posterior, &write, self.watch)?;
         timings.report_seconds = begun.elapsed().as_secs_f64() - timings.inference_seconds;
         write("timings.json", pretty(&timings)?.as_bytes())?;
         if self.watch.stop().asked() {

@@ -104,6 +104,8 @@ pub(super) struct Stages<'a> {
     watch: &'a dyn Watch,
     campaign: Option<&'a Campaign>,
     last: Instant,
+    /// Steps after the last stage that are done, once they have begun.
+    finished: Option<usize>,
     /// Time of each stage [s].
     pub(super) seconds: Vec<f64>,
     pub(super) failed: Option<CampaignError>,
@@ -111,7 +113,14 @@ pub(super) struct Stages<'a> {
 
 impl<'a> Stages<'a> {
     pub(super) fn new(watch: &'a dyn Watch, campaign: Option<&'a Campaign>) -> Self {
-        Self { watch, campaign, last: Instant::now(), seconds: Vec::new(), failed: None }
+        Self {
+            watch,
+            campaign,
+            last: Instant::now(),
+            finished: None,
+            seconds: Vec::new(),
+            failed: None,
+        }
     }
 }
 
@@ -129,5 +138,15 @@ impl Observer for Stages<'_> {
             }
         }
         if self.watch.stop().asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    fn finishing(&mut self, done: usize, of: usize, what: &'static str) {
+        let before = self.finished.unwrap_or_else(|| {
+            self.watch.begin(of as u64, 0, "steps to the posterior");
+            0
+        });
+        (before..done).for_each(|_| self.watch.advance());
+        self.finished = Some(done);
+        self.watch.now(what);
     }
 }

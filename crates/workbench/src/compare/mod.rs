@@ -23,8 +23,8 @@ use crate::pair::model::NeckGrowth;
 use crate::pair::parameter::ParameterName;
 use crate::plan::{PairOptions, Planned};
 use crate::record::Record;
-use crate::report::{NamedFigures, draw_all};
-use crate::watch::Watch;
+use crate::report::{NamedFigures, TimeScale, draw_all};
+use crate::watch::{Watch, Within};
 use comparison::{PHI_RANGE, SCHEMA_VERSION};
 use figures::{CompareFigure, NamedCurve, Role, Width};
 
@@ -55,12 +55,12 @@ struct Column {
 impl Compared {
     /// Compares the kinetics under each of `noises` on one experiment, or on every built-in material where `options` name
     /// none. Kinetics and noise of the options are not used; with `phi` the final contact ratio is calibrated too, and with
-    /// `log_time` the figures have a logarithmic time axis.
+    /// `scale` is that of the time axes of the figures.
     pub fn new(
         options: &PairOptions,
         noises: &[Noise],
         phi: bool,
-        log_time: bool,
+        scale: TimeScale,
         watch: &dyn Watch,
     ) -> Result<Self, Failure> {
         let subjects = match (options.material, &options.experiment) {
@@ -91,15 +91,18 @@ impl Compared {
             },
             comparisons: Vec::new(),
         };
+        let pieces = tables.iter().flatten().map(|column| column.plans.len()).sum::<usize>();
+        watch.begin(pieces as u64, 0, "calibrations");
         let mut figures = NamedFigures::new();
         let mut kept = Vec::new();
         for table in &tables {
             let (comparison, models, mut figure) = side_by_side(table, watch)?;
-            figure.axes.log_control = log_time;
+            figure.axes.log_control = scale.is_log(&figure.control, &figure.value);
             figures.push((format!("compare-{}", comparison.name), Box::new(figure)));
             kept.push(models);
             report.comparisons.push(comparison);
         }
+        watch.end();
         Ok(Self { report, kept, figures })
     }
 
@@ -163,8 +166,10 @@ fn side_by_side(
         let mut figure = CompareFigure::default();
         let mut densities = Vec::new();
         for (place, planned) in plans.iter().enumerate() {
-            watch.now(&format!("{noise} errors"));
-            let cell = calibrated(planned, noise, watch)?;
+            let (name, kinetics) = (&planned.plan.name, planned.plan.pair()?.0.kinetics.name());
+            let within = Within::new(watch, format!("{name}, {kinetics}, {noise} errors"));
+            let cell = calibrated(planned, noise, &within)?;
+            watch.advance();
             add_curve(&mut figure, &cell.calibration.record, place)?;
             let points = &cell.entry.leave_one_out.points;
             densities.push(points.iter().map(|point| point.ln_density).collect::<Vec<_>>());
@@ -215,7 +220,8 @@ fn calibrated(planned: &Planned, noise: &str, watch: &dyn Watch) -> Result<Cell,
     let mut left_out = leave_one_out(&problem, &calibration.posterior)
         .map_err(RunError::new)?
         .ok_or_else(|| RunError::new("there is no posterior to leave observations out of"))?;
-    let refitted = refit::where_unreliable(plan, &model, &calibration.posterior, &mut left_out)?;
+    let refitted =
+        refit::where_unreliable(plan, &model, &calibration.posterior, &mut left_out, watch)?;
     let entry = Entry::new(&calibration.record, noise, left_out, refitted)?;
     Ok(Cell { entry, calibration })
 }

@@ -6,6 +6,7 @@ use smc_calib::{LeaveOneOut, Observations, Posterior, Problem, Settings, calibra
 use crate::error::{Failure, RunError};
 use crate::pair::model::NeckGrowth;
 use crate::plan::Plan;
+use crate::watch::Watch;
 
 /// Most observations of one kinetics that are calibrated again.
 const MOST: usize = 16;
@@ -18,6 +19,7 @@ pub(super) fn where_unreliable(
     model: &NeckGrowth,
     posterior: &Posterior,
     left_out: &mut LeaveOneOut,
+    watch: &dyn Watch,
 ) -> Result<Vec<usize>, Failure> {
     let (_, measured) = plan.pair()?;
     // Without its first or last row a curve has another range, and correlated noise with it another prior of its length.
@@ -33,7 +35,11 @@ pub(super) fn where_unreliable(
     if measured.control.len() < 2 {
         return Ok(Vec::new());
     }
-    for &i in &unreliable {
+    for (done, &i) in unreliable.iter().enumerate() {
+        if watch.stop().asked() {
+            return Err(Failure::Interrupted);
+        }
+        watch.now(&format!("left-out observation {} of {}", done + 1, unreliable.len()));
         let without = |values: &[f64]| -> Vec<f64> {
             let kept = values.iter().enumerate().filter(|(k, _)| *k != i);
             kept.map(|(_, value)| *value).collect()

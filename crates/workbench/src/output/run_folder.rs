@@ -48,6 +48,8 @@ pub enum Published {
         kept: PathBuf,
         /// Whether the plans were the same, and the old folder was kept for files that the new one has not.
         same_plan: bool,
+        /// Earlier runs that are kept by now, this one among them.
+        earlier: usize,
     },
 }
 
@@ -188,6 +190,21 @@ impl RunFolder {
     }
 }
 
+impl RunFolder {
+    /// Number of folders `NAME.1`, `NAME.2`, ... beside the results.
+    fn kept(&self) -> usize {
+        let Ok(entries) = fs::read_dir(self.parent()) else { return 0 };
+        let start = format!("{}.", self.name());
+        let names = entries.flatten().map(|entry| entry.file_name());
+        names
+            .filter(|name| {
+                let number = name.to_string_lossy().strip_prefix(&start).map(str::parse::<u64>);
+                matches!(number, Some(Ok(1..)))
+            })
+            .count()
+    }
+}
+
 /// A hidden folder that is being filled. Dropped without [`publish`](Self::publish) it disappears.
 #[derive(Debug)]
 pub struct Staging {
@@ -305,7 +322,8 @@ impl Staging {
             ))
         })?;
         flush_names(self.folder.parent());
-        Ok(Published::MovedAside { kept, same_plan })
+        let earlier = self.folder.kept();
+        Ok(Published::MovedAside { kept, same_plan, earlier })
     }
 }
 

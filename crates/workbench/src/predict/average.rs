@@ -146,6 +146,7 @@ mod tests {
     use crate::compare::Compared;
     use crate::input::material::Material;
     use crate::plan::PairOptions;
+    use crate::report::TimeScale;
     use crate::watch::Unwatched;
     use smc_calib::{Noise, Weighted};
 
@@ -154,7 +155,8 @@ mod tests {
         let options =
             PairOptions { material: Some(Material::Peek), samples: 1024, ..PairOptions::default() };
         let noises = [Noise::correlated()];
-        let compared = Compared::new(&options, &noises, false, false, &Unwatched::default());
+        let compared =
+            Compared::new(&options, &noises, false, TimeScale::ByData, &Unwatched::default());
         let mut kept = compared.expect("a comparison").kept.remove(0);
         kept.models.truncate(2);
         kept

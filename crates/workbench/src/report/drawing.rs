@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use crate::error::RunError;
 use crate::output::WriteFile;
+use crate::watch::{Unwatched, Watch};
 
 /// Figures by the names of their files.
 pub type NamedFigures = Vec<(String, Box<dyn Figure + Send + Sync>)>;
@@ -19,6 +20,16 @@ pub fn draw_all(
     width: Width,
     write: &WriteFile<'_>,
 ) -> Result<(), RunError> {
+    draw_watched(figures, width, write, &Unwatched::default())
+}
+
+/// As [`draw_all`]; each figure is a piece of the work.
+pub(crate) fn draw_watched(
+    figures: &NamedFigures,
+    width: Width,
+    write: &WriteFile<'_>,
+    watch: &dyn Watch,
+) -> Result<(), RunError> {
     figures
         .par_iter()
         .map(|(name, figure)| {
@@ -26,7 +37,9 @@ pub fn draw_all(
                 .render(width)
                 .map_err(|error| RunError::new(format_args!("figure {name}: {error}")))?;
             write(&format!("{name}.png"), &picture.png)?;
-            write(&format!("{name}.svg"), picture.svg.as_bytes())
+            write(&format!("{name}.svg"), picture.svg.as_bytes())?;
+            watch.advance();
+            Ok(())
         })
         .collect()
 }

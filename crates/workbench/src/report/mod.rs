@@ -18,11 +18,13 @@ use crate::input::sample_table;
 use crate::output::checksums;
 use crate::output::{WriteFile, pretty};
 use crate::record::{self, FILE_NAME, Record};
+use crate::watch::Watch;
 
 pub use crate::input::data_table::quoted;
 pub use details::{details, understood};
+pub(crate) use drawing::draw_watched;
 pub use drawing::{NamedFigures, draw_all};
-pub use pictures::{fit, pictures};
+pub use pictures::{TimeScale, fit, pictures};
 pub use samples::{
     SampleColumns, parse_draws, parse_samples, read_draws, read_samples, read_sigma,
 };
@@ -46,12 +48,18 @@ pub(crate) fn write_all(
     record: &Record,
     posterior: &Posterior,
     write: &WriteFile<'_>,
+    watch: &dyn Watch,
 ) -> Result<(), RunError> {
-    let figures = pictures(record, &SampleColumns::of(posterior), false);
-    let (tables, drawn) = rayon::join(
-        || write_tables(record, posterior, write),
-        || draw_all(&figures, Width::Column, write),
-    );
+    let figures = pictures(record, &SampleColumns::of(posterior), TimeScale::ByData);
+    watch.begin(figures.len() as u64 + 1, 0, "tables and figures");
+    let tables = || {
+        let written = write_tables(record, posterior, write);
+        watch.advance();
+        written
+    };
+    let (tables, drawn) =
+        rayon::join(tables, || draw_watched(&figures, Width::Column, write, watch));
+    watch.end();
     tables.and(drawn)
 }
 

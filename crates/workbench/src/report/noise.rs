@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use smc_calib::trust::limits::khat_in_words;
 use smc_calib::{DistanceScale, NoiseQuantity, ShapeSummary};
 
 use crate::number::{shown_unit, significant};
@@ -101,8 +102,9 @@ pub(super) fn beside(record: &Record, width: usize) -> String {
         };
         let _ = writeln!(
             text,
-            "  with correlated errors ({how}): not known from these runs ({:.0} effective samples, k-hat {:.2}); run with {option}, and with more {more} where that is not to be trusted either",
-            sensitivity.ess, sensitivity.khat
+            "  with correlated errors ({how}): not known from these runs ({:.0} effective samples, k-hat {}); run with {option}, and with more {more} where that is not to be trusted either",
+            sensitivity.ess,
+            khat_in_words(sensitivity.khat)
         );
         return text;
     }

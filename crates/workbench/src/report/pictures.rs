@@ -16,12 +16,35 @@ use crate::record::{NeckGrowthRecord, ObservableRecord, Record};
 /// Number of points at which the corner plot draws a prior's density.
 const PRIOR_POINTS: usize = 161;
 
+/// Scale of the axes of time, or of another control variable.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum TimeScale {
+    /// Logarithmic where the measured values change early, so that a linear axis would hide it ([`Axes::change_early`]).
+    #[default]
+    ByData,
+    /// Linear.
+    Linear,
+    /// Logarithmic.
+    Log,
+}
+
+impl TimeScale {
+    /// Whether it is logarithmic for measured values.
+    pub(crate) fn is_log(self, control: &[f64], value: &[f64]) -> bool {
+        match self {
+            Self::ByData => Axes::change_early(control, value),
+            Self::Linear => false,
+            Self::Log => true,
+        }
+    }
+}
+
 /// The figures by name of file: `corner`, `recursion`, `convergence`, `failures` where simulations failed, and for every observable with two points or more
 /// `fit` and `residuals`, with its label behind where there are several.
-pub fn pictures(record: &Record, samples: &SampleColumns, log_control: bool) -> NamedFigures {
+pub fn pictures(record: &Record, samples: &SampleColumns, scale: TimeScale) -> NamedFigures {
     let mut figures: NamedFigures = vec![
         ("corner".to_owned(), Box::new(corner(record, samples))),
-        ("recursion".to_owned(), Box::new(recursion(record, log_control))),
+        ("recursion".to_owned(), Box::new(recursion(record, scale))),
         ("convergence".to_owned(), Box::new(convergence(record))),
     ];
     if let Some(failures) = failures(record) {
@@ -46,11 +69,11 @@ pub fn pictures(record: &Record, samples: &SampleColumns, log_control: bool) -> 
             control: plan.control.clone(),
             residual: found.residuals.values.clone(),
             sigma: found.sigma.map_or(found.map_error.rmse, |sigma| sigma.median),
-            axes: axes(plan, log_control),
+            axes: axes(plan, scale),
         };
         let fit = match neck {
-            Some(neck) => fit_of_pair(title, plan, neck, log_control),
-            None => fit_at_data(title, plan, found, log_control),
+            Some(neck) => fit_of_pair(title, plan, neck, scale),
+            None => fit_at_data(title, plan, found, scale),
         };
         figures.push((format!("fit{suffix}"), Box::new(fit)));
         figures.push((format!("residuals{suffix}"), Box::new(residuals)));
@@ -77,9 +100,9 @@ fn failures(record: &Record) -> Option<FailuresFigure> {
 }
 
 /// The fit of a run with one pair; none for other runs.
-pub fn fit(record: &Record, log_control: bool) -> Option<FitFigure> {
+pub fn fit(record: &Record, scale: TimeScale) -> Option<FitFigure> {
     let pair = record.pair().ok()?;
-    Some(fit_of_pair(record.plan.title.clone(), pair.measured, pair.neck_growth, log_control))
+    Some(fit_of_pair(record.plan.title.clone(), pair.measured, pair.neck_growth, scale))
 }
 
 /// Measurements, posterior bands, MAP, the paper's and Frenkel's curves on a fine grid.
@@ -87,7 +110,7 @@ fn fit_of_pair(
     title: String,
     plan: &ObservablePlan,
     neck: &NeckGrowthRecord,
-    log_control: bool,
+    scale: TimeScale,
 ) -> FitFigure {
     let curves = &neck.curves;
     let band = |[lower, upper]: &[Vec<f64>; 2]| Band { lower: lower.clone(), upper: upper.clone() };
@@ -110,7 +133,7 @@ fn fit_of_pair(
             upper: knee.contact_ratio.eti95[1],
         }),
         paper_knee: neck.knee.as_ref().and_then(|knee| knee.contact_ratio.paper),
-        axes: axes(plan, log_control),
+        axes: axes(plan, scale),
     }
 }
 
@@ -119,7 +142,7 @@ fn fit_at_data(
     title: String,
     plan: &ObservablePlan,
     found: &ObservableRecord,
-    log_control: bool,
+    scale: TimeScale,
 ) -> FitFigure {
     let bands = &found.predictive;
     let band = |pick: fn(&BandPoint) -> [f64; 2]| Band {
@@ -136,13 +159,14 @@ fn fit_at_data(
         band90: band(|point| point.curve90),
         predictive90: band(|point| point.noisy90),
         map: bands.iter().map(|point| found.map[point.index]).collect(),
-        axes: axes(plan, log_control),
+        axes: axes(plan, scale),
         ..FitFigure::default()
     }
 }
 
 /// Names and units of the axes of an observable.
-fn axes(plan: &ObservablePlan, log_control: bool) -> Axes {
+fn axes(plan: &ObservablePlan, scale: TimeScale) -> Axes {
+    let log_control = scale.is_log(&plan.control, &plan.values);
     if plan.result.is_none() {
         return Axes { log_control, ..Axes::default() };
     }
@@ -232,19 +256,19 @@ fn prior_density(parameter: &Parameter, draws: &[f64], weights: &[f64]) -> Vec<(
 }
 
 /// Knowledge of the parameters after each observation. With several observables the observations are numbered.
-fn recursion(record: &Record, log_control: bool) -> RecursionFigure {
+fn recursion(record: &Record, scale: TimeScale) -> RecursionFigure {
     let path = &record.path;
     let mut observables = record.plan.observables().map(|(_, observable)| observable);
     let only = observables.next().filter(|_| observables.next().is_none());
-    let (control_name, control_unit, control) = match only {
+    let (control_name, control_unit, control, log_control) = match only {
         Some(plan) => {
-            let axes = axes(plan, false);
+            let axes = axes(plan, scale);
             let control = path.iter().map(|point| point.control).collect();
-            (axes.control_name, axes.control_unit, control)
+            (axes.control_name, axes.control_unit, control, axes.log_control)
         }
         None => {
             let number = path.iter().map(|point| point.index as f64 + 1.0).collect();
-            ("observation".to_owned(), String::new(), number)
+            ("observation".to_owned(), String::new(), number, false)
         }
     };
     let parameters = record
@@ -273,7 +297,7 @@ fn recursion(record: &Record, log_control: bool) -> RecursionFigure {
         control_name,
         control_unit,
         control,
-        log_control: log_control && only.is_some(),
+        log_control,
         parameters,
         ess: path.iter().map(|point| point.ess).collect(),
     }
@@ -297,6 +321,7 @@ fn convergence(record: &Record) -> ConvergenceFigure {
             })
             .collect(),
         k_hat_limit: record.trust.khat_limit,
+        k_hat_of_result: Some(record.khat),
         ess_target: record.plan.sampler.ess_target,
     }
 }
@@ -310,5 +335,46 @@ fn symbol(name: &str, unit: &str) -> (String, String) {
         Some(ParameterName::Phi) => ("φ".to_owned(), String::new()),
         Some(ParameterName::T0) => ("t_{0}".to_owned(), "s".to_owned()),
         None => (name.to_owned(), unit.to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use figures::{Width, broken_rules};
+
+    use super::*;
+    use crate::calibration::Calibration;
+    use crate::input::material::Material;
+    use crate::plan::PairOptions;
+    use crate::watch::Unwatched;
+
+    #[test]
+    fn the_figures_of_real_runs_keep_the_rules_of_figures() {
+        for material in Material::ALL {
+            let options =
+                PairOptions { material: Some(material), samples: 2048, ..PairOptions::default() };
+            let planned = options.plan().expect("a plan");
+            let found = Calibration::run(&planned, &Unwatched::default()).expect("a run");
+            let samples = SampleColumns::of(&found.posterior);
+            for scale in [TimeScale::ByData, TimeScale::Linear, TimeScale::Log] {
+                for (name, figure) in pictures(&found.record, &samples, scale) {
+                    for width in [Width::Column, Width::Full] {
+                        let broken = broken_rules(figure.as_ref(), width).expect("drawn");
+                        assert!(broken.is_empty(), "{material:?}, {name}, {scale:?}: {broken:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn only_polystyrene_grows_so_early_that_its_axis_of_time_is_logarithmic() {
+        for material in Material::ALL {
+            let plan = PairOptions { material: Some(material), ..PairOptions::default() };
+            let plan = plan.plan().expect("a plan").plan;
+            let (_, measured) = plan.pair().expect("a pair");
+            let early = TimeScale::ByData.is_log(&measured.control, &measured.values);
+            assert_eq!(early, material == Material::Ps, "{material:?}");
+        }
     }
 }

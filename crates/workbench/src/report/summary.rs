@@ -70,7 +70,7 @@ pub fn text(record: &Record, seconds: Option<f64>, out: Option<&Path>) -> String
     if let Some(earlier) = &record.plan.proposal {
         let _ = writeln!(text, "  begun from {}: {}", earlier.result(), earlier.taken());
     }
-    let _ = writeln!(text, "  sampling: {}", record.trust.line(&record.log_evidence));
+    let _ = writeln!(text, "  trust: {}", record.trust.line(&record.log_evidence));
     text.push_str(&beside(record, width));
     for failure in &record.failures {
         let _ = writeln!(text, "  failed {} times: {}", failure.count, failure.cause);

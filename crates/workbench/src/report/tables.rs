@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use smc_calib::trust::limits::khat_in_words;
 use smc_calib::{Coordinate, ShapeSummary};
 
 use super::noise::{beside_markdown, length_unit, noise_line, or_one};
@@ -179,8 +180,9 @@ pub fn markdown(record: &Record) -> String {
     let evidence = record.trust.evidence(&record.log_evidence).replace("+-", "±");
     let _ = writeln!(
         text,
-        "\n{evidence}; effective sample size {:.0}; k-hat {:.2}.",
-        record.ess.importance, record.khat
+        "\n{evidence}; effective sample size {:.0}; k-hat {}.",
+        record.ess.importance,
+        khat_in_words(record.khat)
     );
     for failure in &record.failures {
         let _ = writeln!(text, "\n> failed {} times: {}", failure.count, failure.cause);

@@ -132,8 +132,8 @@ impl SceneJob {
         let series = series_figure(name, run.series(), &self.input.file.phases);
         draw_all(&vec![("series".to_owned(), Box::new(series))], Width::Column, &write)?;
         let last = bed_figure(run.bed(), name);
-        let range = colour_range([&first, &last]);
         for (name, figure) in [("bed-start.png", first), ("bed.png", last)] {
+            let range = colour_range(&figure);
             write(name, &BedFigure { range, ..figure }.png(Width::Column).map_err(drawn)?)?;
         }
         for number in (0..run.series().samples.len()).filter(|_| self.plan.vtk) {

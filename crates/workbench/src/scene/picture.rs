@@ -46,11 +46,17 @@ pub(super) fn bed_figure(bed: &Bed, name: &str) -> BedFigure {
     figure
 }
 
-/// A scale from 0 that holds the contact ratios of all figures.
-pub(super) fn colour_range<'a>(figures: impl IntoIterator<Item = &'a BedFigure>) -> [f64; 2] {
-    let ratios = figures.into_iter().flat_map(|figure| figure.contact_ratio.iter().copied());
-    let largest = ratios.filter(|ratio| ratio.is_finite()).fold(0.0, f64::max);
-    [0.0, if largest > 0.0 { (largest * 20.0).ceil() / 20.0 } else { 1.0 }]
+/// A scale that holds the contact ratios of a figure, and little else.
+pub(super) fn colour_range(figure: &BedFigure) -> [f64; 2] {
+    let ratios = figure.contact_ratio.iter().copied();
+    let (least, largest) = ratios
+        .filter(|ratio| ratio.is_finite())
+        .fold((f64::INFINITY, 0.0), |(l, h): (f64, f64), ratio| (l.min(ratio), h.max(ratio)));
+    if least > largest {
+        return [0.0, 1.0];
+    }
+    let lower = (least * 20.0).floor() / 20.0;
+    [lower, (largest * 20.0).ceil().max(lower * 20.0 + 1.0) / 20.0]
 }
 
 /// The curves of a run.

@@ -52,7 +52,7 @@ pub(crate) fn sintering_curve(one: &Calibrated) -> Option<(&'static str, FitFigu
         Material::Pa12 => "figure5",
         Material::Peek => "figure6",
     };
-    Some((name, report::fit(&one.calibration.record, false)?))
+    Some((name, report::fit(&one.calibration.record, report::TimeScale::ByData)?))
 }
 
 #[cfg(test)]

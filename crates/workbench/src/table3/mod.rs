@@ -25,7 +25,7 @@ use crate::error::Failure;
 use crate::input::material::Material;
 use crate::output::{Published, RunFolder, pretty};
 use crate::report::{NamedFigures, draw_all};
-use crate::watch::Watch;
+use crate::watch::{Watch, Within};
 use ::figures::Width;
 pub use calibrated::Calibrated;
 pub use record::Report;
@@ -43,13 +43,21 @@ pub struct Table3 {
 impl Table3 {
     /// Calibrates the materials and makes the table of them.
     pub fn regenerate(samples: usize, seed: u64, watch: &dyn Watch) -> Result<Self, Failure> {
-        let one = |material, kinetics| Calibrated::new(material, kinetics, samples, seed, watch);
+        watch.begin(Material::ALL.len() as u64 + 2, 0, "calibrations");
+        let one = |material: Material, kinetics: Kinetics| {
+            let within = Within::new(watch, format!("{}, {}", material.title(), kinetics.name()));
+            Calibrated::new(material, kinetics, samples, seed, &within).inspect(|_| watch.advance())
+        };
         let calibrated: Vec<Calibrated> = Material::ALL
             .into_iter()
             .map(|material| one(material, Kinetics::ThreeStage))
             .collect::<Result<_, _>>()?;
         let map = one(Material::Peek, Kinetics::RegimeMap)?;
-        let (unfitted, predicted) = unfitted::predict(&calibrated, watch)?;
+        let (unfitted, predicted) = unfitted::predict(
+            &calibrated,
+            &Within::new(watch, "a pair that was not fitted".to_owned()),
+        )?;
+        watch.advance();
         let report = Report::new(samples, seed, &calibrated, unfitted)?;
         let mut figures: NamedFigures =
             vec![("figure2".to_owned(), Box::new(figures::regime_map(&map)?))];
@@ -59,6 +67,7 @@ impl Table3 {
             }
         }
         figures.push(("pa12-r30".to_owned(), Box::new(predicted)));
+        watch.end();
         Ok(Self { report, figures })
     }
 

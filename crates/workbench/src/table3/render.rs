@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use smc_calib::trust::limits::INFORMED_BITS;
+use smc_calib::trust::limits::{INFORMED_BITS, khat_in_words};
 
 use super::readings::{Quantity, STATED};
 use super::record::{CURVES, Form, MaterialReport, Report, ReportPlan, Row};
@@ -103,10 +103,10 @@ pub fn table_markdown(report: &Report) -> String {
         let [evidence, error] = material.log_evidence;
         let _ = writeln!(
             text,
-            "\nSampling: {}; {:.0} effective samples, k-hat {:.2}, log evidence {} ± {}.",
+            "\nSampling: {}; {:.0} effective samples, k-hat {}, log evidence {} ± {}.",
             if material.converged { "converged" } else { "NOT TO BE TRUSTED" },
             material.ess,
-            material.khat,
+            khat_in_words(material.khat),
             with_error(evidence, error, 2),
             significant(error, 2),
         );

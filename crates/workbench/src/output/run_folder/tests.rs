@@ -35,11 +35,16 @@ fn a_run_appears_whole_is_replaced_by_the_same_plan_and_kept_for_another() {
     assert_eq!(names(&target), ["a.csv", "b.csv", "posterior.json"]);
     let target_path = fs::canonicalize(&target).expect("there");
     let aside = |n| target_path.with_file_name(format!("ps.{n}"));
-    let kept = |n, same_plan| Published::MovedAside { kept: aside(n), same_plan };
-    assert_eq!(run(&target, "2", &[]), kept(1, false));
+    let kept = |n, earlier| Published::MovedAside { kept: aside(n), same_plan: false, earlier };
+    assert_eq!(run(&target, "2", &[]), kept(1, 1));
     assert_eq!(names(&aside(1)), ["a.csv", "b.csv", "posterior.json"]);
-    assert_eq!(run(&target, "3", &[]), kept(2, false));
+    assert_eq!(run(&target, "3", &[]), kept(2, 2));
     assert_eq!(names(&folder.path().join("results")), ["ps", "ps.1", "ps.2"]);
+    // Those that were deleted are not counted, nor is what only begins alike.
+    fs::remove_dir_all(aside(1)).expect("removed");
+    fs::create_dir(target_path.with_file_name("ps.old")).expect("made");
+    fs::create_dir(target_path.with_file_name("ps.2.bak")).expect("made");
+    assert_eq!(run(&target, "4", &[]), kept(1, 2));
 }
 
 #[test]
