@@ -77,13 +77,21 @@ fn values_that_are_no_numbers_not_finite_negative_or_absurd() {
     table_is_refused(row("-3,0.1"), &["column time_s: found -3", "first contact"]);
     table_is_refused(row("0,43"), &["found 43", "percent"]);
     table_is_refused(row("0,0.1,7"), &["found 3 values, expected 2"]);
-    table_is_refused("time_s;contact_ratio\n0;0,5\n", &["write decimals with a point: 0.5"]);
+    table_is_refused("time_s;contact_ratio\n0.5;0,5\n", &["found \"0,5\"", "write all alike"]);
+    table_is_refused(
+        "time_s;contact_ratio\n1,234;1,100\n",
+        &["found \"1,234\"", "--decimal comma"],
+    );
+    table_is_refused(row("1e-320,0.1"), &["line 2, column time_s: found 1e-320", "1e-15"]);
+    table_is_refused(row("1e308,0.1"), &["line 2, column time_s: found 1e308", "1e15 s"]);
 }
 
 #[test]
 fn files_that_are_no_text() {
-    table_is_refused(b"time_s,contact_ratio\n0,\xff\n", &["line 2", "0xff", "UTF-8"]);
-    table_is_refused(b"\xff\xfet\0i\0m\0e\0", &["UTF-16"]);
+    table_is_refused(b"time_s,contact_ratio\n0,\x81\n", &["line 2", "0x81", "UTF-8"]);
+    table_is_refused(b"time_s,contact_ratio\n0,\xff\n", &["line 2", "found \"\u{ff}\""]);
+    table_is_refused(b"\xff\xfet\0i\0m\0e", &["UTF-16"]);
+    table_is_refused(b"PK\x03\x04......", &["a workbook", "\"CSV UTF-8\""]);
 }
 
 #[test]

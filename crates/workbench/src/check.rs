@@ -7,6 +7,7 @@ pub use together::together;
 use std::path::Path;
 
 use crate::error::{InputError, Mistake};
+use crate::input::columns::Columns;
 use crate::input::experiment::{Experiment, is_toml};
 use crate::input::observation_table::ObservationTable;
 use crate::input::prior_file::PriorFile;
@@ -15,8 +16,8 @@ use crate::pair::parameter::ParameterName;
 use crate::plan::{Planned, Understood, prior_in_words, short, understood};
 use crate::{input::material::Material, input::scene_file, input::text_file, record, report};
 
-/// Checks one file, of the kind that its name and contents say.
-pub fn file_at(path: &Path) -> Result<Understood, InputError> {
+/// Checks one file, of the kind that its name and contents say. What is `said` of the columns is for tables.
+pub fn file_at(path: &Path, said: &Columns) -> Result<Understood, InputError> {
     let name = path.display().to_string();
     if path.is_dir() {
         return record::read(path).map(|record| report::understood(&record));
@@ -25,7 +26,7 @@ pub fn file_at(path: &Path) -> Result<Understood, InputError> {
         let text = text_file::read(path)?;
         return match toml_kind(&name, &text)? {
             TomlKind::Prior => PriorFile::read(path).map(|priors| of_priors(&priors)),
-            TomlKind::Experiment => Experiment::read(path).map(|experiment| of(&experiment)),
+            TomlKind::Experiment => Experiment::read(path, said).map(|experiment| of(&experiment)),
             TomlKind::Scene => of_scene(&name, &text, false),
             TomlKind::Plan => Planned::parse(path, text).map(|plan| understood(&plan)),
         };
@@ -42,10 +43,10 @@ pub fn file_at(path: &Path) -> Result<Understood, InputError> {
             record::read(path).map(|record| report::understood(&record))
         };
     }
-    let table = ObservationTable::read(path)?;
+    let table = ObservationTable::read(path, said, None)?;
     Ok(Understood {
         headline: format!("an observation table with {}", of_table(&table)),
-        details: Vec::new(),
+        details: table.how.iter().map(|how| format!("read      {how}")).collect(),
         warnings: few_points(&table, 3).into_iter().collect(),
     })
 }
@@ -138,6 +139,7 @@ fn of(experiment: &Experiment) -> Understood {
         reason.map_or_else(String::new, |reason| format!(" ({reason})"))
     ));
     details.push(format!("table     {}: {}", experiment.table_name, of_table(&experiment.table)));
+    details.extend(experiment.table.how.iter().map(|how| format!("read      {how}")));
     let mut warnings = experiment.warnings();
     // A window without observations was refused on reading.
     if let Ok(used) = experiment.observations(None) {

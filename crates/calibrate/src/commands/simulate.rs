@@ -77,7 +77,7 @@ pub(crate) struct SimulateArgs {
     times: Option<PathBuf>,
 
     /// Last time of the curve, in s [default: the last observation's]
-    #[arg(long, value_name = "S", value_parser = arguments::positive, allow_negative_numbers = true, help_heading = "Times")]
+    #[arg(long, value_name = "S", value_parser = arguments::time, allow_negative_numbers = true, help_heading = "Times")]
     t_end: Option<f64>,
 
     /// Points of the curve, evenly spaced from 0

@@ -6,7 +6,7 @@ use super::*;
 const TABLE: &str = "time_s,contact_ratio\n0,0.1\n1,0.5\n2,1.0\n";
 
 fn parse(text: &str) -> Result<Experiment, InputError> {
-    Experiment::parse("my.toml", "my", text, |name| {
+    Experiment::parse("my.toml", "my", text, |name, _, _| {
         Ok((name.to_owned(), ObservationTable::parse(name, TABLE)?))
     })
 }
