@@ -7,7 +7,7 @@ use dem_core::{Kinetics, SolverKind};
 use figures::Width;
 use smc_calib::{DistanceScale, FixedSigma, Noise};
 use workbench::error::nearest;
-use workbench::input::experiment::{checked_phi, checked_radius};
+use workbench::input::experiment::{Constant, checked_phi};
 use workbench::input::material::Material;
 use workbench::input::observation_table::{LARGEST_CONTACT_RATIO, TIMES_S};
 use workbench::plan::{SAMPLES, SolverPlan};
@@ -85,13 +85,32 @@ pub(crate) fn positive(text: &str) -> Result<f64, String> {
     if value > 0.0 { Ok(value) } else { Err("expected a number > 0".to_owned()) }
 }
 
-/// A particle radius \[m\], in the range of experiment files.
-pub(crate) fn radius(text: &str) -> Result<f64, String> {
-    let value = positive(text)?;
-    checked_radius(value).map_err(|(expected, meant)| match meant {
+/// A constant of a powder, in SI and in the range of experiment files.
+fn constant(constant: Constant, text: &str) -> Result<f64, String> {
+    constant.checked(positive(text)?).map_err(|(expected, meant)| match meant {
         Some(meant) => format!("expected {expected}; {meant}"),
         None => format!("expected {expected}"),
     })
+}
+
+/// A particle radius \[m\].
+pub(crate) fn radius(text: &str) -> Result<f64, String> {
+    constant(Constant::Radius, text)
+}
+
+/// Young's modulus \[Pa\].
+pub(crate) fn youngs_modulus(text: &str) -> Result<f64, String> {
+    constant(Constant::YoungsModulus, text)
+}
+
+/// Surface tension \[N/m\].
+pub(crate) fn surface_tension(text: &str) -> Result<f64, String> {
+    constant(Constant::SurfaceTension, text)
+}
+
+/// Density \[kg/m3\].
+pub(crate) fn solid_density(text: &str) -> Result<f64, String> {
+    constant(Constant::Density, text)
 }
 
 /// A time \[s\] after first contact that is computed with.

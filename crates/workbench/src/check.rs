@@ -6,6 +6,8 @@ pub use together::together;
 
 use std::path::Path;
 
+use smc_calib::Prior;
+
 use crate::error::{InputError, Mistake};
 use crate::input::columns::Columns;
 use crate::input::experiment::{Experiment, is_toml};
@@ -105,10 +107,20 @@ fn of_table(table: &ObservationTable) -> String {
     let high = table.contact_ratio.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let points = table.len();
     format!(
-        "{points} point{}, {first} to {last} s, a/R {low} to {high}{}",
+        "{points} point{}, {} to {} s, a/R {} to {}{}",
         if points == 1 { "" } else { "s" },
+        short(first),
+        short(last),
+        short(low),
+        short(high),
         if table.sigma.is_some() { ", with sigma" } else { "" }
     )
+}
+
+/// A table in words, and how it was read.
+pub(crate) fn words_of_table(name: &str, table: &ObservationTable) -> String {
+    let how = table.how.iter().map(|how| format!("  read      {how}\n"));
+    format!("{name}: {}\n{}", of_table(table), how.collect::<String>())
 }
 
 /// The warning that the prior decides, where there are fewer points than parameters.
@@ -163,18 +175,17 @@ fn of(experiment: &Experiment) -> Understood {
     }
 }
 
+/// The priors of a file, a line each.
+pub(crate) fn words_of_priors(priors: &PriorFile) -> Vec<String> {
+    let given = |name| Some((name, priors.get(name)?));
+    let words = |(name, prior): (ParameterName, &Prior)| {
+        format!("{:<9} {} [{}]", name.name(), prior_in_words(prior.spec()), name.unit())
+    };
+    ParameterName::ALL.into_iter().filter_map(given).map(words).collect()
+}
+
 fn of_priors(priors: &PriorFile) -> Understood {
-    let mut details = Vec::new();
-    for parameter in ParameterName::ALL {
-        if let Some(prior) = priors.get(parameter) {
-            details.push(format!(
-                "{:<9} {} [{}]",
-                parameter.name(),
-                prior_in_words(prior.spec()),
-                parameter.unit()
-            ));
-        }
-    }
+    let details = words_of_priors(priors);
     let mut warnings = Vec::new();
     if [ParameterName::C1, ParameterName::DeltaC].iter().any(|name| priors.get(*name).is_none()) {
         warnings.push(format!(

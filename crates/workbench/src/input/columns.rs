@@ -214,6 +214,26 @@ impl Columns {
         }
     }
 
+    /// The table `[columns]`, which [`Experiment::read`](crate::input::experiment::Experiment::read) reads to the same; empty
+    /// where nothing is said.
+    pub fn toml(&self) -> String {
+        let choice = |unit: Option<Unit>| unit.map(|unit| unit.symbol.to_owned());
+        let decimal = DecimalMark::NAMES.into_iter().find(|(_, mark)| Some(*mark) == self.decimal);
+        let fields = [
+            ("time", self.time.clone()),
+            ("value", self.value.clone()),
+            ("sigma", self.sigma.clone()),
+            ("time_unit", choice(self.time_unit)),
+            ("value_unit", choice(self.value_unit)),
+            ("quantity", self.quantity.map(|quantity| quantity.name().to_owned())),
+            ("decimal", decimal.map(|(name, _)| name.to_owned())),
+        ];
+        let said = fields.into_iter().filter_map(|(key, value)| Some((key, value?)));
+        let lines: Vec<String> =
+            said.map(|(key, value)| format!("{key} = {}\n", toml::Value::from(value))).collect();
+        if lines.is_empty() { String::new() } else { format!("[columns]\n{}", lines.concat()) }
+    }
+
     /// Reads the table `[columns]`.
     pub(crate) fn of(fields: &Fields<'_>) -> Result<Self, InputError> {
         let text = |key| Ok::<_, InputError>(fields.text(key)?.map(|at| at.value.to_owned()));

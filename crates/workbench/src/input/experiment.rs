@@ -35,13 +35,13 @@ use std::path::{Path, PathBuf};
 
 use dem_core::{PairSpec, Powder};
 
-pub use self::particles::checked_radius;
+pub use self::particles::Constant;
 use self::particles::{particles, radius};
 use crate::careful::Careful;
 use crate::error::{InputError, Mistake};
 use crate::input::columns::Columns;
 use crate::input::material::Material;
-use crate::input::observation_table::ObservationTable;
+use crate::input::observation_table::{LARGEST_CONTACT_RATIO, ObservationTable};
 use crate::input::text_file;
 use crate::input::toml_fields::{At, Document, Fields};
 
@@ -345,6 +345,7 @@ impl Experiment {
     fn below_the_adhesive_contact(&self) -> Option<String> {
         let pair = PairSpec::new(self.powder, self.final_contact_ratio).build().ok()?;
         let start = pair.start_contact_ratio();
+        let largest = self.table.contact_ratio.iter().copied().fold(0.0, f64::max);
         let below = self.table.contact_ratio.iter().filter(|ratio| **ratio < start).count();
         (2 * below > self.table.len()).then(|| {
             let warning = Careful::BelowAdhesiveContact {
@@ -353,6 +354,8 @@ impl Experiment {
                 rows: self.table.len(),
                 start,
                 radius_m: self.powder.radius_m,
+                in_metres: Some(largest / self.powder.radius_m)
+                    .filter(|ratio| (0.05..=LARGEST_CONTACT_RATIO).contains(ratio)),
             };
             warning.to_string()
         })
@@ -375,7 +378,7 @@ pub fn is_toml(path: &Path) -> bool {
 ///
 /// The expected range and a remedy.
 pub fn checked_phi(phi: f64) -> Result<f64, (&'static str, &'static str)> {
-    if (0.1..=crate::input::observation_table::LARGEST_CONTACT_RATIO).contains(&phi) {
+    if (0.1..=LARGEST_CONTACT_RATIO).contains(&phi) {
         Ok(phi)
     } else {
         Err((

@@ -87,7 +87,7 @@ impl PairOptions {
                         experiment.description_name
                     ))
                     .expected("--prior FILE")
-                    .help("start from priors/example-my-powder.toml"));
+                    .help("calibrate init TABLE proposes priors; priors/example-my-powder.toml shows what can stand there"));
             }
         };
         let parameters = priors.parameters(self.kinetics)?;

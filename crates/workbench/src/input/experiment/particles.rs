@@ -132,17 +132,37 @@ const DENSITY: Quantity = Quantity {
     mistaken: &[("g/cm3", 1e3)],
 };
 
-/// Checks a particle radius \[m\]: a nanometre to a centimetre.
-///
-/// # Errors
-///
-/// The expected range, and what was probably meant.
-pub fn checked_radius(radius_m: f64) -> Result<f64, (String, Option<String>)> {
-    let quantity = radius_quantity("R");
-    if (quantity.range[0]..=quantity.range[1]).contains(&radius_m) {
-        Ok(radius_m)
-    } else {
-        Err((quantity.expected(), quantity.meant(radius_m, "write ")))
+/// A constant of a powder.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Constant {
+    /// Particle radius \[m\]: a nanometre to a centimetre.
+    Radius,
+    /// Young's modulus \[Pa\]: 1e3 to 1e13.
+    YoungsModulus,
+    /// Surface tension \[N/m\]: 1e-4 to 10.
+    SurfaceTension,
+    /// Density \[kg/m3\]: 10 to 1e5.
+    Density,
+}
+
+impl Constant {
+    /// Checks a value in SI.
+    ///
+    /// # Errors
+    ///
+    /// The expected range, and what was probably meant.
+    pub fn checked(self, value: f64) -> Result<f64, (String, Option<String>)> {
+        let quantity = match self {
+            Self::Radius => radius_quantity("radius_m"),
+            Self::YoungsModulus => YOUNGS_MODULUS,
+            Self::SurfaceTension => SURFACE_TENSION,
+            Self::Density => DENSITY,
+        };
+        if (quantity.range[0]..=quantity.range[1]).contains(&value) {
+            Ok(value)
+        } else {
+            Err((quantity.expected(), quantity.meant(value, "write ")))
+        }
     }
 }
 

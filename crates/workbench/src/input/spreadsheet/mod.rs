@@ -311,7 +311,10 @@ fn how(grid: &Grid<'_>, picks: &Picks, decimal: DecimalMark, left_out: usize) ->
         parts.push(format!("not read: {}", others.join(", ")));
     }
     if left_out > 0 {
-        parts.push(format!("{left_out} rows without numbers left out"));
+        parts.push(format!(
+            "{left_out} row{} without numbers left out",
+            if left_out == 1 { "" } else { "s" }
+        ));
     }
     parts.join("; ")
 }
