@@ -143,6 +143,11 @@ impl Experiment {
     ) -> Result<Self, InputError> {
         let built_in = argument.to_str().filter(|name| BUILT_IN_NAMES.contains(name));
         let experiment = if let Some(name) = built_in.filter(|_| !argument.exists()) {
+            if *said != Columns::default() {
+                return Err(InputError::new("--experiment", Mistake::Conflict)
+                    .found(format_args!("{name}, whose columns are known, and options on columns"))
+                    .help("leave out one of them"));
+            }
             Self::built_in(name)?
         } else if is_toml(argument) {
             Self::read(argument, said)?

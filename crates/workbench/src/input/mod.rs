@@ -9,6 +9,6 @@ pub mod observation_table;
 pub mod prior_file;
 pub mod sample_table;
 pub mod scene_file;
-pub(crate) mod spreadsheet;
+pub mod spreadsheet;
 pub mod text_file;
 pub(crate) mod toml_fields;

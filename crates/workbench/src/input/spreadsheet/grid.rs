@@ -6,7 +6,7 @@ use campaign::table::cells;
 
 use super::numerals;
 use crate::error::{InputError, Mistake};
-use crate::input::columns::DecimalMark;
+use crate::input::columns::{DecimalMark, Dimension, Unit};
 use crate::input::data_table::MOST_ROWS;
 
 /// Separators of cells, white space last: it is in names and thousands too.
@@ -118,6 +118,7 @@ impl<'t> Lines<'t> {
         while grid.names.last().is_some_and(String::is_empty) {
             grid.names.pop();
         }
+        grid.take_units();
         if grid.rows.is_empty() {
             let empty = InputError::new(self.name, Mistake::Empty).at_line(line);
             return Err(vec![empty.found("a header without rows").expected("at least one row")]);
@@ -161,6 +162,24 @@ impl<'t> Grid<'t> {
         columns
     }
 
+    /// Puts a row of units below the names into these: `[min]`, `um`, and no number.
+    fn take_units(&mut self) {
+        let Some(&(_, first)) = self.rows.first() else { return };
+        let units: Vec<String> = self.cells(first).map(|cell| one_line(&cell)).collect();
+        let bare = |cell: &str| cell.trim_matches(['[', ']', '(', ')']).to_owned();
+        let known = |cell: &String| {
+            Unit::parse(&bare(cell)).is_some_and(|unit| unit.dimension != Dimension::Ratio)
+        };
+        let short = |cell: &String| cell.chars().count() <= 10 && !is_number(cell);
+        if !units.iter().any(known) || !units.iter().all(short) {
+            return;
+        }
+        for (name, unit) in self.names.iter_mut().zip(&units).filter(|(_, unit)| !unit.is_empty()) {
+            *name = format!("{name} [{}]", bare(unit));
+        }
+        self.rows.remove(0);
+    }
+
     /// The mistake of a row that has other columns than the header. Cells that are left out at the end of a row are empty
     /// where a spreadsheet may have left them out, and not where a comma could be a decimal one.
     fn misfit(&self, (line, row): (usize, &str)) -> Option<InputError> {
@@ -181,11 +200,12 @@ impl<'t> Grid<'t> {
             .at_line(line)
             .found(format_args!("{found} values"))
             .expected(format_args!("{expected} as in the header"));
-        let commas = self.separator == ',' && found == 2 * expected;
-        Some(error.help(if commas {
-            "decimal commas between commas cannot be told apart: separate the columns by semicolons, or write 0.5, not 0,5"
-        } else {
-            "give every row a value for every column"
+        Some(error.help(match self.separator {
+            ',' if found == 2 * expected => {
+                "decimal commas between commas cannot be told apart: separate the columns by semicolons, or write 0.5, not 0,5"
+            }
+            ' ' => "give every row a value for every column; names with blanks in them need quotes, or semicolons between the columns",
+            _ => "give every row a value for every column",
         }))
     }
 }

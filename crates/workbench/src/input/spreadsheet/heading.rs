@@ -74,13 +74,16 @@ impl<'g> Head<'g> {
             .any(|word| words.contains(&word))
     }
 
+    /// Whether it is called like times. An upper-case T is a temperature as often as a time.
+    fn is_called_time(&self) -> bool {
+        self.has_word(&["time", "times", "zeit"])
+            || self.label.ends_with("zeit")
+            || (self.label == "t" && self.name.starts_with('t') && self.unit == Stated::Nothing)
+    }
+
     /// Whether it could hold times.
     fn may_be_time(&self) -> bool {
-        // An upper-case T is a temperature as often as a time.
-        let named = self.has_word(&["time", "times", "zeit", "temps", "tiempo", "tempo"])
-            || self.label.ends_with("zeit")
-            || (self.label == "t" && self.name.starts_with('t'));
-        self.is(Dimension::Time) || (named && self.unit == Stated::Nothing)
+        self.is(Dimension::Time) || (self.is_called_time() && self.unit == Stated::Nothing)
     }
 
     /// What it could hold of a neck: nothing, something that has no name here, or a quantity.
@@ -224,7 +227,11 @@ impl<'g> Chooser<'g> {
     }
 
     fn has(&self) -> String {
-        format!("the table has {}", self.names().collect::<Vec<_>>().join(", "))
+        format!(
+            "the table has {} (line {}; put # before lines that stand above the header)",
+            self.names().collect::<Vec<_>>().join(", "),
+            self.grid.names_line
+        )
     }
 
     fn twice(&self, name: &str) -> InputError {
@@ -267,17 +274,30 @@ impl<'g> Chooser<'g> {
         Ok(could.first().copied())
     }
 
+    /// The column that was said, else that of the documentation, else the only one that could be meant.
+    fn head(
+        &self,
+        said: Option<&String>,
+        documented: &str,
+        what: &str,
+        field: &str,
+        could: impl Fn(&Head<'_>) -> bool,
+    ) -> Result<Option<&'g Head<'g>>, InputError> {
+        if let Some(name) = said {
+            return self.named(name, &format!("--{field}-column ({field} in [columns])")).map(Some);
+        }
+        match self.documented(documented)? {
+            Some(head) => Ok(Some(head)),
+            None => self.one(what, field, self.heads.iter().filter(|head| could(head)).collect()),
+        }
+    }
+
     fn time(&self, columns: &Columns) -> Result<Picked, InputError> {
-        let head = match &columns.time {
-            Some(name) => Some(self.named(name, "--time-column (time in [columns])")?),
-            None => match self.documented("time_s")? {
-                Some(head) => Some(head),
-                None => {
-                    let could = self.heads.iter().filter(|head| head.may_be_time()).collect();
-                    self.one("times", "time", could)?
-                }
-            },
-        };
+        let said = columns.time.as_ref();
+        // Times in a unit that is not known are better than none: that unit is then what is wrong.
+        let sure = self.heads.iter().any(Head::may_be_time);
+        let could = |head: &Head<'_>| if sure { head.may_be_time() } else { head.is_called_time() };
+        let head = self.head(said, "time_s", "times", "time", could)?;
         let head = head.ok_or_else(|| {
             self.mistake(Mistake::MissingColumn)
                 .in_column("time_s")
@@ -329,16 +349,9 @@ impl<'g> Chooser<'g> {
     }
 
     fn value(&self, columns: &Columns) -> Result<(Picked, Quantity), InputError> {
-        let head = match &columns.value {
-            Some(name) => Some(self.named(name, "--value-column (value in [columns])")?),
-            None => match self.documented("contact_ratio")? {
-                Some(head) => Some(head),
-                None => {
-                    let could = self.heads.iter().filter(|head| head.neck().is_some()).collect();
-                    self.one("necks", "value", could)?
-                }
-            },
-        };
+        let said = columns.value.as_ref();
+        let could = |head: &Head<'_>| head.neck().is_some();
+        let head = self.head(said, "contact_ratio", "necks", "value", could)?;
         let head = head.ok_or_else(|| {
             self.mistake(Mistake::MissingColumn)
                 .in_column("contact_ratio")

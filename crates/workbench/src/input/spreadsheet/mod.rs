@@ -3,7 +3,7 @@
 //! What is read without a word: cells between semicolons, tabs, commas or blanks; cells in quotes, also headers over several
 //! lines; comments (`#`); a line `sep=;`; empty rows and columns at the end; further columns. Decimals have a point or a
 //! comma, thousands may be in groups. Units are taken from the header: `t [min]`, `t (min)`, `t / min`, `t, min`,
-//! `t in min`, `time_min`; necks are known by their names ([`Quantity`]). [`Columns`] say what the header does not.
+//! `t in min`, `time_min`, or a row of units below the names; necks are known by their names ([`Quantity`]). [`Columns`] say what the header does not.
 //!
 //! What could be read in two ways is refused, with all that is open at once: a number such as `1,234` where no other cell
 //! says whether its comma is a decimal one, two columns that could hold times, a separator that cannot be told.
@@ -133,8 +133,9 @@ impl<'t> Sheet<'t> {
             picks.value.as_ref().is_none_or(|(_, quantity)| *quantity == Quantity::ContactRatio);
         let plain =
             documented && alone && ratio && picked.iter().all(|picked| picked.unit.si == 1.0);
-        let how =
-            (!plain || decimal == DecimalMark::Comma).then(|| how(grid, picks, decimal, left_out));
+        let grouped = cells.all().any(|(_, _, cell)| numerals::is_grouped(cell, decimal));
+        let how = (!plain || grouped || decimal == DecimalMark::Comma)
+            .then(|| how(grid, picks, (decimal, grouped), left_out));
         let mut read =
             picked.iter().zip(numbers).zip(columns).map(|((picked, numbers), cells)| Column {
                 name: picked.name.clone(),
@@ -285,7 +286,12 @@ fn word(separator: char) -> &'static str {
 }
 
 /// How a table was read, in one line.
-fn how(grid: &Grid<'_>, picks: &Picks, decimal: DecimalMark, left_out: usize) -> String {
+fn how(
+    grid: &Grid<'_>,
+    picks: &Picks,
+    (decimal, grouped): (DecimalMark, bool),
+    left_out: usize,
+) -> String {
     let mut parts = vec![format!("\"{}\" as times in {}", picks.time.name, picks.time.unit)];
     if let Some((value, quantity)) = &picks.value {
         parts.push(format!("\"{}\" as {} in {}", value.name, quantity.name(), value.unit));
@@ -294,7 +300,8 @@ fn how(grid: &Grid<'_>, picks: &Picks, decimal: DecimalMark, left_out: usize) ->
         parts.push(format!("\"{}\" as standard deviations in {}", sigma.name, sigma.unit));
     }
     let mark = if decimal == DecimalMark::Comma { "decimal commas" } else { "decimal points" };
-    parts.push(format!("{mark}, cells between {}", word(grid.separator)));
+    let groups = if grouped { ", thousands in groups" } else { "" };
+    parts.push(format!("{mark}{groups}, cells between {}", word(grid.separator)));
     let read = |place: &usize| {
         let value = picks.value.as_ref().map(|(value, _)| value);
         [Some(&picks.time), value, picks.sigma.as_ref()]

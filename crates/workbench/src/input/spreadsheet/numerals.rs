@@ -42,10 +42,19 @@ pub(super) fn read(cell: &str, decimal: DecimalMark) -> Option<f64> {
     number(&format!("{sign}{whole}{point}{}{exponent}", decimals.unwrap_or_default()))
 }
 
+/// Whether the thousands of a number are in groups.
+pub(super) fn is_grouped(cell: &str, decimal: DecimalMark) -> bool {
+    let mark = if decimal == DecimalMark::Point { ',' } else { '.' };
+    cell.trim().contains(|c| c == mark || separates(c))
+}
+
+fn separates(c: char) -> bool {
+    matches!(c, '\'' | '\u{2019}') || BLANKS.contains(&c)
+}
+
 /// Digits without what separates thousands; none where the groups are not of three digits.
 fn without_groups(whole: &str, mark: char) -> Option<String> {
-    let separates = |c: char| c == mark || matches!(c, '\'' | '\u{2019}') || BLANKS.contains(&c);
-    let Some(separator) = whole.chars().find(|c| separates(*c)) else {
+    let Some(separator) = whole.chars().find(|c| *c == mark || separates(*c)) else {
         return Some(whole.to_owned());
     };
     let mut groups = whole.split(separator);

@@ -84,6 +84,24 @@ fn headers_say_units_and_quantities_in_many_ways() {
 }
 
 #[test]
+fn units_may_stand_in_a_row_below_the_names() {
+    for units in ["min;\u{b5}m;\u{b0}C", "[min];(um);"] {
+        let text = format!("Zeit;Halsradius;T\n{units}\n0,5;5;180,5\n1;10;180\n");
+        reads(&text, &[30.0, 60.0], &[0.25, 0.5], &["\"Zeit [min]\" as times in min"]);
+    }
+    let error = read("Zeit;Halsradius\nmin;um\n0;x\n").expect_err("no number");
+    assert_eq!(error.line, Some(3), "{error}");
+}
+
+#[test]
+fn thousands_in_groups_are_said() {
+    let text = "time_s;contact_ratio\n0.5;0.25\n1,234;0.5\n";
+    reads(text, &[0.5, 1234.0], &[0.25, 0.5], &["decimal points, thousands in groups"]);
+    let table = read("time_s;contact_ratio\n0.5;0.25\n1234;0.5\n").expect("a table");
+    assert_eq!(table.how, None);
+}
+
+#[test]
 fn standard_deviations_have_the_unit_and_the_divisor_of_the_necks() {
     for (header, sigma) in [("sigma", 0.5), ("sigma [um]", 0.5), ("sigma [nm]", 500.0)] {
         let text = format!("t [s],neck diameter [um],{header}\n0,10,{sigma}\n1,20,{sigma}\n");
@@ -130,7 +148,7 @@ fn what_could_be_read_in_two_ways_is_refused_with_the_remedy() {
         ),
         (
             "t [s];a [um]\n1.200;15\n2.400;18\n",
-            &["called contact_ratio", "the table has t [s], a [um]"],
+            &["called contact_ratio", "the table has t [s], a [um] (line 1; put # before"],
         ),
         (
             "t [s];neck radius [um]\n1.200;15\n2.400;18\n",
@@ -151,7 +169,7 @@ fn what_could_be_read_in_two_ways_is_refused_with_the_remedy() {
             &["called contact_ratio", "the table has t [s], contact angle"],
         ),
         ("t,a/R\n0,0\n", &["column t: no unit", "--time-unit min"]),
-        ("t [d],a/R\n0,0\n", &["column t [d]", "the table has"]),
+        ("time [d],a/R\n0,0\n", &["column time [d]: a unit that is not known"]),
         ("t [s],,a/R\n0,7,0\n", &["column 2 without a name"]),
     ] {
         let error = read(text).expect_err(text).to_string();
