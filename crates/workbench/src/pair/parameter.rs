@@ -55,7 +55,7 @@ impl ParameterName {
         match self {
             Self::C1 => [1e-30, 1e30],
             Self::TauS | Self::T0 => [1e-15, 1e15],
-            Self::DeltaC => [1e-15, 1.0],
+            Self::DeltaC => [1e-15, 1e3],
             Self::Phi => [0.1, 2.0],
         }
     }
