@@ -77,13 +77,21 @@ fn values_that_are_no_numbers_not_finite_negative_or_absurd() {
     table_is_refused(row("-3,0.1"), &["column time_s: found -3", "first contact"]);
     table_is_refused(row("0,43"), &["found 43", "percent"]);
     table_is_refused(row("0,0.1,7"), &["found 3 values, expected 2"]);
-    table_is_refused("time_s;contact_ratio\n0;0,5\n", &["write decimals with a point: 0.5"]);
+    table_is_refused("time_s;contact_ratio\n0.5;0,5\n", &["found \"0,5\"", "write all alike"]);
+    table_is_refused(
+        "time_s;contact_ratio\n1,234;1,100\n",
+        &["found \"1,234\"", "--decimal comma"],
+    );
+    table_is_refused(row("1e-320,0.1"), &["line 2, column time_s: found 1e-320", "1e-15"]);
+    table_is_refused(row("1e308,0.1"), &["line 2, column time_s: found 1e308", "1e15 s"]);
 }
 
 #[test]
 fn files_that_are_no_text() {
-    table_is_refused(b"time_s,contact_ratio\n0,\xff\n", &["line 2", "0xff", "UTF-8"]);
-    table_is_refused(b"\xff\xfet\0i\0m\0e\0", &["UTF-16"]);
+    table_is_refused(b"time_s,contact_ratio\n0,\x81\n", &["line 2", "0x81", "UTF-8"]);
+    table_is_refused(b"time_s,contact_ratio\n0,\xff\n", &["line 2", "found \"\u{ff}\""]);
+    table_is_refused(b"\xff\xfet\0i\0m\0e", &["UTF-16"]);
+    table_is_refused(b"PK\x03\x04......", &["a workbook", "\"CSV UTF-8\""]);
 }
 
 #[test]
@@ -157,6 +165,30 @@ fn priors_with_bounds_the_wrong_way_round_or_unknown_names() {
     prior_is_refused(&PRIOR.replace("upper", "uper"), &["field tau_s.upper: found missing"]);
     prior_is_refused(&format!("{PRIOR}[c2]\n"), &["line 5, field c2", "mean c1?"]);
     prior_is_refused("", &["an empty file"]);
+    prior_is_refused(
+        &PRIOR.replace("0.5", "1e-300").replace("50", "1e300"),
+        &["p.toml, line 3, field tau_s.lower: found 1e-300", "between 1e-15 and 1e15 s"],
+    );
+}
+
+/// What `check` lets through does not fail after the work.
+#[test]
+fn the_widest_priors_and_times_that_are_taken_end_in_a_posterior() {
+    let sandbox = Sandbox::new();
+    sandbox.write("t.csv", "time_s,contact_ratio\n1e-15,0.1\n1,0.3\n1e15,0.9\n");
+    let wide = |name: &str, lower: f64, upper: f64| {
+        format!(
+            "{name} = {{ distribution = \"log-uniform\", lower = {lower:e}, upper = {upper:e} }}\n"
+        )
+    };
+    let priors = [("c1", 1e-30, 1e30), ("tau_s", 1e-15, 1e15), ("delta_c", 1e-15, 1e3)];
+    sandbox.write("p.toml", priors.map(|(name, lower, upper)| wide(name, lower, upper)).concat());
+    sandbox.run("check t.csv p.toml").succeeded();
+    sandbox
+        .run("--material ps --experiment t.csv --prior p.toml --samples 4096 --out r")
+        .succeeded();
+    sandbox.posterior("r");
+    sandbox.run("predict --posterior r --contact-ratio 0.9 --after 1e-15,1e15").succeeded();
 }
 
 #[test]
@@ -167,6 +199,14 @@ fn options_that_exclude_or_need_each_other() {
     let own = "table = \"t.csv\"\n[powder]\nradius_m = 2e-5\nyoungs_modulus_pa = 1.6e9\n\
                surface_tension_n_per_m = 0.03\n";
     sandbox.write("own.toml", own);
+    sandbox
+        .run("predict --posterior p --contact-ratio 0.9 --radius-m 1")
+        .refused(&["expected 1e-9 to 1e-2 m", "is that in um? write 1e-6"]);
+    sandbox.run("predict --posterior p --after 1e308").refused(&["between 1e-15 and 1e15 s"]);
+    sandbox.run("--experiment ps-r30 --time-unit min").refused(&["whose columns are known"]);
+    sandbox
+        .run("--plan x.toml --time-unit min")
+        .refused(&["'--plan <FILE>' cannot be used with '--time-unit <UNIT>'"]);
     sandbox.run("simulate --table3").refused(&["--material", "ps|pa12|peek"]);
     sandbox.run("simulate --material ps").refused(&["--tau-s", "--table3"]);
     sandbox.run("simulate --material ps --tau-s 1").refused(&["--c1"]);

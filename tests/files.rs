@@ -2,6 +2,7 @@
 
 use std::fs;
 
+use workbench::input::columns::Columns;
 use workbench::input::experiment::{BUILT_IN_NAMES, Experiment};
 use workbench::input::material::Material;
 use workbench::input::observation_table::ObservationTable;
@@ -31,7 +32,8 @@ fn every_file_of_the_repository_is_read_without_complaint() {
 #[test]
 fn built_in_experiments_are_the_files_of_the_repository() {
     for name in BUILT_IN_NAMES {
-        let from_file = Experiment::read(&root().join(format!("experiments/{name}.toml")));
+        let from_file =
+            Experiment::read(&root().join(format!("experiments/{name}.toml")), &Columns::default());
         let from_file = from_file.expect("a description");
         let built_in = Experiment::built_in(name).expect("built in");
         assert_eq!(from_file.table, built_in.table);
@@ -70,7 +72,10 @@ fn spreadsheet_dialects_read_to_the_same_table() {
     sandbox.write("bom.csv", format!("\u{feff}{}", plain.replace('\n', "\r\n")));
     sandbox.write("semicolon.csv", plain.replace(',', ";"));
     sandbox.write("spaces.txt", plain.replace(',', "   "));
-    let read = |name: &str| ObservationTable::read(&sandbox.path().join(name)).expect(name);
+    let read = |name: &str| {
+        let path = sandbox.path().join(name);
+        ObservationTable::read(&path, &Columns::default(), None).expect(name)
+    };
     for name in ["bom.csv", "semicolon.csv", "spaces.txt"] {
         assert_eq!(read(name), read("plain.csv"), "{name}");
     }

@@ -11,6 +11,7 @@ mod compare;
 mod damage;
 mod determinism;
 mod files;
+mod first_hour;
 mod lammps;
 mod main_job;
 mod noise;

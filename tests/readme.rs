@@ -81,7 +81,10 @@ fn the_readmes_commands_run_as_they_stand() {
     for folder in ["experiments", "priors"] {
         symlink(root().join(folder), sandbox.path().join(folder)).expect("a link");
     }
-    let commands = commands(&readme());
+    let readme = readme();
+    let table = readme.split("```csv\n").nth(1).and_then(|rest| rest.split("```").next());
+    sandbox.write("neck.csv", table.expect("the table of a spreadsheet"));
+    let commands = commands(&readme);
     assert!(commands.len() >= 6, "{commands:?}");
     for arguments in commands {
         // Commands that take minutes, or what these write, are only held to exist, with these arguments.

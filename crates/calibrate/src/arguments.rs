@@ -7,9 +7,9 @@ use dem_core::{Kinetics, SolverKind};
 use figures::Width;
 use smc_calib::{DistanceScale, FixedSigma, Noise};
 use workbench::error::nearest;
-use workbench::input::experiment::checked_phi;
+use workbench::input::experiment::{Constant, checked_phi};
 use workbench::input::material::Material;
-use workbench::input::observation_table::LARGEST_CONTACT_RATIO;
+use workbench::input::observation_table::{LARGEST_CONTACT_RATIO, TIMES_S};
 use workbench::plan::{SAMPLES, SolverPlan};
 use workbench::report::TimeScale;
 
@@ -19,6 +19,19 @@ use crate::terminal::OnInterrupt;
 pub(crate) fn material() -> impl TypedValueParser<Value = Material> {
     PossibleValuesParser::new(Material::NAMES)
         .try_map(|name| Material::from_name(&name).ok_or("unknown material"))
+}
+
+/// A value by its name.
+pub(crate) fn named<T, const N: usize>(
+    names: [(&'static str, T); N],
+) -> impl TypedValueParser<Value = T>
+where
+    T: Copy + Send + Sync + 'static,
+{
+    let of =
+        move |name: &str| names.iter().find(|(other, _)| *other == name).map(|(_, value)| *value);
+    PossibleValuesParser::new(names.map(|(name, _)| name))
+        .try_map(move |name| of(&name).ok_or("unknown name"))
 }
 
 /// Width of the figures.
@@ -71,6 +84,44 @@ fn number(text: &str) -> Result<f64, String> {
 pub(crate) fn positive(text: &str) -> Result<f64, String> {
     let value = number(text)?;
     if value > 0.0 { Ok(value) } else { Err("expected a number > 0".to_owned()) }
+}
+
+/// A constant of a powder, in SI and in the range of experiment files.
+fn constant(constant: Constant, text: &str) -> Result<f64, String> {
+    constant.checked(positive(text)?).map_err(|(expected, meant)| match meant {
+        Some(meant) => format!("expected {expected}; {meant}"),
+        None => format!("expected {expected}"),
+    })
+}
+
+/// A particle radius \[m\].
+pub(crate) fn radius(text: &str) -> Result<f64, String> {
+    constant(Constant::Radius, text)
+}
+
+/// Young's modulus \[Pa\].
+pub(crate) fn youngs_modulus(text: &str) -> Result<f64, String> {
+    constant(Constant::YoungsModulus, text)
+}
+
+/// Surface tension \[N/m\].
+pub(crate) fn surface_tension(text: &str) -> Result<f64, String> {
+    constant(Constant::SurfaceTension, text)
+}
+
+/// Density \[kg/m3\].
+pub(crate) fn solid_density(text: &str) -> Result<f64, String> {
+    constant(Constant::Density, text)
+}
+
+/// A time \[s\] after first contact that is computed with.
+pub(crate) fn time(text: &str) -> Result<f64, String> {
+    let value = positive(text)?;
+    if TIMES_S.contains(&value) {
+        Ok(value)
+    } else {
+        Err("expected a time between 1e-15 and 1e15 s".to_owned())
+    }
 }
 
 /// A contact ratio a/R that can be reached.

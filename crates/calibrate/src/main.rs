@@ -2,6 +2,7 @@
 //! exit codes.
 
 mod arguments;
+mod columns;
 mod commands;
 mod terminal;
 

@@ -25,7 +25,15 @@ pub(crate) enum Careful {
     /// Kinetics whose data inform c1 * delta_c^2 and neither of the two.
     ProductOnly { kinetics: String },
     /// Most rows below the contact ratio that growth starts from.
-    BelowAdhesiveContact { table: String, below: usize, rows: usize, start: f64, radius_m: f64 },
+    BelowAdhesiveContact {
+        table: String,
+        below: usize,
+        rows: usize,
+        start: f64,
+        radius_m: f64,
+        /// The largest contact ratio if the values are neck radii in metres, where that makes sense.
+        in_metres: Option<f64>,
+    },
     /// A prior of the cut-off distance that reaches above the particle radius.
     DeltaCAboveRadius {
         priors: String,
@@ -103,9 +111,13 @@ impl Careful {
             Self::ProductOnly { kinetics } => format!(
                 "under the {kinetics} kinetics c1 and delta_c enter only as c1 * delta_c^2: the data inform the product, and the prior alone divides it between the two"
             ),
-            Self::BelowAdhesiveContact { table, below, rows, start, radius_m } => format!(
-                "{table}: contact_ratio: {below} of {rows} rows lie below {}, the adhesive contact a0/R that growth starts from with R = {radius_m} m",
-                short(start)
+            Self::BelowAdhesiveContact { table, below, rows, start, radius_m, in_metres } => format!(
+                "{table}: contact_ratio: {below} of {rows} rows lie below {}, the adhesive contact a0/R that growth starts from with R = {radius_m} m{}",
+                short(start),
+                in_metres.map_or_else(String::new, |ratio| format!(
+                    ": necks in metres? the largest is then a/R = {}",
+                    significant(ratio, 3)
+                ))
             ),
             Self::DeltaCAboveRadius { priors, prior, how, radius_m, experiment } => format!(
                 "{priors}: [delta_c]: the prior, {prior}, {how} the particle radius R = {radius_m} m of {experiment}: delta_c is the reach of adhesion in metres, far below R"
@@ -210,7 +222,7 @@ impl Careful {
                 "quote the product, or tell the two apart with --kinetics three-stage"
             }
             Self::BelowAdhesiveContact { .. } => {
-                "give the neck radius over the particle radius (not a length, not the radius over the diameter), and check R"
+                "give the neck radius over the particle radius, or say quantity = \"neck-radius\" and value_unit = \"m\" in [columns] (--quantity, --value-unit), and check R"
             }
             Self::DeltaCAboveRadius { .. } => "correct its unit or its bounds",
             Self::TauSFarFromTimes { .. } => {

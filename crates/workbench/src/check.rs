@@ -6,7 +6,10 @@ pub use together::together;
 
 use std::path::Path;
 
+use smc_calib::Prior;
+
 use crate::error::{InputError, Mistake};
+use crate::input::columns::Columns;
 use crate::input::experiment::{Experiment, is_toml};
 use crate::input::observation_table::ObservationTable;
 use crate::input::prior_file::PriorFile;
@@ -15,8 +18,8 @@ use crate::pair::parameter::ParameterName;
 use crate::plan::{Planned, Understood, prior_in_words, short, understood};
 use crate::{input::material::Material, input::scene_file, input::text_file, record, report};
 
-/// Checks one file, of the kind that its name and contents say.
-pub fn file_at(path: &Path) -> Result<Understood, InputError> {
+/// Checks one file, of the kind that its name and contents say. What is `said` of the columns is for tables.
+pub fn file_at(path: &Path, said: &Columns) -> Result<Understood, InputError> {
     let name = path.display().to_string();
     if path.is_dir() {
         return record::read(path).map(|record| report::understood(&record));
@@ -25,7 +28,7 @@ pub fn file_at(path: &Path) -> Result<Understood, InputError> {
         let text = text_file::read(path)?;
         return match toml_kind(&name, &text)? {
             TomlKind::Prior => PriorFile::read(path).map(|priors| of_priors(&priors)),
-            TomlKind::Experiment => Experiment::read(path).map(|experiment| of(&experiment)),
+            TomlKind::Experiment => Experiment::read(path, said).map(|experiment| of(&experiment)),
             TomlKind::Scene => of_scene(&name, &text, false),
             TomlKind::Plan => Planned::parse(path, text).map(|plan| understood(&plan)),
         };
@@ -42,10 +45,10 @@ pub fn file_at(path: &Path) -> Result<Understood, InputError> {
             record::read(path).map(|record| report::understood(&record))
         };
     }
-    let table = ObservationTable::read(path)?;
+    let table = ObservationTable::read(path, said, None)?;
     Ok(Understood {
         headline: format!("an observation table with {}", of_table(&table)),
-        details: Vec::new(),
+        details: table.how.iter().map(|how| format!("read      {how}")).collect(),
         warnings: few_points(&table, 3).into_iter().collect(),
     })
 }
@@ -104,10 +107,20 @@ fn of_table(table: &ObservationTable) -> String {
     let high = table.contact_ratio.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let points = table.len();
     format!(
-        "{points} point{}, {first} to {last} s, a/R {low} to {high}{}",
+        "{points} point{}, {} to {} s, a/R {} to {}{}",
         if points == 1 { "" } else { "s" },
+        short(first),
+        short(last),
+        short(low),
+        short(high),
         if table.sigma.is_some() { ", with sigma" } else { "" }
     )
+}
+
+/// A table in words, and how it was read.
+pub(crate) fn words_of_table(name: &str, table: &ObservationTable) -> String {
+    let how = table.how.iter().map(|how| format!("  read      {how}\n"));
+    format!("{name}: {}\n{}", of_table(table), how.collect::<String>())
 }
 
 /// The warning that the prior decides, where there are fewer points than parameters.
@@ -138,6 +151,7 @@ fn of(experiment: &Experiment) -> Understood {
         reason.map_or_else(String::new, |reason| format!(" ({reason})"))
     ));
     details.push(format!("table     {}: {}", experiment.table_name, of_table(&experiment.table)));
+    details.extend(experiment.table.how.iter().map(|how| format!("read      {how}")));
     let mut warnings = experiment.warnings();
     // A window without observations was refused on reading.
     if let Ok(used) = experiment.observations(None) {
@@ -161,18 +175,17 @@ fn of(experiment: &Experiment) -> Understood {
     }
 }
 
+/// The priors of a file, a line each.
+pub(crate) fn words_of_priors(priors: &PriorFile) -> Vec<String> {
+    let given = |name| Some((name, priors.get(name)?));
+    let words = |(name, prior): (ParameterName, &Prior)| {
+        format!("{:<9} {} [{}]", name.name(), prior_in_words(prior.spec()), name.unit())
+    };
+    ParameterName::ALL.into_iter().filter_map(given).map(words).collect()
+}
+
 fn of_priors(priors: &PriorFile) -> Understood {
-    let mut details = Vec::new();
-    for parameter in ParameterName::ALL {
-        if let Some(prior) = priors.get(parameter) {
-            details.push(format!(
-                "{:<9} {} [{}]",
-                parameter.name(),
-                prior_in_words(prior.spec()),
-                parameter.unit()
-            ));
-        }
-    }
+    let details = words_of_priors(priors);
     let mut warnings = Vec::new();
     if [ParameterName::C1, ParameterName::DeltaC].iter().any(|name| priors.get(*name).is_none()) {
         warnings.push(format!(

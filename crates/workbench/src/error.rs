@@ -55,6 +55,9 @@ pub enum Mistake {
     NotOurs,
 }
 
+/// How many mistakes of one file are told at once.
+pub const MOST_AT_ONCE: usize = 10;
+
 /// A mistake in what the user gave: where, what was seen, what was expected, what to do.
 ///
 /// ```
@@ -89,9 +92,27 @@ pub struct InputError {
     pub expected: Option<Box<str>>,
     /// Remedies, the likeliest first.
     pub help: Vec<String>,
+    /// The next mistake, where several were found at once.
+    pub next: Option<Box<InputError>>,
 }
 
 impl InputError {
+    /// Mistakes that were found at once, in this order, as one error; none where there are none. Beyond the first
+    /// [`MOST_AT_ONCE`] they are counted.
+    pub fn all(mistakes: Vec<Self>) -> Option<Self> {
+        let more = mistakes.len().saturating_sub(MOST_AT_ONCE);
+        let shown = mistakes.into_iter().take(MOST_AT_ONCE).rev();
+        let mut chain: Option<Self> = None;
+        for mut mistake in shown {
+            if chain.is_none() && more > 0 {
+                mistake = mistake.help(format_args!("{more} more mistakes are not shown"));
+            }
+            mistake.next = chain.map(Box::new);
+            chain = Some(mistake);
+        }
+        chain
+    }
+
     /// An error in a file or an option, with nothing else known yet.
     pub fn new(source_name: impl AsRef<str>, mistake: Mistake) -> Self {
         Self {
@@ -102,6 +123,7 @@ impl InputError {
             found: None,
             expected: None,
             help: Vec::new(),
+            next: None,
         }
     }
 
@@ -184,7 +206,10 @@ impl fmt::Display for InputError {
         for help in &self.help {
             write!(f, "\n  help: {help}")?;
         }
-        Ok(())
+        match &self.next {
+            Some(next) => write!(f, "\n{next}"),
+            None => Ok(()),
+        }
     }
 }
 
@@ -302,6 +327,17 @@ mod tests {
         assert_eq!(nearest("Radius", fields), Some("radius_m"));
         assert_eq!(nearest("surce", fields), Some("source"));
         assert_eq!(nearest("temperature", fields), None);
+    }
+
+    #[test]
+    fn mistakes_that_are_found_at_once_are_told_together_and_counted_beyond_ten() {
+        let mistake = |line| InputError::new("f", Mistake::WrongType).at_line(line).found("x");
+        assert_eq!(InputError::all(Vec::new()), None);
+        let two = InputError::all(vec![mistake(3), mistake(7)]).expect("two");
+        assert_eq!((two.line, two.to_string().as_str()), (Some(3), "f, line 3: x\nf, line 7: x"));
+        let many = InputError::all((1..=15).map(mistake).collect()).expect("many").to_string();
+        assert_eq!(many.lines().count(), 11, "{many}");
+        assert!(many.ends_with("f, line 10: x\n  help: 5 more mistakes are not shown"), "{many}");
     }
 
     #[test]

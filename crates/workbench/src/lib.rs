@@ -8,6 +8,7 @@ pub mod densify;
 pub mod error;
 pub mod export;
 mod given_up;
+pub mod init;
 pub mod input;
 pub mod number;
 pub mod output;

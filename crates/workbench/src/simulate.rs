@@ -10,6 +10,7 @@ use dem_core::{
 use serde_json::json;
 
 use crate::error::{Failure, InputError, Mistake, RunError};
+use crate::input::columns::Columns;
 use crate::input::experiment::Experiment;
 use crate::input::material::Material;
 use crate::number::significant;
@@ -99,7 +100,7 @@ struct Request {
 impl Request {
     fn new(options: &CurveOptions) -> Result<Self, InputError> {
         let experiment = match (&options.experiment, options.material) {
-            (Some(path), material) => Experiment::open(path, material)?,
+            (Some(path), material) => Experiment::open(path, material, &Columns::default())?,
             (None, Some(material)) => Experiment::of_material(material)?,
             (None, None) => {
                 return Err(missing("--material", "the particles").help(
@@ -234,9 +235,10 @@ fn solver(
 
 fn times(options: &CurveOptions, experiment: &Experiment) -> Result<Vec<f64>, InputError> {
     match &options.times {
-        Times::File(path) => {
-            observation_table::parse_times(&path.display().to_string(), &text_file::read(path)?)
-        }
+        Times::File(path) => observation_table::parse_times(
+            &path.display().to_string(),
+            &text_file::read_table(path)?.0,
+        ),
         Times::Even { end_s, points } => {
             let end = end_s.unwrap_or(experiment.table.span_s()[1]);
             let last = points.saturating_sub(1).max(1);

@@ -9,9 +9,11 @@ use workbench::error::{Failure, RunError};
 use workbench::input::material::Material;
 use workbench::output::{pool, pretty};
 use workbench::plan::{self, PairOptions, Planned};
+use workbench::watch::Watch as _;
 use workbench::{report, verify};
 
 use crate::arguments::{self, SolverChoice};
+use crate::columns::ColumnArgs;
 use crate::terminal::{self, OnInterrupt, Terminal};
 
 /// The main job: calibrate one material.
@@ -32,19 +34,19 @@ pub(crate) struct CalibrateArgs {
 
     /// Calibrate any simulator, as a plan file (.toml or .json) says: parameters, experiments, commands,
     /// executor; see crates/workbench/docs/plan-files.md
-    #[arg(long, value_name = "FILE", conflicts_with_all = NOT_WITH_A_RUN, conflicts_with_all = ["samples", "verify"], help_heading = "What to calibrate")]
+    #[arg(long, value_name = "FILE", conflicts_with_all = NOT_WITH_A_RUN, conflicts_with_all = ColumnArgs::NAMES, conflicts_with_all = ["samples", "verify"], help_heading = "What to calibrate")]
     plan: Option<PathBuf>,
 
     /// Go on with the runs of a plan's programs after an interruption, from their folder; nothing that finished is run
     /// again. With --samples the run is extended to so many: all it has made count. Plans with built-in simulators alone are
     /// computed in one go, and begun anew or extended by --continue-from
-    #[arg(long, value_name = "DIR", conflicts_with_all = NOT_WITH_A_RUN, conflicts_with_all = ["verify", "out", "dry_run"], help_heading = "What to calibrate")]
+    #[arg(long, value_name = "DIR", conflicts_with_all = NOT_WITH_A_RUN, conflicts_with_all = ColumnArgs::NAMES, conflicts_with_all = ["verify", "out", "dry_run"], help_heading = "What to calibrate")]
     resume: Option<PathBuf>,
 
     /// Extend a run of the built-in simulators (its folder, or its posterior.json) to --samples: with its data, priors, seed
     /// and settings, and all its simulations, which are computed again to the same bits (in milliseconds, by the closed
     /// form). Written to its folder, the former result moved aside, or to --out
-    #[arg(long, value_name = "DIR", requires = "samples", conflicts_with_all = NOT_WITH_A_RUN, conflicts_with_all = ["plan", "resume", "toml"], help_heading = "What to calibrate")]
+    #[arg(long, value_name = "DIR", requires = "samples", conflicts_with_all = NOT_WITH_A_RUN, conflicts_with_all = ColumnArgs::NAMES, conflicts_with_all = ["plan", "resume", "toml"], help_heading = "What to calibrate")]
     continue_from: Option<PathBuf>,
 
     /// With --resume: make failed runs once more, after what made them fail was mended; all of them, or those whose
@@ -70,6 +72,10 @@ pub(crate) struct CalibrateArgs {
     /// [default: all]
     #[arg(long, value_name = "T0:T1", value_parser = arguments::window, allow_hyphen_values = true, help_heading = "What to calibrate")]
     window: Option<[f64; 2]>,
+
+    /// Columns of a table.
+    #[command(flatten)]
+    columns: ColumnArgs,
 
     /// How the neck grows
     #[arg(long, value_name = "NAME", default_value = "three-stage", value_parser = arguments::kinetics(), help_heading = "Model")]
@@ -146,7 +152,7 @@ pub(crate) struct CalibrateArgs {
     json: bool,
 
     /// With --dry-run: print the plan file that does the same, for --plan
-    #[arg(long, requires = "dry_run", conflicts_with = "json", help_heading = "Output")]
+    #[arg(long, requires = "dry_run", conflicts_with = "json", conflicts_with_all = ColumnArgs::NAMES, help_heading = "Output")]
     toml: bool,
 
     /// Hold the posterior against quadrature afterwards, and fail where they differ
@@ -185,6 +191,7 @@ impl CalibrateArgs {
         PairOptions {
             material: self.material,
             experiment: self.experiment.clone(),
+            columns: self.columns.columns(),
             prior: self.prior.clone(),
             window_s: self.window,
             kinetics: self.kinetics,
@@ -239,6 +246,11 @@ pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
                 return dry_run(args, planned, &out);
             }
             let terminal = Terminal::new(args.quiet, args.on_interrupt);
+            for (_, observable) in planned.plan.observables() {
+                if let Some(how) = &observable.table_read {
+                    terminal.note(&format!("{}: read {how}", observable.table));
+                }
+            }
             let finished = calibration::run(planned, &options, &terminal)?;
             say(args, &terminal, finished)?
         }

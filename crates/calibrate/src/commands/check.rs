@@ -5,10 +5,11 @@ use std::path::PathBuf;
 use workbench::check::{file_at, together};
 use workbench::error::Failure;
 
+use crate::columns::ColumnArgs;
 use crate::terminal;
 
 /// Files to validate.
-#[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
+#[derive(Debug, Clone, PartialEq, clap::Args)]
 pub(crate) struct CheckArgs {
     /// Descriptions, priors and plans (.toml), observation tables (.csv), posteriors (.json)
     #[arg(value_name = "FILE", required = true)]
@@ -17,13 +18,18 @@ pub(crate) struct CheckArgs {
     /// Say nothing about files that are right
     #[arg(short, long)]
     quiet: bool,
+
+    /// Columns of the tables.
+    #[command(flatten)]
+    columns: ColumnArgs,
 }
 
 /// Runs the command, and holds experiments and priors against each other; it goes on after a mistake, so that all are reported.
 pub(crate) fn run(args: &CheckArgs) -> Result<(), Failure> {
     let mut right = true;
+    let columns = args.columns.columns();
     for file in &args.files {
-        match file_at(file) {
+        match file_at(file, &columns) {
             Ok(understood) => {
                 if !args.quiet {
                     let mut text = format!("{}: ok, {}\n", file.display(), understood.headline);
@@ -42,7 +48,7 @@ pub(crate) fn run(args: &CheckArgs) -> Result<(), Failure> {
             }
         }
     }
-    for warning in together(&args.files) {
+    for warning in together(&args.files, &columns) {
         terminal::warning(&warning);
     }
     if right { Ok(()) } else { Err(Failure::InputReported) }

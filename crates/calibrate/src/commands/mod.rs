@@ -6,6 +6,7 @@ mod compare;
 mod completions;
 mod densify;
 mod export;
+mod init;
 mod inspect;
 mod plot;
 mod predict;
@@ -25,6 +26,7 @@ use compare::CompareArgs;
 use completions::CompletionsArgs;
 use densify::DensifyArgs;
 use export::ExportArgs;
+use init::InitArgs;
 use inspect::InspectArgs;
 use plot::PlotArgs;
 use predict::PredictArgs;
@@ -43,6 +45,8 @@ Examples:
       say what would be done, and stop
   calibrate --material ps --experiment my.csv
       own measurements of a built-in powder
+  calibrate init my.csv
+      own powder: writes my.toml and my-priors.toml for a table
   calibrate --experiment experiments/example-my-powder.toml \\
       --prior priors/example-my-powder.toml
       own powder, own measurements, own priors
@@ -71,6 +75,7 @@ pub(crate) const SHORT_HELP: &str = "\
 Posteriors of sintering parameters from measured neck growth.
 
   calibrate --material ps        calibrate polystyrene and write results/ps/
+  calibrate init my.csv          the files for a table of your own
   calibrate --help               everything else
   calibrate help COMMAND         the options of a command
 
@@ -108,6 +113,8 @@ impl Args {
 /// The commands beside the main job.
 #[derive(Debug, Clone, PartialEq, Subcommand)]
 enum Command {
+    /// Write the experiment and prior files for a table of measurements: the way in for your own powder
+    Init(InitArgs),
     /// Compute one neck growth curve, without calibrating anything
     Simulate(SimulateArgs),
     /// Print the posterior of a run that was saved
@@ -143,6 +150,7 @@ enum Command {
 pub(crate) fn dispatch(args: &Args) -> Result<(), Failure> {
     match &args.command {
         None => calibrate::run(&args.run),
+        Some(Command::Init(args)) => init::run(args),
         Some(Command::Simulate(args)) => simulate::run(args),
         Some(Command::Inspect(args)) => inspect::run(args),
         Some(Command::Plot(args)) => plot::run(args),

@@ -246,7 +246,8 @@ fn unquoted(cell: &str) -> Cow<'_, str> {
 }
 
 /// A number as C, Python and Fortran (1.0D-3) write it; nan and inf are numbers here.
-pub(super) fn number(text: &str) -> Option<f64> {
+#[must_use]
+pub fn number(text: &str) -> Option<f64> {
     let text = text.trim();
     text.parse().ok().or_else(|| {
         let plain = text.len() < 64 && text.bytes().next().is_some_and(|b| b != b'd' && b != b'D');

@@ -12,6 +12,7 @@
 use libfuzzer_sys::fuzz_target;
 use workbench::input::data_table::DataTable;
 use workbench::error::InputError;
+use workbench::input::columns::{Columns, Quantity, Unit};
 use workbench::input::experiment::Experiment;
 use workbench::input::observation_table::{self, ObservationTable};
 use workbench::input::prior_file::PriorFile;
@@ -31,20 +32,33 @@ fn refused<T>(outcome: Result<T, InputError>) -> Option<T> {
 
 fuzz_target!(|bytes: &[u8]| {
     let Some((&which, rest)) = bytes.split_first() else { return };
-    let Some(text) = refused(text_file::decode("fuzz", rest.to_vec())) else { return };
-    match which % 10 {
-        0 => {
-            if let Some(table) = refused(ObservationTable::parse("fuzz.csv", &text)) {
-                // What is read is a table, and what is written reads back.
-                assert!(!table.is_empty() && table.time_s.is_sorted());
-                assert_eq!(ObservationTable::parse("again.csv", &table.to_csv()), Ok(table));
-            }
+    // Tables may be in more encodings than other files.
+    if which % 11 < 2 {
+        let Some((text, _)) = refused(text_file::decode_table("fuzz", rest.to_vec())) else { return };
+        let necks = Columns {
+            quantity: Some(Quantity::NeckRadius),
+            time_unit: Unit::parse("min"),
+            value_unit: Unit::parse("um"),
+            ..Columns::default()
+        };
+        let columns = if which % 11 == 0 { Columns::default() } else { necks };
+        let read = ObservationTable::parse_as("fuzz.csv", &text, &columns, Some(20e-6));
+        if let Some(table) = refused(read) {
+            // What is read is a table, and what is written reads back.
+            assert!(!table.is_empty() && table.time_s.is_sorted());
+            let again = ObservationTable::parse("again.csv", &table.to_csv()).expect("its own form");
+            assert_eq!((again.time_s, again.contact_ratio), (table.time_s, table.contact_ratio));
+            assert_eq!(again.sigma, table.sigma);
         }
-        1 => {
+        return;
+    }
+    let Some(text) = refused(text_file::decode("fuzz", rest.to_vec())) else { return };
+    match which % 11 {
+        10 => {
             refused(observation_table::parse_times("fuzz.csv", &text));
         }
         2 => {
-            let table = |name: &str| {
+            let table = |name: &str, _: &Columns, _: f64| {
                 ObservationTable::parse(name, "time_s,contact_ratio\n0.5,0.4\n1,0.6\n")
                     .map(|table| (name.to_owned(), table))
             };

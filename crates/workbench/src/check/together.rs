@@ -6,6 +6,7 @@ use dem_core::Kinetics;
 
 use super::{TomlKind, toml_kind};
 use crate::careful::Careful;
+use crate::input::columns::Columns;
 use crate::input::experiment::{Experiment, is_toml};
 use crate::input::prior_file::PriorFile;
 use crate::input::text_file;
@@ -23,7 +24,7 @@ const TAU_S_FACTOR: f64 = 10.0;
 
 /// Warnings on every experiment with every file of priors among some files. Files of other kinds, and files with
 /// mistakes, which are told by themselves, are passed over.
-pub fn together(files: &[PathBuf]) -> Vec<String> {
+pub fn together(files: &[PathBuf], said: &Columns) -> Vec<String> {
     let of_kind = |kind: TomlKind| {
         files.iter().filter(move |file| kind_of(file) == Some(kind)).collect::<Vec<_>>()
     };
@@ -31,12 +32,13 @@ pub fn together(files: &[PathBuf]) -> Vec<String> {
     let mut warnings = Vec::new();
     for path in experiments {
         for file in &priors {
-            let (Ok(experiment), Ok(priors)) = (Experiment::read(path), PriorFile::read(file))
+            let (Ok(experiment), Ok(priors)) =
+                (Experiment::read(path, said), PriorFile::read(file))
             else {
                 continue;
             };
             warnings.extend(cut_off(&experiment, &priors));
-            warnings.extend(sintering_time((path, &experiment), (file, &priors)));
+            warnings.extend(sintering_time((path, &experiment), (file, &priors), said));
         }
     }
     warnings
@@ -75,6 +77,7 @@ fn cut_off(experiment: &Experiment, priors: &PriorFile) -> Option<String> {
 fn sintering_time(
     (path, experiment): (&Path, &Experiment),
     (file, priors): (&Path, &PriorFile),
+    said: &Columns,
 ) -> Option<String> {
     let prior = priors.get(ParameterName::TauS)?;
     // With a free clock the times themselves are open.
@@ -85,6 +88,7 @@ fn sintering_time(
         experiment: Some(path.to_owned()),
         prior: Some(file.to_owned()),
         kinetics: Kinetics::Frenkel,
+        columns: said.clone(),
         ..PairOptions::default()
     };
     let plan = options.plan().ok()?.plan;

@@ -15,6 +15,7 @@
 //! | `final_contact_ratio_reason` | optional | the reason for this phi |
 //! | `window_s` | default: all rows | `[from, to]`, the observations to fit \[s\] |
 //! | `source` | optional | who measured it, and where it was published |
+//! | `[columns]` | optional | what the header of the table does not say ([`Columns`]) |
 //!
 //! Fields of the table `[powder]`, for a material that is not built in:
 //!
@@ -34,11 +35,13 @@ use std::path::{Path, PathBuf};
 
 use dem_core::{PairSpec, Powder};
 
+pub use self::particles::Constant;
 use self::particles::{particles, radius};
 use crate::careful::Careful;
 use crate::error::{InputError, Mistake};
+use crate::input::columns::Columns;
 use crate::input::material::Material;
-use crate::input::observation_table::ObservationTable;
+use crate::input::observation_table::{LARGEST_CONTACT_RATIO, ObservationTable};
 use crate::input::text_file;
 use crate::input::toml_fields::{At, Document, Fields};
 
@@ -115,7 +118,7 @@ impl Experiment {
                 .did_you_mean(name, BUILT_IN_NAMES));
         };
         let description = format!("built-in experiments/{name}.toml");
-        Self::parse(&description, name, built_in.description, |table| {
+        Self::parse(&description, name, built_in.description, |table, _, _| {
             let table_name = format!("built-in experiments/{table}");
             ObservationTable::parse(&table_name, built_in.table).map(|table| (table_name, table))
         })
@@ -127,19 +130,29 @@ impl Experiment {
     }
 
     /// The experiment that `--experiment` names: a description, a bare table (which needs a material), or a built-in
-    /// experiment by its name. `material` is that of `--material`.
+    /// experiment by its name. `material` is that of `--material`, and `said` of the columns goes before what the description
+    /// says of them.
     ///
     /// # Errors
     ///
     /// [`InputError`] from the file, or where `--material` and the description exclude each other.
-    pub fn open(argument: &Path, material: Option<Material>) -> Result<Self, InputError> {
+    pub fn open(
+        argument: &Path,
+        material: Option<Material>,
+        said: &Columns,
+    ) -> Result<Self, InputError> {
         let built_in = argument.to_str().filter(|name| BUILT_IN_NAMES.contains(name));
         let experiment = if let Some(name) = built_in.filter(|_| !argument.exists()) {
+            if *said != Columns::default() {
+                return Err(InputError::new("--experiment", Mistake::Conflict)
+                    .found(format_args!("{name}, whose columns are known, and options on columns"))
+                    .help("leave out one of them"));
+            }
             Self::built_in(name)?
         } else if is_toml(argument) {
-            Self::read(argument)?
+            Self::read(argument, said)?
         } else {
-            return Self::from_table(argument, material);
+            return Self::from_table(argument, material, said);
         };
         match (material, experiment.material) {
             (Some(asked), Some(described)) if asked != described => {
@@ -161,28 +174,37 @@ impl Experiment {
         }
     }
 
-    /// Reads a description and its table.
-    pub fn read(path: &Path) -> Result<Self, InputError> {
+    /// Reads a description and its table; `said` of the columns goes before what the description says of them.
+    pub fn read(path: &Path, said: &Columns) -> Result<Self, InputError> {
         let text = text_file::read(path)?;
         let stem = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into());
-        Self::parse(&path.display().to_string(), &stem, &text, |table| {
+        Self::parse(&path.display().to_string(), &stem, &text, |table, columns, radius_m| {
             let table_path = match path.parent() {
                 Some(folder) => folder.join(table),
                 None => PathBuf::from(table),
             };
-            Ok((table_path.display().to_string(), ObservationTable::read(&table_path)?))
+            let columns = said.clone().or(columns);
+            let table = ObservationTable::read(&table_path, &columns, Some(radius_m))?;
+            Ok((table_path.display().to_string(), table))
         })
     }
 
     /// A bare table of a built-in material.
-    fn from_table(path: &Path, material: Option<Material>) -> Result<Self, InputError> {
-        let table = ObservationTable::read(path)?;
+    fn from_table(
+        path: &Path,
+        material: Option<Material>,
+        said: &Columns,
+    ) -> Result<Self, InputError> {
+        let radius_m = material.map(|material| material.powder().radius_m);
+        let table = ObservationTable::read(path, said, radius_m)?;
         let table_name = path.display().to_string();
         let Some(material) = material else {
             return Err(InputError::new(&table_name, Mistake::MissingField)
                 .found("a bare table, which does not say what the particles are made of")
                 .help("add --material ps|pa12|peek")
-                .help("or describe your own powder in a TOML file (see experiments/example-my-powder.toml) and name that"));
+                .help(format_args!(
+                    "or describe your own powder: calibrate init {table_name} writes the files"
+                )));
         };
         Ok(Self {
             name: path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into()),
@@ -201,12 +223,13 @@ impl Experiment {
         })
     }
 
-    /// Reads a description from text; `open_table` reads the table that it names and says what it is called.
+    /// Reads a description from text; `open_table` reads the table that it names, with the columns that it says and the
+    /// particle radius \[m\] that lengths are divided by, and says what it is called.
     pub fn parse(
         file: &str,
         default_name: &str,
         text: &str,
-        open_table: impl FnOnce(&str) -> Result<(String, ObservationTable), InputError>,
+        open_table: impl FnOnce(&str, &Columns, f64) -> Result<(String, ObservationTable), InputError>,
     ) -> Result<Self, InputError> {
         let document = Document::parse(file, text)?;
         let fields = document.top();
@@ -233,6 +256,7 @@ impl Experiment {
         };
         let window = fields.pair("window_s")?;
         let table_field = fields.text("table")?;
+        let columns = fields.table("columns")?.map(|columns| Columns::of(&columns)).transpose()?;
         fields.finish()?;
 
         let Some(table_field) = table_field else {
@@ -240,7 +264,9 @@ impl Experiment {
                 "add table = \"my-powder.csv\", a CSV with the columns time_s and contact_ratio",
             ));
         };
-        let (table_name, table) = open_table(table_field.value)
+        let columns = columns.unwrap_or_default();
+        let measured = measured_radius_m.unwrap_or(powder.radius_m);
+        let (table_name, table) = open_table(table_field.value, &columns, measured)
             .map_err(|error| error.named_in(&fields, "table", table_field.line))?;
         if let Some(At { value: window, line }) = window {
             check_window(&table, &table_name, window).map_err(|error| InputError {
@@ -324,6 +350,7 @@ impl Experiment {
     fn below_the_adhesive_contact(&self) -> Option<String> {
         let pair = PairSpec::new(self.powder, self.final_contact_ratio).build().ok()?;
         let start = pair.start_contact_ratio();
+        let largest = self.table.contact_ratio.iter().copied().fold(0.0, f64::max);
         let below = self.table.contact_ratio.iter().filter(|ratio| **ratio < start).count();
         (2 * below > self.table.len()).then(|| {
             let warning = Careful::BelowAdhesiveContact {
@@ -332,6 +359,8 @@ impl Experiment {
                 rows: self.table.len(),
                 start,
                 radius_m: self.powder.radius_m,
+                in_metres: Some(largest / self.powder.radius_m)
+                    .filter(|ratio| (0.05..=LARGEST_CONTACT_RATIO).contains(ratio)),
             };
             warning.to_string()
         })
@@ -354,7 +383,7 @@ pub fn is_toml(path: &Path) -> bool {
 ///
 /// The expected range and a remedy.
 pub fn checked_phi(phi: f64) -> Result<f64, (&'static str, &'static str)> {
-    if (0.1..=crate::input::observation_table::LARGEST_CONTACT_RATIO).contains(&phi) {
+    if (0.1..=LARGEST_CONTACT_RATIO).contains(&phi) {
         Ok(phi)
     } else {
         Err((

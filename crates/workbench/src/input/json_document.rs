@@ -15,7 +15,7 @@ use crate::error::{InputError, Mistake};
 /// A mistake in JSON and its place in the text.
 pub(crate) struct Refused {
     pub(crate) offset: usize,
-    pub(crate) error: InputError,
+    pub(crate) error: Box<InputError>,
 }
 
 /// Parses a JSON object, strictly: no comments, no trailing commas.
@@ -34,7 +34,9 @@ pub(crate) fn parse<'i>(name: &str, text: &'i str) -> Result<Spanned<DeTable<'i>
     };
     let syntax = |offset, found: String| Refused {
         offset,
-        error: InputError::new(name, Mistake::Syntax).found(format_args!("not JSON: {found}")),
+        error: InputError::new(name, Mistake::Syntax)
+            .found(format_args!("not JSON: {found}"))
+            .into(),
     };
     let parsed = parse_to_ast(text, &CollectOptions::default(), &strict)
         .map_err(|error| syntax(error.range().start, error.kind().to_string()))?;
@@ -48,7 +50,8 @@ pub(crate) fn parse<'i>(name: &str, text: &'i str) -> Result<Spanned<DeTable<'i>
             offset: range.start,
             error: InputError::new(name, Mistake::WrongType)
                 .found(format_args!("a {}", other.type_str()))
-                .expected("an object { ... }"),
+                .expected("an object { ... }")
+                .into(),
         }),
     }
 }
@@ -62,7 +65,7 @@ fn convert<'i>(name: &str, value: Value<'i>) -> Result<(DeValue<'i>, Range<usize
     let range = span(&value);
     let refuse = |offset, mistake, found: String| Refused {
         offset,
-        error: InputError::new(name, mistake).found(found),
+        error: InputError::new(name, mistake).found(found).into(),
     };
     let converted = match value {
         Value::StringLit(text) => DeValue::String(text.value),
@@ -74,7 +77,7 @@ fn convert<'i>(name: &str, value: Value<'i>) -> Result<(DeValue<'i>, Range<usize
             .into_inner(),
         Value::NullKeyword(_) => {
             let mut refused = refuse(range.start, Mistake::WrongType, "null".to_owned());
-            refused.error = refused.error.help("leave the field out if there is nothing to say");
+            *refused.error = refused.error.help("leave the field out if there is nothing to say");
             return Err(refused);
         }
         Value::Array(array) => {

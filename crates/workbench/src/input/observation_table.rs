@@ -1,27 +1,30 @@
-//! A table of observations: times and contact ratios, as CSV.
+//! A table of observations: times and contact ratios.
 //!
-//! A header line names the columns; the order is free:
+//! The documented form is a CSV whose header names the columns; their order is free:
 //!
 //! | column | | unit | range |
 //! |---|---|---|---|
-//! | `time_s` | required | s after first contact | >= 0, each later than the one before |
+//! | `time_s` | required | s after first contact | 0, or 1e-15 to 1e15, each later than the one before |
 //! | `contact_ratio` | required | a/R, neck radius over particle radius | 0 to 2 |
 //! | `sigma` | optional | standard deviation of `contact_ratio` | > 0; used by `--noise fixed:table` |
 //!
-//! How it is written is free as in any [data table](crate::input::data_table): separators, comments (`#`), line ends, a byte
-//! order mark. At least one row, at most a million.
+//! Tables of spreadsheets, with other names, units and quantities, are read as [`crate::input::spreadsheet`] says, and
+//! [`ObservationTable::how`] tells how. At least one row, at most a million.
 
 use std::fmt::Write as _;
 use std::path::Path;
 
-use crate::error::{InputError, Mistake, nearest};
-use crate::input::data_table::DataTable;
+use crate::error::{InputError, Mistake};
+use crate::input::columns::{Columns, Quantity};
+use crate::input::spreadsheet::{Asked, Column, Sheet};
 use crate::input::text_file;
+use crate::number::significant;
 
 /// Largest believable contact ratio: two equal spheres that have merged have 1.26.
 pub const LARGEST_CONTACT_RATIO: f64 = 2.0;
 
-const COLUMNS: [&str; 3] = ["time_s", "contact_ratio", "sigma"];
+/// Times that are computed with \[s\], beside 0: the model's numbers stay within those of double precision.
+pub const TIMES_S: std::ops::RangeInclusive<f64> = 1e-15..=1e15;
 
 /// The shortest table.
 const SHORTEST: &str = "time_s,contact_ratio\n0.5,0.41";
@@ -37,33 +40,82 @@ pub struct ObservationTable {
     pub sigma: Option<Vec<f64>>,
     /// Line of each observation in the file, from 1.
     pub lines: Vec<usize>,
+    /// How the table was read, in one line; none for one in the documented form.
+    pub how: Option<String>,
 }
 
 impl ObservationTable {
-    /// Reads a file.
-    pub fn read(path: &Path) -> Result<Self, InputError> {
-        Self::parse(&path.display().to_string(), &text_file::read(path)?)
+    /// Reads a file, whose columns are those of [`Columns`]. Lengths are divided by the particle radius \[m\].
+    pub fn read(path: &Path, columns: &Columns, radius_m: Option<f64>) -> Result<Self, InputError> {
+        let (text, encoding) = text_file::read_table(path)?;
+        let mut table = Self::parse_as(&path.display().to_string(), &text, columns, radius_m)?;
+        if let Some(encoding) = encoding {
+            let how = table.how.take().map_or_else(String::new, |how| format!("{how}; "));
+            table.how = Some(format!("{how}text in {encoding}"));
+        }
+        Ok(table)
     }
 
-    /// Reads text; `name` is what errors call it.
+    /// Reads text whose header says everything; `name` is what errors call it.
     pub fn parse(name: &str, text: &str) -> Result<Self, InputError> {
-        let table = DataTable::parse(name, text, SHORTEST)?;
-        if let Some(unknown) = table.columns().iter().find(|name| !COLUMNS.contains(&name.as_str()))
-        {
-            return Err(unknown_column(&table, unknown));
+        Self::parse_as(name, text, &Columns::default(), None)
+    }
+
+    /// As [`read`](Self::read), from text.
+    pub fn parse_as(
+        name: &str,
+        text: &str,
+        columns: &Columns,
+        radius_m: Option<f64>,
+    ) -> Result<Self, InputError> {
+        let sheet =
+            Sheet::read(name, text, Asked { columns, with_value: true, example: SHORTEST })?;
+        let Some((value, quantity)) = &sheet.value else {
+            return Err(InputError::new(name, Mistake::MissingColumn).found("no contact ratios"));
+        };
+        let length = matches!(quantity, Quantity::NeckRadius | Quantity::NeckDiameter);
+        if length && radius_m.is_none() {
+            return Err(InputError::new(name, Mistake::MissingField)
+                .in_column(&value.name)
+                .found(format_args!(
+                    "a {}, and no particle radius to divide it by",
+                    quantity.name()
+                ))
+                .help(format_args!(
+                    "calibrate init {name} --radius-m 30e-6 writes an experiment file with a radius"
+                ))
+                .help("or name the powder: --material ps|pa12|peek"));
         }
-        for column in ["time_s", "contact_ratio"] {
-            table.place(column).map_err(|error| {
-                error.help("the columns are time_s, contact_ratio and, if you have it, sigma")
-            })?;
+        let radius = radius_m.unwrap_or(1.0);
+        let ratios = |column: &Column<'_>| -> Vec<f64> {
+            column.si.iter().map(|value| quantity.contact_ratio(*value, radius)).collect()
+        };
+        let contact_ratio = ratios(value);
+        let sigma = sheet.sigma.as_ref().map(ratios);
+        let checker = Checker { name, lines: &sheet.lines };
+        let mut wrong = checker.times(&sheet.time);
+        wrong.extend(checker.contact_ratios(value, *quantity, &contact_ratio, radius_m));
+        if let (Some(column), Some(sigma)) = (&sheet.sigma, &sigma) {
+            wrong.extend(checker.sigmas(column, sigma));
         }
-        let with_sigma = table.columns().iter().any(|name| name == "sigma");
-        let time_s = times(&table)?;
+        wrong.sort_by_key(|error| error.line);
+        if let Some(wrong) = InputError::all(wrong) {
+            return Err(wrong);
+        }
+        let over = |radius: f64| {
+            format!(
+                "; divided by {}R = {} um",
+                if *quantity == Quantity::NeckDiameter { "2" } else { "" },
+                significant(1e6 * radius, 4)
+            )
+        };
+        let divided = radius_m.filter(|_| length).map_or_else(String::new, over);
         Ok(Self {
-            lines: (0..time_s.len()).map(|row| table.line_of(row)).collect(),
-            time_s,
-            contact_ratio: contact_ratios(&table)?,
-            sigma: with_sigma.then(|| sigmas(&table)).transpose()?,
+            how: sheet.how.map(|how| format!("{how}{divided}")),
+            time_s: sheet.time.si,
+            contact_ratio,
+            sigma,
+            lines: sheet.lines,
         })
     }
 
@@ -95,6 +147,7 @@ impl ObservationTable {
             contact_ratio: kept(&self.contact_ratio),
             sigma: self.sigma.as_ref().map(kept),
             lines: rows().map(|row| self.lines[row]).collect(),
+            how: self.how.clone(),
         }
     }
 
@@ -116,100 +169,151 @@ impl ObservationTable {
 
 /// A list of times \[s\] for curves: a table with the one column `time_s`, or an observation table, whose times are taken.
 pub fn parse_times(name: &str, text: &str) -> Result<Vec<f64>, InputError> {
-    let table = DataTable::parse(name, text, SHORTEST)?;
-    if table.columns() == ["time_s"] {
-        times(&table)
-    } else {
-        ObservationTable::parse(name, text).map(|table| table.time_s)
+    let asked = Asked { columns: &Columns::default(), with_value: false, example: SHORTEST };
+    let sheet = Sheet::read(name, text, asked)?;
+    let checker = Checker { name, lines: &sheet.lines };
+    match InputError::all(checker.times(&sheet.time)) {
+        Some(wrong) => Err(wrong),
+        None => Ok(sheet.time.si),
     }
 }
 
-fn unknown_column(table: &DataTable<'_>, column: &str) -> InputError {
-    let error = InputError::new(table.name, Mistake::UnknownField)
-        .at_line(table.names_line())
-        .in_column(column)
-        .found("unknown column");
-    let lower = column.to_lowercase();
-    let absent = |wanted: &str| !table.columns().iter().any(|name| name == wanted);
-    if absent("time_s") && (lower.contains("time") || lower == "t" || lower.starts_with("t [")) {
-        error.help("give times in seconds, in a column called time_s")
-    } else if absent("contact_ratio")
-        && (lower == "a/r" || lower.contains("ratio") || lower.contains("neck"))
-    {
-        error.help("give neck radius over particle radius, in a column called contact_ratio")
-    } else if let Some(near) = nearest(column, COLUMNS.into_iter().filter(|c| absent(c))) {
-        error.help(format_args!("did you mean {near}?"))
-    } else {
-        error
-            .help("the columns are time_s, contact_ratio and, if you have it, sigma; remove others")
-    }
+/// Checks the numbers of a table.
+struct Checker<'a> {
+    name: &'a str,
+    lines: &'a [usize],
 }
 
-/// The times: not negative, each later than the one before.
-fn times(table: &DataTable<'_>) -> Result<Vec<f64>, InputError> {
-    let times = numbers(table, "time_s")?;
-    for (row, &time) in times.iter().enumerate() {
-        let mistake = |mistake| table.mistake_in(row, "time_s", mistake);
-        if time < 0.0 {
-            return Err(mistake(Mistake::Negative)
-                .expected("a number >= 0")
-                .help("times count from first contact; remove or shift what comes before it"));
+impl Checker<'_> {
+    fn mistake(&self, column: &Column<'_>, row: usize, mistake: Mistake) -> InputError {
+        InputError::new(self.name, mistake)
+            .at_line(self.lines[row])
+            .in_column(&column.name)
+            .found(&column.cells[row])
+    }
+
+    /// The times: not negative, each later than the one before.
+    fn times(&self, column: &Column<'_>) -> Vec<InputError> {
+        let mut wrong = Vec::new();
+        for (row, &time) in column.si.iter().enumerate() {
+            let mistake = |mistake| self.mistake(column, row, mistake);
+            if time < 0.0 {
+                wrong.push(
+                    mistake(Mistake::Negative).expected("a number >= 0").help(
+                        "times count from first contact; remove or shift what comes before it",
+                    ),
+                );
+            } else if time != 0.0 && !TIMES_S.contains(&time) {
+                wrong.push(
+                    mistake(Mistake::OutOfRange)
+                        .expected("0, or a time between 1e-15 and 1e15 s")
+                        .help("a slip of the exponent?"),
+                );
+            }
+            if row == 0 || time > column.si[row - 1] {
+                continue;
+            }
+            let (found, previous, line) =
+                (&column.cells[row], &column.cells[row - 1], self.lines[row - 1]);
+            wrong.push(if time == column.si[row - 1] {
+                mistake(Mistake::Duplicate)
+                    .found(format_args!("{found}, the same as in line {line}"))
+                    .expected("a later time")
+                    .help("average repeated measurements, or put each pair into a table of its own")
+            } else {
+                mistake(Mistake::Unsorted)
+                    .expected(format_args!("a time after the {previous} of line {line}"))
+                    .help("sort the rows by time")
+            });
         }
-        if row == 0 || time > times[row - 1] {
-            continue;
+        wrong
+    }
+
+    /// The contact ratios: 0 to [`LARGEST_CONTACT_RATIO`].
+    fn contact_ratios(
+        &self,
+        column: &Column<'_>,
+        quantity: Quantity,
+        ratios: &[f64],
+        radius_m: Option<f64>,
+    ) -> Vec<InputError> {
+        let mut wrong = Vec::new();
+        let mut hint = Some(meant(quantity, ratios, radius_m));
+        for (row, &ratio) in ratios.iter().enumerate() {
+            if ratio < 0.0 {
+                wrong.push(
+                    self.mistake(column, row, Mistake::Negative)
+                        .expected("a number >= 0")
+                        .help("a neck cannot be negative; set it to 0 or remove the row"),
+                );
+            } else if ratio > LARGEST_CONTACT_RATIO {
+                let mut error = self
+                    .mistake(column, row, Mistake::OutOfRange)
+                    .expected("a/R between 0 and 2 (merged spheres have 1.26)");
+                // Once for the column.
+                error.help.extend(hint.take().unwrap_or_default());
+                wrong.push(error);
+            }
         }
-        let (previous, line) = (times[row - 1], table.line_of(row - 1));
-        return Err(if time == previous {
-            mistake(Mistake::Duplicate)
-                .found(format_args!("{time}, the same as in line {line}"))
-                .expected("a later time")
-                .help("average repeated measurements, or put each pair into a table of its own")
-        } else {
-            mistake(Mistake::Unsorted)
-                .expected(format_args!("a time after the {previous} of line {line}"))
-                .help("sort the rows by time")
-        });
+        wrong
     }
-    Ok(times)
-}
 
-/// A column that cannot be negative.
-fn numbers(table: &DataTable<'_>, column: &str) -> Result<Vec<f64>, InputError> {
-    table.column(column).map_err(|error| match error.mistake {
-        Mistake::WrongType | Mistake::NotFinite => error.expected("a number >= 0"),
-        _ => error,
-    })
-}
-
-/// The contact ratios: 0 to [`LARGEST_CONTACT_RATIO`].
-fn contact_ratios(table: &DataTable<'_>) -> Result<Vec<f64>, InputError> {
-    let ratios = numbers(table, "contact_ratio")?;
-    let wrong = |ratio: &f64| !(0.0..=LARGEST_CONTACT_RATIO).contains(ratio);
-    let Some(row) = ratios.iter().position(wrong) else { return Ok(ratios) };
-    let mistake = |mistake| table.mistake_in(row, "contact_ratio", mistake);
-    if ratios[row] < 0.0 {
-        return Err(mistake(Mistake::Negative)
-            .expected("a number >= 0")
-            .help("a neck cannot be negative; set it to 0 or remove the row"));
+    /// The standard deviations: above zero.
+    fn sigmas(&self, column: &Column<'_>, sigmas: &[f64]) -> Vec<InputError> {
+        let wrong = sigmas.iter().enumerate().filter(|(_, sigma)| **sigma <= 0.0);
+        wrong
+            .map(|(row, &sigma)| {
+                let mistake = if sigma < 0.0 { Mistake::Negative } else { Mistake::OutOfRange };
+                self.mistake(column, row, mistake).expected("a number > 0").help(
+                    "sigma is the standard deviation of contact_ratio; no measurement is exact",
+                )
+            })
+            .collect()
     }
-    let error =
-        mistake(Mistake::OutOfRange).expected("a/R between 0 and 2 (merged spheres have 1.26)");
-    Err(if (10.0..=100.0 * LARGEST_CONTACT_RATIO).contains(&ratios[row]) {
-        error.help("in percent? divide by 100; in micrometres? divide by the particle radius")
-    } else {
-        error.help("contact_ratio is neck radius over particle radius, not over diameter")
-    })
 }
 
-/// The standard deviations: above zero.
-fn sigmas(table: &DataTable<'_>) -> Result<Vec<f64>, InputError> {
-    let sigmas = table.column("sigma")?;
-    let Some(row) = sigmas.iter().position(|&sigma| sigma <= 0.0) else { return Ok(sigmas) };
-    let mistake = if sigmas[row] < 0.0 { Mistake::Negative } else { Mistake::OutOfRange };
-    Err(table
-        .mistake_in(row, "sigma", mistake)
-        .expected("a number > 0")
-        .help("sigma is the standard deviation of contact_ratio; no measurement is exact"))
+/// What contact ratios above 2 probably are, with the conversion of the largest.
+fn meant(quantity: Quantity, ratios: &[f64], radius_m: Option<f64>) -> Vec<String> {
+    let largest = ratios.iter().copied().fold(0.0, f64::max);
+    let shown = significant(largest, 3);
+    let mut meant = Vec::new();
+    match quantity {
+        Quantity::ContactRatio => {
+            if let Some(radius) = radius_m
+                && (0.05..=LARGEST_CONTACT_RATIO).contains(&(largest * 1e-6 / radius))
+            {
+                meant.push(format!(
+                    "a neck in micrometres? a = {shown} um over R = {} um is a/R = {}: say quantity = \"neck-radius\" and value_unit = \
+                     \"um\" in [columns] of the experiment file, or --quantity neck-radius --value-unit um",
+                    significant(1e6 * radius, 3),
+                    significant(largest * 1e-6 / radius, 3)
+                ));
+            } else if radius_m.is_none() && largest <= 1000.0 {
+                meant.push(
+                    "a neck in micrometres? it is divided by the particle radius with --quantity neck-radius --value-unit um"
+                        .to_owned(),
+                );
+            }
+            if (10.0..=100.0 * LARGEST_CONTACT_RATIO).contains(&largest) {
+                meant.push(format!(
+                    "in percent? {shown} % is a/R = {}: say value_unit = \"%\" in [columns] of the experiment file, or --value-unit %",
+                    significant(largest / 100.0, 3)
+                ));
+            }
+            meant.push(
+                "contact_ratio is neck radius over particle radius, not over diameter".to_owned(),
+            );
+        }
+        Quantity::ContactOverDiameter => meant.push("a/(2R) is at most 1: is it a/R?".to_owned()),
+        Quantity::NeckRadius | Quantity::NeckDiameter => {
+            let radius = significant(1e6 * radius_m.unwrap_or_default(), 3);
+            meant.push(format!(
+                "the neck over R = {radius} um is a/R = {shown} at most: check its unit, the particle radius, and whether it is a \
+                 radius or a diameter"
+            ));
+        }
+    }
+    meant
 }
 
 #[cfg(test)]
@@ -230,6 +334,7 @@ mod tests {
             contact_ratio: vec![0.1, 0.41],
             sigma: None,
             lines: Vec::new(),
+            how: None,
         };
         for text in [
             "time_s,contact_ratio\n0,0.1\n0.5,0.41\n",
@@ -253,9 +358,12 @@ mod tests {
             ("# only a comment\n", Mistake::Empty, None, "empty table"),
             (head, Mistake::Empty, Some(1), "header without rows"),
             ("0,0.1\n1,0.2\n", Mistake::MissingColumn, Some(1), "above the first row"),
+            ("time,a/R\n0,0\n", Mistake::UnknownField, Some(1), "called time_s"),
             ("time_s\n0\n", Mistake::MissingColumn, Some(1), "contact_ratio"),
-            ("time_ms,contact_ratio\n0,0\n", Mistake::UnknownField, Some(1), "called time_s"),
-            ("time_s,a/R\n0,0\n", Mistake::UnknownField, Some(1), "called contact_ratio"),
+            ("time_s,force\n0,0\n", Mistake::MissingColumn, Some(1), "called contact_ratio"),
+            ("time_s,neck\n0,0\n", Mistake::UnknownField, Some(1), "what was measured"),
+            ("time_s,neck radius\n0,0\n", Mistake::UnknownField, Some(1), "neck radius [um]"),
+            ("time_s,neck radius [um]\n0,0\n", Mistake::MissingField, None, "--radius-m"),
             ("time_s,contact_ratio,sigmma\n0,0,1\n", Mistake::UnknownField, Some(1), "mean sigma?"),
             ("time_s,time_s\n0,0\n", Mistake::Duplicate, Some(1), "twice"),
             (&format!("{head}0,0\n2,0.1\n1,0.2\n"), Mistake::Unsorted, Some(4), "2 of line 3"),
@@ -269,7 +377,10 @@ mod tests {
             (&format!("{head}0,\n"), Mistake::WrongType, Some(2), "nothing"),
             (&format!("{head}0\n"), Mistake::Syntax, Some(2), "1 values, expected 2"),
             (&format!("{head}0,5,0,41\n"), Mistake::Syntax, Some(2), "decimal commas"),
-            ("time_s;contact_ratio\n0,5;0,41\n", Mistake::WrongType, Some(2), "a point: 0.5"),
+            ("time_s;contact_ratio\n0.5;0,41\n", Mistake::WrongType, Some(2), "write all alike"),
+            ("time_s;contact_ratio\n1,234;1,100\n", Mistake::Conflict, Some(2), "one way only"),
+            (&format!("{head}1e-320,0.1\n"), Mistake::OutOfRange, Some(2), "1e-15"),
+            (&format!("{head}1e308,0.1\n"), Mistake::OutOfRange, Some(2), "1e15"),
             (&format!("{head}0,41.0\n"), Mistake::OutOfRange, Some(2), "percent"),
             (&format!("{head}0,2.1\n"), Mistake::OutOfRange, Some(2), "not over diameter"),
             ("time_s,contact_ratio,sigma\n0,0,0\n", Mistake::OutOfRange, Some(2), "exact"),
@@ -288,6 +399,7 @@ mod tests {
             contact_ratio: vec![0.1, 0.2, 0.3, 0.4],
             sigma: Some(vec![0.01, 0.02, 0.03, 0.04]),
             lines: vec![2, 3, 5, 6],
+            how: None,
         };
         let kept = table.within([1.0, 2.0]);
         assert_eq!(kept.lines, [3, 5]);
@@ -341,6 +453,7 @@ mod tests {
                 time_s,
                 contact_ratio: rows.iter().map(|row| row.1).collect(),
                 sigma: with_sigma.then(|| rows.iter().map(|row| row.2).collect()),
+                how: None,
             };
             prop_assert_eq!(ObservationTable::parse("t.csv", &table.to_csv()), Ok(table));
         }

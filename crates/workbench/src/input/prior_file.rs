@@ -201,8 +201,41 @@ fn refused(fields: &Fields<'_>, error: &PriorError) -> InputError {
     }
 }
 
-/// All parameters but t0 are positive, and phi is a contact ratio.
+/// All parameters but t0 are positive, phi is a contact ratio, and none is of a size that no number of the result could hold.
 pub(crate) fn check_support(
+    parameter: ParameterName,
+    fields: &Fields<'_>,
+    spec: &PriorSpec,
+) -> Result<(), InputError> {
+    check_sign(parameter, fields, spec)?;
+    let [least, most] = parameter.range();
+    // An end within the tails is as good as reached: 5 sds of a logarithm, 8 sds of what cannot be negative.
+    let ends = match *spec {
+        PriorSpec::Uniform { lower, upper }
+        | PriorSpec::LogUniform { lower, upper }
+        | PriorSpec::TruncatedNormal { lower, upper, .. } => [("lower", lower), ("upper", upper)],
+        PriorSpec::Normal { mean, sd } => [("mean", mean), ("sd", 8.0 * sd)],
+        PriorSpec::LogNormal { median, sd_log10 } => {
+            let decades = 10f64.powf(5.0 * sd_log10);
+            [("sd_log10", median / decades), ("sd_log10", median * decades)]
+        }
+    };
+    let far = ends.into_iter().find(|(_, end)| {
+        *end != 0.0 && (end.abs() > most || (end.abs() < least && !parameter.may_be_negative()))
+    });
+    let Some((key, end)) = far else { return Ok(()) };
+    let (name, unit) = (parameter.name(), parameter.unit());
+    Err(mistake_in(fields, key, Mistake::OutOfRange)
+        .found(if key == "sd_log10" {
+            format!("a prior that goes to {end:e}")
+        } else {
+            format!("{end:e}")
+        })
+        .expected(format_args!("a {name} between {least:e} and {most:e} {unit}"))
+        .help("a slip of the exponent? a prior of several decades is wide"))
+}
+
+fn check_sign(
     parameter: ParameterName,
     fields: &Fields<'_>,
     spec: &PriorSpec,

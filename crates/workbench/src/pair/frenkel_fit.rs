@@ -1,6 +1,6 @@
 //! The best Frenkel curve: least squares in tau_s, the one-parameter model that the paper compares with.
 
-use dem_core::Kinetics;
+use dem_core::{Kinetics, Sintering};
 use smc_calib::SimError;
 
 use crate::pair::model::NeckGrowth;
@@ -24,15 +24,35 @@ pub(crate) fn best_tau_s_of(
     model: &NeckGrowth,
     observed: &[f64],
 ) -> Result<f64, SimError> {
+    let of_kinetics = model.with_kinetics(kinetics);
+    let best = least_squares(model.last_s(), observed, |sintering, curve| {
+        of_kinetics.curve(sintering, curve)
+    })?;
+    Ok(best.tau_s)
+}
+
+/// A sintering time with the least sum of squares.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Best {
+    /// The sintering time \[s\].
+    pub(crate) tau_s: f64,
+    /// The sum of squares of the residuals.
+    pub(crate) sum_of_squares: f64,
+}
+
+/// The same for any curve that depends on tau_s alone, with the last observation at `last_s` \[s\] after first contact.
+pub(crate) fn least_squares<E>(
+    last_s: f64,
+    observed: &[f64],
+    mut curve_of: impl FnMut(&Sintering, &mut [f64]) -> Result<(), E>,
+) -> Result<Best, E> {
     const SCAN: usize = 400;
-    let frenkel = model.with_kinetics(kinetics);
     let mut curve = vec![0.0; observed.len()];
-    let mut cost = |ln_tau: f64| -> Result<f64, SimError> {
-        let sintering = dem_core::Sintering { c1: 1.0, tau_s: ln_tau.exp(), delta_c: 1.0 };
-        frenkel.curve(&sintering, &mut curve)?;
+    let mut cost = |ln_tau: f64| -> Result<f64, E> {
+        curve_of(&Sintering { c1: 1.0, tau_s: ln_tau.exp(), delta_c: 1.0 }, &mut curve)?;
         Ok(observed.iter().zip(&curve).map(|(o, c)| (o - c) * (o - c)).sum())
     };
-    let last = model.last_s().max(f64::MIN_POSITIVE);
+    let last = last_s.max(f64::MIN_POSITIVE);
     let centre = last.ln();
     let half_width = 5.0 * std::f64::consts::LN_10;
     let step = 2.0 * half_width / SCAN as f64;
@@ -59,7 +79,8 @@ pub(crate) fn best_tau_s_of(
             at_right = cost(right)?;
         }
     }
-    Ok((0.5 * (lower + upper)).exp())
+    let middle: f64 = 0.5 * (lower + upper);
+    Ok(Best { tau_s: middle.exp(), sum_of_squares: at_left.min(at_right) })
 }
 
 #[cfg(test)]

@@ -50,6 +50,16 @@ impl ParameterName {
         Self::ALL.into_iter().find(|parameter| parameter.name() == name)
     }
 
+    /// The sizes that are computed with, beside 0: far wider than any material, and such that no result overflows.
+    pub fn range(self) -> [f64; 2] {
+        match self {
+            Self::C1 => [1e-30, 1e30],
+            Self::TauS | Self::T0 => [1e-15, 1e15],
+            Self::DeltaC => [1e-15, 1e3],
+            Self::Phi => [0.1, 2.0],
+        }
+    }
+
     /// Whether it is calibrated only where it has a prior: otherwise phi is the experiment's and t0 is zero.
     pub fn is_optional(self) -> bool {
         matches!(self, Self::Phi | Self::T0)

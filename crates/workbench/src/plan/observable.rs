@@ -25,6 +25,7 @@ pub(super) fn observable(
     let mut observable = ObservablePlan {
         name: name.to_owned(),
         table: table_field.value.to_owned(),
+        table_read: None,
         control_column: owned("control")?,
         value_column: owned("value")?.unwrap_or_else(|| name.to_owned()),
         unit: owned("unit")?.unwrap_or_default(),

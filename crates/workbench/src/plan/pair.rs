@@ -13,6 +13,7 @@ use super::types::{
     SolverPlan, is_word,
 };
 use crate::error::{InputError, Mistake};
+use crate::input::columns::Columns;
 use crate::input::experiment::Experiment;
 use crate::input::material::Material;
 use crate::input::prior_file::PriorFile;
@@ -29,6 +30,8 @@ pub struct PairOptions {
     pub material: Option<Material>,
     /// Own measurements: a description, a bare table (which needs a material), or the name of a built-in experiment.
     pub experiment: Option<PathBuf>,
+    /// What is said of the columns of the table beside its header and its description.
+    pub columns: Columns,
     /// Own priors.
     pub prior: Option<PathBuf>,
     /// Fitted window \[s\]; the description's, or all rows, where there is none.
@@ -58,6 +61,7 @@ impl Default for PairOptions {
         Self {
             material: None,
             experiment: None,
+            columns: Columns::default(),
             prior: None,
             window_s: None,
             kinetics: Kinetics::ThreeStage,
@@ -87,7 +91,7 @@ impl PairOptions {
                         experiment.description_name
                     ))
                     .expected("--prior FILE")
-                    .help("start from priors/example-my-powder.toml"));
+                    .help("calibrate init TABLE proposes priors; priors/example-my-powder.toml shows what can stand there"));
             }
         };
         let parameters = priors.parameters(self.kinetics)?;
@@ -135,7 +139,12 @@ impl PairOptions {
 
     fn read_experiment(&self) -> Result<Experiment, InputError> {
         match (&self.experiment, self.material) {
-            (Some(path), material) => Experiment::open(path, material),
+            (Some(path), material) => Experiment::open(path, material, &self.columns),
+            (None, _) if self.columns != Columns::default() => {
+                Err(InputError::new("--experiment", Mistake::MissingField)
+                    .found("options on the columns of a table, and no table")
+                    .expected("--experiment FILE"))
+            }
             (None, Some(material)) => Experiment::of_material(material),
             (None, None) => Err(InputError::new("--material", Mistake::MissingField)
                 .found("neither a material nor an experiment")
@@ -227,6 +236,7 @@ pub(super) fn pair_experiment(
     let observable = ObservablePlan {
         name: CONTACT_RATIO.to_owned(),
         table: experiment.table_name.clone(),
+        table_read: table.how,
         control_column: Some("time_s".to_owned()),
         value_column: CONTACT_RATIO.to_owned(),
         unit: String::new(),

@@ -12,6 +12,7 @@ use super::observable::{checked, noise, window};
 use super::pair::{CONTACT_RATIO, PairModel, pair_experiment};
 use super::types::{ExperimentPlan, PairPlan, SimulatorPlan, SolverPlan};
 use crate::error::{InputError, Mistake, nearest};
+use crate::input::columns::Columns;
 use crate::input::experiment::{BUILT_IN_NAMES, Experiment};
 use crate::input::material::Material;
 use crate::input::prior_file;
@@ -114,7 +115,7 @@ fn experiment(
             if BUILT_IN_NAMES.contains(&value) && !path.exists() {
                 return Experiment::built_in(value);
             }
-            Experiment::open(&path, material).map_err(|error| {
+            Experiment::open(&path, material, &Columns::default()).map_err(|error| {
                 if error.mistake == Mistake::MissingFile {
                     error.help(format_args!("built in are {built_in}")).named_in(
                         fields,

@@ -121,6 +121,9 @@ pub struct ObservablePlan {
     pub name: String,
     /// File of the measurements.
     pub table: String,
+    /// How the table was read, where it is not in the documented form: columns, units, decimals.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub table_read: Option<String>,
     /// Column of the control variable; none where the rows are in no order.
     pub control_column: Option<String>,
     /// Column of the measured values.

@@ -177,6 +177,7 @@ fn observable_lines(observable: &ObservablePlan, worker: bool) -> Vec<String> {
         ),
         format!("    noise     {}", noise_in_words(&observable.noise)),
     ];
+    lines.extend(observable.table_read.iter().map(|how| format!("    read      {how}")));
     if let Some(result) = &observable.result {
         let between = match result.interpolate {
             Interpolation::Linear => "interpolated",

@@ -64,7 +64,7 @@ pub(super) fn particles(fields: &Fields<'_>) -> Result<(Option<Material>, Powder
 
 /// Explains a field of the top that stands below `[powder]`: in TOML it then belongs to that table.
 fn misplaced(error: InputError) -> InputError {
-    const TOP: [&str; 11] = [
+    const TOP: [&str; 12] = [
         "name",
         "title",
         "material",
@@ -76,6 +76,7 @@ fn misplaced(error: InputError) -> InputError {
         "window_s",
         "source",
         "powder",
+        "columns",
     ];
     let field = error.field.as_deref().and_then(|field| field.strip_prefix("field powder."));
     match field.filter(|field| TOP.contains(field)).map(str::to_owned) {
@@ -97,6 +98,21 @@ struct Quantity {
     mistaken: &'static [(&'static str, f64)],
 }
 
+impl Quantity {
+    fn expected(&self) -> String {
+        let Self { unit, range: [low, high], .. } = self;
+        format!("{low:e} to {high:e} {unit}")
+    }
+
+    /// The value in the unit that it was probably given in.
+    fn meant(&self, value: f64, write: &str) -> Option<String> {
+        let [low, high] = self.range;
+        let fits = |(_, scale): &&(&str, f64)| (low..=high).contains(&(value * scale));
+        let (wrong, scale) = self.mistaken.iter().find(fits)?;
+        Some(format!("is that in {wrong}? {write}{value}e{}", scale.log10().round()))
+    }
+}
+
 const YOUNGS_MODULUS: Quantity = Quantity {
     key: "youngs_modulus_pa",
     unit: "Pa",
@@ -116,6 +132,40 @@ const DENSITY: Quantity = Quantity {
     mistaken: &[("g/cm3", 1e3)],
 };
 
+/// A constant of a powder.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Constant {
+    /// Particle radius \[m\]: a nanometre to a centimetre.
+    Radius,
+    /// Young's modulus \[Pa\]: 1e3 to 1e13.
+    YoungsModulus,
+    /// Surface tension \[N/m\]: 1e-4 to 10.
+    SurfaceTension,
+    /// Density \[kg/m3\]: 10 to 1e5.
+    Density,
+}
+
+impl Constant {
+    /// Checks a value in SI.
+    ///
+    /// # Errors
+    ///
+    /// The expected range, and what was probably meant.
+    pub fn checked(self, value: f64) -> Result<f64, (String, Option<String>)> {
+        let quantity = match self {
+            Self::Radius => radius_quantity("radius_m"),
+            Self::YoungsModulus => YOUNGS_MODULUS,
+            Self::SurfaceTension => SURFACE_TENSION,
+            Self::Density => DENSITY,
+        };
+        if (quantity.range[0]..=quantity.range[1]).contains(&value) {
+            Ok(value)
+        } else {
+            Err((quantity.expected(), quantity.meant(value, "write ")))
+        }
+    }
+}
+
 /// Particle radii: a nanometre to a centimetre.
 const fn radius_quantity(key: &'static str) -> Quantity {
     Quantity { key, unit: "m", range: [1e-9, 1e-2], mistaken: &[("um", 1e-6), ("mm", 1e-3)] }
@@ -126,17 +176,14 @@ pub(super) fn radius(fields: &Fields<'_>, key: &'static str) -> Result<Option<f6
 }
 
 fn scaled(fields: &Fields<'_>, quantity: Quantity) -> Result<Option<f64>, InputError> {
-    let Quantity { key, unit, range: [low, high], mistaken } = quantity;
+    let Quantity { key, unit, range: [low, high], .. } = quantity;
     let Some(At { value, line }) = fields.positive(key, unit)? else { return Ok(None) };
     if (low..=high).contains(&value) {
         return Ok(Some(value));
     }
-    let meant = mistaken.iter().find(|(_, scale)| (low..=high).contains(&(value * scale)));
     Err(fields
         .error(key, line, Mistake::OutOfRange)
         .found(value)
-        .expected(format_args!("{low:e} to {high:e} {unit}"))
-        .help_if(meant.map(|(wrong, scale)| {
-            format!("is that in {wrong}? write {key} = {value}e{}", scale.log10().round())
-        })))
+        .expected(quantity.expected())
+        .help_if(quantity.meant(value, &format!("write {key} = "))))
 }

@@ -6,7 +6,7 @@ use super::*;
 const TABLE: &str = "time_s,contact_ratio\n0,0.1\n1,0.5\n2,1.0\n";
 
 fn parse(text: &str) -> Result<Experiment, InputError> {
-    Experiment::parse("my.toml", "my", text, |name| {
+    Experiment::parse("my.toml", "my", text, |name, _, _| {
         Ok((name.to_owned(), ObservationTable::parse(name, TABLE)?))
     })
 }
@@ -133,4 +133,27 @@ proptest! {
         let text: String = keys.iter().map(|(key, value)| format!("{key} = {value}\n")).collect();
         let _ = parse(&text);
     }
+}
+
+#[test]
+fn necks_in_metres_are_told_with_their_conversion_and_divided_when_it_is_said() {
+    let table = "time_s,contact_ratio\n0,3e-6\n1,12e-6\n2,24.4e-6\n";
+    let read = |text: &str| {
+        Experiment::parse("my.toml", "my", text, |name, columns, radius_m| {
+            let table = ObservationTable::parse_as(name, table, columns, Some(radius_m))?;
+            Ok((name.to_owned(), table))
+        })
+        .expect(text)
+    };
+    let text = "table = \"t.csv\"\nmaterial = \"ps\"\n";
+    let warnings = read(text).warnings();
+    let says = "necks in metres? the largest is then a/R = 0.800; ";
+    assert!(warnings.len() == 1 && warnings[0].contains(says), "{warnings:?}");
+    let said = read(&format!("{text}[columns]\nquantity = \"neck-radius\"\nvalue_unit = \"m\"\n"));
+    assert_eq!(said.warnings(), Vec::<String>::new());
+    assert!((said.table.contact_ratio[2] - 0.8).abs() < 1e-12);
+    // The radius of the pair that was measured, where it is not that of the model.
+    let columns =
+        "measured_radius_m = 24.4e-6\n[columns]\nquantity = \"neck-radius\"\nvalue_unit = \"m\"\n";
+    assert!((read(&format!("{text}{columns}")).table.contact_ratio[2] - 1.0).abs() < 1e-12);
 }

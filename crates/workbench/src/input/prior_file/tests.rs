@@ -149,3 +149,26 @@ proptest! {
         let _ = PriorFile::parse("p.toml", &text);
     }
 }
+
+#[test]
+fn priors_that_no_result_could_hold_are_refused() {
+    let c1 = "distribution = \"log-uniform\", lower = 1e-8, upper = 1e-2";
+    for (tau_s, field) in [
+        ("distribution = \"log-uniform\", lower = 1e-300, upper = 1e300", "tau_s.lower"),
+        ("distribution = \"log-uniform\", lower = 1, upper = 1e300", "tau_s.upper"),
+        ("distribution = \"log-normal\", median = 10, sd_log10 = 60", "tau_s.sd_log10"),
+        ("distribution = \"normal\", mean = 1e300, sd = 1", "tau_s.mean"),
+        ("distribution = \"uniform\", lower = 0, upper = 1e16", "tau_s.upper"),
+    ] {
+        let text = format!("c1 = {{ {c1} }}\ntau_s = {{ {tau_s} }}\n");
+        let error = PriorFile::parse("p.toml", &text).expect_err(tau_s);
+        assert_eq!((error.mistake, error.line), (Mistake::OutOfRange, Some(2)), "{error}");
+        assert!(error.to_string().contains(field), "{error}");
+        assert!(error.to_string().contains("between 1e-15 and 1e15 s"), "{error}");
+    }
+    let t0 = "distribution = \"uniform\", lower = -1e200, upper = 5";
+    let error = PriorFile::parse("p.toml", &format!("{TAU}t0 = {{ {t0} }}\n")).expect_err(t0);
+    assert_eq!((error.mistake, error.line), (Mistake::OutOfRange, Some(2)), "{error}");
+    let ends = "distribution = \"log-uniform\", lower = 1e-15, upper = 1e15";
+    PriorFile::parse("p.toml", &format!("tau_s = {{ {ends} }}\n")).expect("the whole range");
+}
