@@ -57,7 +57,7 @@ const KEPT: [Kept; 11] = [
     ),
     (
         "--plan experiments/external/impact.toml",
-        &[("samples.csv", "d2c4c58eb36949cb"), ("draws.csv", "23aa6116ada707e8")],
+        &[("samples.csv", "dd7ef8cf72b266b1"), ("draws.csv", "e5cae5b4f24d8722")],
     ),
     ("scene experiments/scenes/four-particles.toml", &[("series.csv", "78d3c6ecd45f4b48")]),
 ];

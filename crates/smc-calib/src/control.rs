@@ -26,8 +26,8 @@ use crate::gaussian_process::Covariance;
 use crate::mixture::Proposal;
 use crate::neighbours::MOST_DIMENSIONS;
 use crate::normal::LN_SQRT_2PI;
-use crate::pool::Pool;
-use crate::sampler::{Frozen, Sampler};
+use crate::pool::{Pool, exponentiate};
+use crate::sampler::Sampler;
 use crate::small_budget::StandIn;
 use crate::sobol::scrambled_net;
 use crate::stage::Finishing;
@@ -35,6 +35,7 @@ use crate::stream::{Purpose, stream};
 use crate::surrogate::{MOST_PARAMETERS, Surrogate, coefficients, monomials};
 use crate::trust::agree;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Points that the surrogate is integrated with, per sample of the final stage, and at least; at least for a process.
 const POINTS: [usize; 2] = [8, 32_768];
@@ -55,6 +56,22 @@ const LEAST_EXPLAINED_BY_PROCESS: f64 = 0.9;
 /// Standard error of the final stage's evidence, over that of all samples, from which on the latter is reported. By its number of
 /// samples the final stage has 1.4 times the error, and its mean is exact; with more it has missed what earlier stages found.
 const WORSE: f64 = 1.5;
+
+/// Least share of the samples, one in so many, from which a stage of an extended run has an evidence of its own.
+const OWN_EVIDENCE: usize = 16;
+
+/// Share, one in so many, of the samples in the last stages of a run that a Gaussian process places.
+const TOGETHER_FROZEN: usize = 4;
+
+/// Stages whose proposals were fixed before they were drawn: the last one; see [`Sampler::frozen`].
+pub(crate) struct Frozen {
+    /// Its first sample in the pool.
+    pub first: usize,
+    /// Log of the proposal over the prior at its samples.
+    pub ln_q: Vec<f64>,
+    /// Log weights: likelihood times prior over the proposal.
+    pub ln_w: Vec<f64>,
+}
 
 /// Samples that were drawn from one density q.
 struct Drawn<'a> {
@@ -365,6 +382,53 @@ fn explains(target: &[f64], control: &[f64], share: f64) -> bool {
     };
     let left = variance(&mut target.iter().zip(control).map(|(t, c)| t - c));
     left < (1.0 - share) * variance(&mut target.iter().copied())
+}
+
+impl Sampler<'_> {
+    /// The samples of the last stage, or the last that is large enough, weighted by the one density that they were drawn from;
+    /// of small stages that a process places, the last ones that together have [`TOGETHER_FROZEN`] of the samples, each by its own.
+    pub(crate) fn frozen(&self) -> Frozen {
+        let (len, extended) = (self.pool.len(), !self.settings.earlier.is_empty());
+        let mut end = len;
+        let stages = self.proposals.iter().rev().map(|(n, proposal)| {
+            let range = end - n..end;
+            end -= n;
+            (range, proposal)
+        });
+        let mut stages: Vec<(Range<usize>, &Proposal)> = stages.collect();
+        if self.placing.surrogate {
+            let enough = len - len.div_ceil(TOGETHER_FROZEN);
+            let last = stages.iter().position(|(range, _)| range.start <= enough);
+            stages.truncate(last.map_or(stages.len(), |last| last + 1));
+        } else {
+            // As large as the last one of the first part is enough.
+            let enough = self.schedule(self.settings.first_budget()).last().copied().unwrap_or(len);
+            let enough = enough.min(len / OWN_EVIDENCE);
+            let large = |range: &Range<usize>| !extended || range.len() >= enough;
+            let chosen = stages.iter().position(|(range, _)| large(range)).unwrap_or(0);
+            stages = stages.into_iter().skip(chosen).take(1).collect();
+        }
+        let mut frozen = Frozen { first: len, ln_q: Vec::new(), ln_w: Vec::new() };
+        for (range, proposal) in stages.into_iter().rev() {
+            let ln_q = self.ln_proposal(proposal, range.clone());
+            frozen.ln_w.extend(self.pool.ln_l[range.clone()].iter().zip(&ln_q).map(|(l, q)| l - q));
+            frozen.ln_q.extend(ln_q);
+            frozen.first = frozen.first.min(range.start);
+        }
+        frozen
+    }
+
+    /// Log evidence from that stage alone, with its standard error. Samples are weighted by the one density that they
+    /// were drawn from, which was fixed before: the mean of the evidence (not of its logarithm) is exact.
+    pub(crate) fn frozen_evidence(&self, frozen: &Frozen) -> (f64, f64) {
+        let (weights, ln_scale) = exponentiate(&frozen.ln_w);
+        if ln_scale == f64::NEG_INFINITY {
+            return (f64::MIN, f64::MAX);
+        }
+        let stage = frozen.first..frozen.first + frozen.ln_w.len();
+        let label = self.pool.replicate[stage].to_vec();
+        Estimator::of(label, weights, ln_scale, self.replicates).log_evidence()
+    }
 }
 
 /// All samples with the weights of the result, and the evidence. `raw` are the importance weights over

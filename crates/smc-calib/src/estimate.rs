@@ -226,9 +226,10 @@ impl Estimator {
         true
     }
 
-    /// Whether weights were held to integrals as far as it takes.
-    pub(crate) fn is_held_far(&self) -> bool {
-        self.held_far
+    /// The weights that tails are judged by, of the importance weights and those of the estimates: weights that were tilted as far
+    /// as it takes say nothing of the tail that they had.
+    pub(crate) fn judged<'a>(&'a self, raw: &'a [f64]) -> &'a [f64] {
+        if self.held_far { raw } else { &self.weights }
     }
 
     /// Weights held to integrals, and their [`sums`]; none where a weight would change by too much.

@@ -47,7 +47,6 @@ pub(crate) fn summarise(
     let (problem, likelihood, settings) = (target.problem, target.likelihood, sampler.settings);
     let pool = &sampler.pool;
     let (n, d) = (pool.len(), pool.d);
-    let importance = effective_sample_size(&raw);
     let (estimator, log_evidence) =
         estimator(problem, &sampler, (&raw, ln_scale), tuned, &mut finishing);
 
@@ -61,8 +60,7 @@ pub(crate) fn summarise(
     let map = find_map(target, &sampler, &estimator).map_err(|error| error.after(&stages))?;
     finishing.after_integrals(1, "intervals");
     let (weight_khat, weight_share) = tail(&raw);
-    // Weights that are tilted as far as it takes say nothing of the tail that they had.
-    let judged = if estimator.is_held_far() { &raw } else { &estimator.weights };
+    let judged = estimator.judged(&raw);
     let parameters: Vec<ParameterSummary> = (0..d)
         .into_par_iter()
         .map(|j| {
@@ -91,10 +89,9 @@ pub(crate) fn summarise(
     finishing.after_integrals(3, "what each observation taught");
     // The kept curves are most of the memory: used up here, before the samples take theirs.
     let kept = std::mem::take(&mut sampler.pool.kept);
-    let wanted = settings.path && !tuned;
-    let path = wanted.then(|| path(target, &sampler.pool, kept, &coordinate, &estimator));
+    let path = (settings.path && !tuned)
+        .then(|| path(target, &sampler.pool, kept, &coordinate, &estimator));
     let pool = &sampler.pool;
-    let counters = Counters { map_simulations: map.simulations, ..sampler.counters };
     Ok(Posterior {
         is_posterior: !tuned,
         noise: problem.groups[0].noise.clone(),
@@ -103,7 +100,7 @@ pub(crate) fn summarise(
         correlation: correlation(&coordinate, &estimator),
         correlation_si: correlation(&theta, &estimator),
         log_evidence,
-        ess: EffectiveSampleSize { importance, per_simulation: importance / n as f64 },
+        ess: of_size(effective_sample_size(&raw), n),
         khat,
         sigma: noise.as_ref().and_then(|noise| noise.sigma),
         noise_shape: noise.and_then(|noise| noise.shape),
@@ -116,10 +113,15 @@ pub(crate) fn summarise(
         failures: pool.failures(),
         failing: failing(&sampler, problem, (&raw, ln_scale), (!tuned).then_some(&log_evidence)),
         stop,
-        counters,
+        counters: Counters { map_simulations: map.simulations, ..sampler.counters },
         map,
         groups,
     })
+}
+
+/// An effective sample size of n simulations.
+fn of_size(importance: f64, n: usize) -> EffectiveSampleSize {
+    EffectiveSampleSize { importance, per_simulation: importance / n as f64 }
 }
 
 /// The samples with the weights of the result, and the evidence; tuned weights have none.
