@@ -33,6 +33,8 @@ enum Spread {
     Root,
     /// Its root, and the weight may change further.
     Far,
+    /// One: all weights change alike.
+    One,
 }
 
 impl Spread {
@@ -40,6 +42,7 @@ impl Spread {
         match self {
             Self::Weight => weight,
             Self::Root | Self::Far => weight.sqrt(),
+            Self::One => 1.0,
         }
     }
 }
@@ -62,13 +65,20 @@ impl Integrals {
     }
 }
 
-/// Features that weights are held to, of 1, x_j and x_i x_j in d coordinates: all; without products of different
-/// coordinates; 1 and x_j; 1. Few effective samples have no weights with as many moments as the first.
-fn features_held(d: usize) -> [Vec<usize>; 4] {
-    let linear: Vec<usize> = (0..=d).collect();
+/// The ways to hold weights to integrals in d coordinates, the best first: the features, of 1, x_j and x_i x_j, and the
+/// spreads that are tried. Few effective samples have no weights with all moments: those of each coordinate are then
+/// held without their products, or the evidence alone, which leaves moments as they are.
+fn ways(d: usize, far: bool) -> Vec<(Vec<usize>, &'static [Spread])> {
+    let all = (0..coefficients(d)).collect();
+    if !far {
+        return vec![(all, &[Spread::Weight, Spread::Root])];
+    }
     let squares = (0..d).map(|i| 1 + d + i * (i + 1) / 2 + i);
-    let diagonal = linear.iter().copied().chain(squares).collect();
-    [(0..coefficients(d)).collect(), diagonal, linear, vec![0]]
+    vec![
+        (all, &[Spread::Weight, Spread::Root, Spread::Far]),
+        ((0..=d).chain(squares).collect(), &[Spread::Weight, Spread::Root]),
+        (vec![0], &[Spread::One]),
+    ]
 }
 
 /// Integrals that the weights are held to.
@@ -204,18 +214,13 @@ impl Estimator {
     /// importance weights are few. Their heavy tail does not show in the held ones any more.
     pub(crate) fn hold_to(&mut self, integrals: &Integrals, d: usize, far: bool) -> bool {
         let p = coefficients(d);
-        let kinds: &[Spread] = if far {
-            &[Spread::Weight, Spread::Root, Spread::Far]
-        } else {
-            &[Spread::Weight, Spread::Root]
-        };
-        let held = |columns: Vec<usize>| {
+        let held = |(columns, spreads): (Vec<usize>, &[Spread])| {
             let some = integrals.only(p, &columns);
-            let held = kinds.iter().find_map(|kind| Some((*kind, self.held(*kind, &some)?)))?;
+            let mut spreads = spreads.iter();
+            let held = spreads.find_map(|spread| Some((*spread, self.held(*spread, &some)?)))?;
             Some((columns.len(), some, held))
         };
-        let most = if far { usize::MAX } else { 1 };
-        let found = features_held(d).into_iter().take(most).find_map(held);
+        let found = ways(d, far).into_iter().find_map(held);
         let Some((p, integrals, (spread, (weights, of_pool, factor)))) = found else {
             return false;
         };
@@ -247,7 +252,7 @@ impl Estimator {
             .map(|a| each * integrals.of_sub_nets.iter().skip(a).step_by(p).sum::<f64>())
             .collect();
         let weights = match spread {
-            Spread::Weight => {
+            Spread::Weight | Spread::One => {
                 let (of_pool, factor) = sums(&self.weights)?;
                 let sum = |a: usize| of_pool.iter().skip(a).step_by(p).sum::<f64>();
                 let gap: Vec<f64> = wished.iter().enumerate().map(|(a, w)| w - sum(a)).collect();
@@ -258,7 +263,7 @@ impl Estimator {
                         continue;
                     }
                     let inner: f64 = features.iter().zip(&lambda).map(|(f, l)| f * l).sum();
-                    let change = *w * inner;
+                    let change = spread.of(*w) * inner;
                     if !CHANGES.contains(&change) {
                         return None;
                     }
