@@ -13,13 +13,15 @@ use crate::columns::ColumnArgs;
 use crate::terminal;
 
 const EXAMPLES: &str = "\
-Constants of built-in materials: ps, pa12 and peek, E and gamma of Table 1 of Alvarez et al., EPJ Web Conf. 249
+Constants of built-in materials: ps, pa12 and peek, E and gamma of Table 1 of Alvarez et al., EPJ Web Conf. 249 \
 (2021). For any other powder, state your own with their source; on a terminal, what is missing is asked for.
 
 Examples:
   calibrate init my.csv --material pa12 --radius-m 29e-6
-  calibrate init my.csv --radius-m 21e-6 --youngs-modulus-pa 1.8e9 --surface-tension-n-per-m 0.038
-  calibrate init my.csv --value-column w --quantity neck-diameter --value-unit um";
+  calibrate init my.csv --radius-m 21e-6 --youngs-modulus-pa 1.8e9 \\
+      --surface-tension-n-per-m 0.038
+  calibrate init my.csv --value-column w --value-unit um \\
+      --quantity neck-diameter";
 
 /// A table and what is known of its powder.
 #[derive(Debug, Clone, PartialEq, clap::Args)]
@@ -33,23 +35,23 @@ pub(crate) struct InitArgs {
     #[arg(short, long, value_name = "NAME", value_parser = arguments::material())]
     material: Option<Material>,
 
-    /// Particle radius R in metres, 1e-9 to 1e-2
+    /// Particle radius R in metres, from 1e-9 to 1e-2
     #[arg(short, long, value_name = "M", value_parser = arguments::radius, allow_negative_numbers = true)]
     radius_m: Option<f64>,
 
-    /// Young's modulus E in Pa, 1e3 to 1e13 [default: the material's]
+    /// Young's modulus E in Pa, from 1e3 to 1e13 [default: the material's]
     #[arg(long, value_name = "PA", value_parser = arguments::youngs_modulus, allow_negative_numbers = true)]
     youngs_modulus_pa: Option<f64>,
 
-    /// Surface tension gamma in N/m, 1e-4 to 10 [default: the material's]
+    /// Surface tension gamma in N/m, from 1e-4 to 10 [default: the material's]
     #[arg(long, value_name = "N/M", value_parser = arguments::surface_tension, allow_negative_numbers = true)]
     surface_tension_n_per_m: Option<f64>,
 
-    /// Density rho in kg/m3, 10 to 1e5 [default: the material's, or 1000]
+    /// Density rho in kg/m3, from 10 to 1e5 [default: the material's, or 1000]
     #[arg(long, value_name = "KG/M3", value_parser = arguments::solid_density, allow_negative_numbers = true)]
     density_kg_per_m3: Option<f64>,
 
-    /// Final contact ratio phi, 0.1 to 2 [default: a plateau of the table, or full coalescence, 2^(1/3)]
+    /// Final contact ratio phi, from 0.1 to 2 [default: a plateau of the table, or full coalescence, 2^(1/3)]
     #[arg(long, value_name = "A/R", value_parser = arguments::final_contact_ratio, allow_negative_numbers = true)]
     phi: Option<f64>,
 

@@ -247,7 +247,8 @@ mod tests {
 
     #[test]
     fn every_option_that_takes_a_number_says_from_where_to_where_and_takes_no_other() {
-        const NUMBERS: [&str; 8] = ["N", "A/R", "C1", "S", "M", "DT/TC", "PERCENT", "DENSITY"];
+        const NUMBERS: [&str; 11] =
+            ["N", "A/R", "C1", "S", "M", "DT/TC", "PERCENT", "DENSITY", "PA", "N/M", "KG/M3"];
         let mut seen = 0;
         for (words, option) in options() {
             let name = option.get_value_names().and_then(|names| names.first().cloned());

@@ -50,7 +50,7 @@ pub(crate) struct PredictArgs {
     #[arg(long, value_name = "PERCENT", value_delimiter = ',', value_parser = arguments::percent, allow_negative_numbers = true)]
     coalescence: Vec<f64>,
 
-    /// What is a/R after this time in seconds, 1e-15 to 1e15?
+    /// What is a/R after this time in seconds, from 1e-15 to 1e15?
     #[arg(short, long, value_name = "S", value_delimiter = ',', value_parser = arguments::time, allow_negative_numbers = true)]
     after: Vec<f64>,
 
@@ -58,7 +58,7 @@ pub(crate) struct PredictArgs {
     #[arg(long)]
     with_noise: bool,
 
-    /// Radius of the pair in metres, 1e-9 to 1e-2 [default: the one that was calibrated]; tau_s moves in proportion
+    /// Radius of the pair in metres, from 1e-9 to 1e-2 [default: the one that was calibrated]; tau_s moves in proportion
     #[arg(short, long, value_name = "M", value_parser = arguments::radius, allow_negative_numbers = true)]
     radius_m: Option<f64>,
 

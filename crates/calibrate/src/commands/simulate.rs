@@ -78,7 +78,7 @@ pub(crate) struct SimulateArgs {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["t_end", "points"], help_heading = "Times")]
     times: Option<PathBuf>,
 
-    /// Last time of the curve, in s, 1e-15 to 1e15 [default: the last observation's]
+    /// Last time of the curve, in s, from 1e-15 to 1e15 [default: the last observation's]
     #[arg(long, value_name = "S", value_parser = arguments::time, allow_negative_numbers = true, help_heading = "Times")]
     t_end: Option<f64>,
 
