@@ -228,11 +228,13 @@ pub struct ParameterSummary {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
     /// From the final stage, drawn from one frozen proposal, with surrogates fitted to other samples as control
-    /// variate; without them where they are of no use, and from all samples where the run ended before its final stage.
+    /// variate; without them where they are of no use. From all samples with few simulations and with more than six
+    /// parameters, and where the run ended before its final stage or that stage's error is more than 1.5 times theirs.
     pub value: f64,
     /// Its standard error.
     pub se: f64,
-    /// From the last stage's plain weights, whose mean (of the evidence, not its log) is exact.
+    /// From the last stage's plain weights (with few simulations, those of the last stages), whose mean (of the evidence, not its
+    /// log) is exact.
     pub frozen_value: f64,
     /// Its standard error.
     pub frozen_se: f64,
