@@ -446,10 +446,10 @@ pub(crate) fn estimate(
     let (frozen_value, frozen_se) = sampler.frozen_evidence(&frozen);
     let mut integrals =
         |drawn: &Drawn<'_>| integrals(sampler, raw, ln_scale, drawn, coordinate, finishing);
-    let ln_w = sampler.ln_weights();
     let far = sampler.placing.surrogate || sampler.pool.d > MOST_DIMENSIONS;
     let known = if far {
         Proposal::of_stages(&sampler.proposals).and_then(|mixture| {
+            let ln_w = sampler.ln_weights();
             let drawn = if sampler.placing.surrogate {
                 Drawn::all(sampler, raw, &ln_w, &mixture)
             } else {
@@ -460,7 +460,7 @@ pub(crate) fn estimate(
     } else {
         Drawn::finally(sampler, &frozen).and_then(|drawn| integrals(&drawn))
     };
-    let held = known.is_some_and(|known| estimator.hold_to(&known, sampler.pool.d, far));
+    let held = known.is_some_and(|known| estimator.hold_to(known, sampler.pool.d, far));
     let (value, se) = if held {
         estimator.log_evidence()
     } else if sampler.final_stage().is_some()

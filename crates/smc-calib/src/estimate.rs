@@ -212,18 +212,23 @@ impl Estimator {
     /// Holds the weights to integrals over `d` coordinates; false, and nothing is changed, where that would change a weight by too
     /// much. With `far` weights may change as far as [`TILTS`], and are held to fewer integrals rather than to none: where
     /// importance weights are few. Their heavy tail does not show in the held ones any more.
-    pub(crate) fn hold_to(&mut self, integrals: &Integrals, d: usize, far: bool) -> bool {
-        let p = coefficients(d);
-        let held = |(columns, spreads): (Vec<usize>, &[Spread])| {
-            let some = integrals.only(p, &columns);
-            let mut spreads = spreads.iter();
-            let held = spreads.find_map(|spread| Some((*spread, self.held(*spread, &some)?)))?;
-            Some((columns.len(), some, held))
+    pub(crate) fn hold_to(&mut self, integrals: Integrals, d: usize, far: bool) -> bool {
+        let all = coefficients(d);
+        let first = |of: &Self, integrals: &Integrals, spreads: &[Spread]| {
+            spreads.iter().find_map(|spread| Some((*spread, of.held(*spread, integrals)?)))
         };
-        let found = ways(d, far).into_iter().find_map(held);
-        let Some((p, integrals, (spread, (weights, of_pool, factor)))) = found else {
-            return false;
-        };
+        let mut integrals = integrals;
+        let found = ways(d, far).into_iter().find_map(|(columns, spreads)| {
+            // A copy only where fewer are held: those of all samples are many.
+            if columns.len() < all {
+                let some = integrals.only(all, &columns);
+                let held = first(self, &some, spreads)?;
+                integrals = some;
+                return Some((columns.len(), held));
+            }
+            Some((all, first(self, &integrals, spreads)?))
+        });
+        let Some((p, (spread, (weights, of_pool, factor)))) = found else { return false };
         self.total = weights.iter().sum();
         self.weights = weights;
         self.known = Some(Known { p, integrals, of_pool, spread, factor });

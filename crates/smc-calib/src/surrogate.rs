@@ -32,6 +32,8 @@ pub(crate) struct Surrogate {
     /// Where the fits are looked up: around all samples, or in many dimensions around those that have one.
     tree: Neighbours,
     places: Vec<f64>,
+    /// Number of the fit around each of these places.
+    slots: Vec<u32>,
     fits: Vec<Option<Quadratic>>,
     /// Squared distance beyond which no fit reaches: a point far from all samples, of which the defensive share of
     /// the prior has many, would have them all searched.
@@ -116,19 +118,17 @@ impl Surrogate {
             )
             .collect();
         let reach2 = fits.iter().flatten().map(|fit| fit.reach2).fold(0.0, f64::max);
-        let (tree, places, fits, slopes) = if d > MOST_DIMENSIONS {
+        let mut slots = vec![0; centres.len()];
+        let (tree, places) = if d > MOST_DIMENSIONS {
+            slots.iter_mut().zip(0..).for_each(|(slot, k)| *slot = k);
             let own: Vec<f64> =
                 centres.iter().flat_map(|i| &places[i * d..(i + 1) * d]).copied().collect();
-            (Neighbours::new(&own, d), own, fits, slopes)
+            (Neighbours::new(&own, d), own)
         } else {
-            let (mut of_all, mut slopes_of_all) = (vec![None; fits.len()], vec![0.0; slopes.len()]);
-            for ((i, fit), own) in centres.into_iter().zip(fits).zip(slopes.chunks_exact(p)) {
-                of_all[i] = fit;
-                slopes_of_all[i * p..(i + 1) * p].copy_from_slice(own);
-            }
-            (tree, places, of_all, slopes_of_all)
+            centres.iter().zip(0..).for_each(|(i, k)| slots[*i] = k);
+            (tree, places)
         };
-        Some(Self { d, inverse, tree, places, fits, reach2, slopes })
+        Some(Self { d, inverse, tree, places, slots, fits, reach2, slopes })
     }
 
     /// Log of likelihood over `exp(ln_q)` at z, where `ln_q` is the log of proposal over prior: blended of the fits of
@@ -151,8 +151,9 @@ impl Surrogate {
         let (mut sum, mut total) = (0.0, 0.0);
         for (square, i) in &*found {
             let i = *i as usize;
-            let Some(fit) = self.fits[i].filter(|fit| *square < fit.reach2) else { continue };
-            let ln_l = self.value(i, &fit, x).min(fit.highest);
+            let slot = self.slots[i] as usize;
+            let Some(fit) = self.fits[slot].filter(|fit| *square < fit.reach2) else { continue };
+            let ln_l = self.value(i, slot, &fit, x).min(fit.highest);
             let weight = (1.0 - square / far).powi(2).max(1e-8) / square.max(TOUCHING);
             sum += weight * (ln_l - ln_q).min(fit.highest_ratio);
             total += weight;
@@ -160,8 +161,8 @@ impl Surrogate {
         (total > 0.0).then(|| sum / total)
     }
 
-    /// The quadratic about sample i at whitened coordinates.
-    fn value(&self, i: usize, fit: &Quadratic, at: &[f64]) -> f64 {
+    /// The quadratic about place i, the fit of some slot, at whitened coordinates.
+    fn value(&self, i: usize, slot: usize, fit: &Quadratic, at: &[f64]) -> f64 {
         let d = self.d;
         let scale = 1.0 / fit.reach2.sqrt();
         let mut x = [0.0; MOST_PARAMETERS];
@@ -169,7 +170,7 @@ impl Surrogate {
             *x = (at - place) * scale;
         }
         let p = coefficients(d);
-        let slopes = &self.slopes[i * p..(i + 1) * p];
+        let slopes = &self.slopes[slot * p..(slot + 1) * p];
         let mut sum = slopes[0];
         let mut at = 1 + d;
         for i in 0..d {
