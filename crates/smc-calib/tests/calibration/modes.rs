@@ -4,7 +4,7 @@ use crate::support::{line, line_problem, prior};
 use smc_calib::reference::{self, Reference};
 use smc_calib::{
     Concern, FixedSigma, FnSimulator, Noise, Observations, Parameter, PriorSpec, Problem, Settings,
-    SimError, Target as _, calibrate,
+    SimError, Target, calibrate, sample_density,
 };
 
 /// The modes that a calibration of a reference problem speaks of.
@@ -80,4 +80,59 @@ fn two_parallel_ridges_that_no_single_parameter_tells_apart_are_two_modes() {
     let settings = Settings { samples: 4096, map_simulations: 0, ..Settings::default() };
     let concerns = calibrate(&problem, &settings, &mut ()).unwrap().trust().concerns;
     assert!(concerns.iter().any(|c| matches!(c, Concern::TwoModes { .. })), "{concerns:?}");
+}
+
+/// Normals of one sd and some shares; the evidence is 1.
+struct Narrow {
+    centres: Vec<Vec<f64>>,
+    shares: Vec<f64>,
+    sd: f64,
+}
+
+impl Target for Narrow {
+    fn dimension(&self) -> usize {
+        self.centres[0].len()
+    }
+
+    fn ln_likelihood(&self, z: &[f64], _: &mut [f64]) -> Result<f64, SimError> {
+        // The normalisation of prior and posterior are alike.
+        let parts = self.centres.iter().zip(&self.shares).map(|(centre, share)| {
+            let squares: f64 =
+                z.iter().zip(centre).map(|(z, c)| ((z - c) / self.sd).powi(2) - z * z).sum();
+            share.ln() - z.len() as f64 * self.sd.ln() - 0.5 * squares
+        });
+        let parts: Vec<f64> = parts.collect();
+        let top = parts.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        Ok(top + parts.iter().map(|part| (part - top).exp()).sum::<f64>().ln())
+    }
+}
+
+#[test]
+fn no_mode_is_lost_that_a_part_of_the_budget_can_find() {
+    let apart = |at: f64, sd: f64| Narrow {
+        centres: vec![vec![-at; 2], vec![at; 2]],
+        shares: vec![0.3, 0.7],
+        sd,
+    };
+    let four = |sd: f64| {
+        let [a, b] = [[-0.7, -0.7, 0.0, 0.0], [0.0, 0.0, -0.7, 0.7]];
+        let opposite = |of: [f64; 4]| of.map(|x| -x).to_vec();
+        let centres = vec![a.to_vec(), opposite(a), b.to_vec(), opposite(b)];
+        Narrow { centres, shares: vec![0.25; 4], sd }
+    };
+    // Eight sds apart, forty apart, and four in four dimensions.
+    let cases = [
+        (apart(0.57, 0.2), Settings::for_budget(512)),
+        (apart(0.28, 0.1), Settings::for_budget(512)),
+        (apart(0.7, 0.05), Settings::for_budget(512)),
+        (four(0.05), Settings::default()),
+    ];
+    for (case, settings) in cases {
+        for seed in 1..=2 {
+            let p = sample_density(&case, &Settings { seed, ..settings.clone() }).unwrap();
+            // Without the smallest mode ln Z would be -0.29 or less.
+            let error = p.log_evidence.value;
+            assert!(error.abs() < 0.12, "sd {}, seed {seed}: {error}", case.sd);
+        }
+    }
 }
