@@ -36,18 +36,12 @@ where
 
 /// Width of the figures.
 pub(crate) fn width() -> impl TypedValueParser<Value = Width> {
-    PossibleValuesParser::new(["column", "full"]).map(|name| match name.as_str() {
-        "full" => Width::Full,
-        _ => Width::Column,
-    })
+    named([("column", Width::Column), ("full", Width::Full)])
 }
 
 /// Effect of Ctrl-C on jobs on a cluster.
 pub(crate) fn on_interrupt() -> impl TypedValueParser<Value = OnInterrupt> {
-    PossibleValuesParser::new(["detach", "cancel"]).map(|name| match name.as_str() {
-        "cancel" => OnInterrupt::Cancel,
-        _ => OnInterrupt::Detach,
-    })
+    named([("detach", OnInterrupt::Detach), ("cancel", OnInterrupt::Cancel)])
 }
 
 /// The name of kinetics.

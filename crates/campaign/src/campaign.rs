@@ -409,15 +409,10 @@ impl Campaign {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::CommandSpec;
 
     #[test]
     fn a_file_that_is_being_replaced_is_the_old_or_the_new_one_wherever_the_driver_is_killed() {
-        let spec = CampaignSpec {
-            parameter_names: vec!["x".into()],
-            commands: vec![CommandSpec::in_process("square")],
-            seed: 1,
-        };
+        let spec = CampaignSpec::of_squares();
         let folder = tempfile::tempdir().expect("a temporary folder");
         let dir = folder.path().join("run");
         let files = BTreeMap::from([("plan".to_owned(), b"old".to_vec())]);

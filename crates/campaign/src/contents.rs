@@ -48,15 +48,11 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
-    use crate::{Campaign, CommandSpec, Executor, InProcess, Stop};
+    use crate::{Campaign, Executor, InProcess, Stop};
 
     #[test]
     fn what_is_stored_is_read_while_the_campaign_is_open() {
-        let spec = CampaignSpec {
-            parameter_names: vec!["x".into()],
-            commands: vec![CommandSpec::in_process("square")],
-            seed: 1,
-        };
+        let spec = CampaignSpec::of_squares();
         let folder = tempfile::tempdir().expect("a temporary folder");
         let dir = folder.path().join("run");
         assert!(contents(&dir).is_err());

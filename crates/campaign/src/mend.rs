@@ -46,9 +46,7 @@ pub(crate) fn mend(dir: &Path, given: Given<'_>) -> Result<Mended, CampaignError
     rewrite |= settle_replaced(dir, &mut record)?;
     for (name, sum) in &record.files.clone() {
         let path = dir.join(name);
-        let contents = if path.is_dir() { None } else { files::read(&path)? };
-        let whole = contents.filter(|contents| seal::hex(seal::checksum(contents)) == *sum);
-        if let Some(contents) = whole {
+        if let Some(contents) = whole(&path, sum)? {
             extra.insert(name.clone(), contents);
             continue;
         }
@@ -67,13 +65,17 @@ pub(crate) fn mend(dir: &Path, given: Given<'_>) -> Result<Mended, CampaignError
     Ok(Mended { record, extra, damage, copied })
 }
 
+/// The contents of a file, if they have this checksum.
+fn whole(path: &Path, sum: &str) -> Result<Option<Vec<u8>>, CampaignError> {
+    let contents = if path.is_dir() { None } else { files::read(path)? };
+    Ok(contents.filter(|contents| seal::hex(seal::checksum(contents)) == sum))
+}
+
 /// Takes files that a driver has replaced before it was killed for the new ones; whether the record has changed.
 fn settle_replaced(dir: &Path, record: &mut Record) -> Result<bool, CampaignError> {
     let replacing = std::mem::take(&mut record.replacing);
     for (name, sum) in &replacing {
-        let path = dir.join(name);
-        let contents = if path.is_dir() { None } else { files::read(&path)? };
-        if contents.is_some_and(|contents| seal::hex(seal::checksum(&contents)) == *sum) {
+        if whole(&dir.join(name), sum)?.is_some() {
             record.files.insert(name.clone(), sum.clone());
         }
     }

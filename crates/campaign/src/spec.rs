@@ -25,6 +25,18 @@ pub struct CampaignSpec {
     pub seed: u64,
 }
 
+#[cfg(test)]
+impl CampaignSpec {
+    /// One parameter, and the square of it computed in the process.
+    pub(crate) fn of_squares() -> Self {
+        Self {
+            parameter_names: vec!["x".into()],
+            commands: vec![CommandSpec::in_process("square")],
+            seed: 1,
+        }
+    }
+}
+
 /// One simulator: how it is called, and where its results are.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

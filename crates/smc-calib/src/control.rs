@@ -103,13 +103,13 @@ impl<'a> Drawn<'a> {
         })
     }
 
-    /// All samples, for local quadratics in so many dimensions that the final stage alone misses what earlier ones found.
+    /// All samples, for local quadratics: in many dimensions the final stage alone misses what earlier ones found.
     fn pooled(sampler: &'a Sampler<'_>, ln_w: &'a [f64], proposal: &'a Proposal) -> Option<Self> {
         let pool = &sampler.pool;
         let few = 16 * coefficients(pool.d);
         let ln_q = &pool.ln_mixture_over_prior;
         let drawn = Self { first: 0, proposal, ln_q, ln_w, folds: FOLDS, process: None };
-        (pool.d > MOST_DIMENSIONS && pool.len() >= few).then_some(drawn)
+        (pool.len() >= few).then_some(drawn)
     }
 
     /// All samples, for a process.
@@ -207,9 +207,9 @@ fn integrals(
         let known: Vec<usize> = (0..first).chain(others.iter().copied()).collect();
         let model = match &drawn.process {
             None => Model::Local(surrogate(sampler, &known, &ln_q, &metric)?),
-            process => {
+            Some(process) => {
                 let known = known.iter().copied();
-                let like = process.as_ref().map(|p| Covariance::Like(&p.process))?;
+                let like = Covariance::Like(&process.process);
                 Model::Process(StandIn::new(sampler.target, pool, weights, known, like)?)
             }
         };

@@ -75,7 +75,7 @@ fn ways(d: usize, far: bool) -> Vec<(Vec<usize>, &'static [Spread])> {
     }
     let squares = (0..d).map(|i| 1 + d + i * (i + 1) / 2 + i);
     vec![
-        (all, &[Spread::Weight, Spread::Root, Spread::Far]),
+        (all, &[Spread::Weight, Spread::Far]),
         ((0..=d).chain(squares).collect(), &[Spread::Weight, Spread::Root]),
         (vec![0], &[Spread::One]),
     ]
@@ -93,6 +93,8 @@ struct Known {
     spread: Spread,
     /// Cholesky factor of the sum of products of features, weighted by weight times spread.
     factor: Vec<f64>,
+    /// Whether weights might change as far as it takes.
+    far: bool,
 }
 
 /// Sums of weight times feature over the samples of every sub-net, and the Cholesky factor of the sum of products of
@@ -185,7 +187,6 @@ pub(crate) struct Estimator {
     /// Log of the factor taken out of the weights.
     pub ln_scale: f64,
     known: Option<Known>,
-    held_far: bool,
 }
 
 impl Estimator {
@@ -197,16 +198,7 @@ impl Estimator {
     /// From the sub-net of each sample and its weight.
     pub(crate) fn of(label: Vec<u32>, weights: Vec<f64>, ln_scale: f64, replicates: usize) -> Self {
         let total = weights.iter().sum();
-        Self {
-            n: weights.len(),
-            replicates,
-            label,
-            total,
-            weights,
-            ln_scale,
-            known: None,
-            held_far: false,
-        }
+        Self { n: weights.len(), replicates, label, total, weights, ln_scale, known: None }
     }
 
     /// Holds the weights to integrals over `d` coordinates; false, and nothing is changed, where that would change a weight by too
@@ -214,32 +206,26 @@ impl Estimator {
     /// importance weights are few. Their heavy tail does not show in the held ones any more.
     pub(crate) fn hold_to(&mut self, integrals: Integrals, d: usize, far: bool) -> bool {
         let all = coefficients(d);
-        let first = |of: &Self, integrals: &Integrals, spreads: &[Spread]| {
-            spreads.iter().find_map(|spread| Some((*spread, of.held(*spread, integrals)?)))
-        };
-        let mut integrals = integrals;
         let found = ways(d, far).into_iter().find_map(|(columns, spreads)| {
             // A copy only where fewer are held: those of all samples are many.
-            if columns.len() < all {
-                let some = integrals.only(all, &columns);
-                let held = first(self, &some, spreads)?;
-                integrals = some;
-                return Some((columns.len(), held));
-            }
-            Some((all, first(self, &integrals, spreads)?))
+            let fewer = (columns.len() < all).then(|| integrals.only(all, &columns));
+            let wished = fewer.as_ref().unwrap_or(&integrals);
+            let mut spreads = spreads.iter();
+            let held = spreads.find_map(|spread| Some((*spread, self.held(*spread, wished)?)))?;
+            Some((columns.len(), fewer, held))
         });
-        let Some((p, (spread, (weights, of_pool, factor)))) = found else { return false };
+        let Some((p, fewer, (spread, (weights, of_pool, factor)))) = found else { return false };
+        let integrals = fewer.unwrap_or(integrals);
         self.total = weights.iter().sum();
         self.weights = weights;
-        self.known = Some(Known { p, integrals, of_pool, spread, factor });
-        self.held_far = far;
+        self.known = Some(Known { p, integrals, of_pool, spread, factor, far });
         true
     }
 
     /// The weights that tails are judged by, of the importance weights and those of the estimates: weights that were tilted as far
     /// as it takes say nothing of the tail that they had.
     pub(crate) fn judged<'a>(&'a self, raw: &'a [f64]) -> &'a [f64] {
-        if self.held_far { raw } else { &self.weights }
+        if self.known.as_ref().is_some_and(|known| known.far) { raw } else { &self.weights }
     }
 
     /// Weights held to integrals, and their [`sums`]; none where a weight would change by too much.

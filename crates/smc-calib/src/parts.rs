@@ -97,10 +97,8 @@ impl Sampler<'_> {
         if !self.placing.surrogate || !self.settings.earlier.contains(&placed) {
             return None;
         }
-        let mut n = wished.saturating_sub(self.schedule(placed)[0]);
-        if !self.opening.components.is_empty() {
-            n = (n as f64 * self.opening.prior_share) as usize;
-        }
+        let further = wished.saturating_sub(self.schedule(placed)[0]);
+        let n = (further as f64 * self.opening.prior_share) as usize;
         (n > 0 && placed + n < budget).then_some(n)
     }
 

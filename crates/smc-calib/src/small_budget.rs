@@ -46,10 +46,8 @@ pub(crate) struct StandIn<'a> {
     pub process: GaussianProcess,
     /// Whether it predicts the outputs, from which the log likelihood follows, or the log likelihood itself.
     outputs: bool,
-    /// The samples that it knows, whitened, and whether each is alive.
-    x: Vec<f64>,
-    alive: Vec<bool>,
-    whitening: (Vec<f64>, Vec<f64>),
+    /// Where samples failed; none where all finished.
+    failing: Option<Failing>,
     /// Power of the likelihood: its root mean square error, when each of the best samples is left out, is then
     /// [`ERROR`] at most.
     power: f64,
@@ -104,13 +102,13 @@ impl<'a> StandIn<'a> {
             return None;
         }
         let power = (ERROR / error.max(1e-9)).min(1.0);
-        let alive = known.iter().map(|i| density[*i].is_finite()).collect();
-        let whitening = whitening(pool.d, &pool.z, weights)?;
-        let mut x = vec![0.0; known.len() * pool.d];
-        for (i, x) in known.iter().zip(x.chunks_exact_mut(pool.d)) {
-            whiten(pool.point(*i), &whitening.0, &whitening.1, x);
-        }
-        Some(Self { target, process, outputs, x, alive, whitening, power })
+        let alive: Vec<bool> = known.iter().map(|i| density[*i].is_finite()).collect();
+        let failing = if alive.contains(&false) {
+            Some(Failing::new(pool, weights, &known, alive)?)
+        } else {
+            None
+        };
+        Some(Self { target, process, outputs, failing, power })
     }
 
     /// Log likelihood, not flattened.
@@ -200,11 +198,29 @@ impl Target for StandIn<'_> {
             self.process.predict(z, &mut one);
             one[0]
         };
-        Ok(self.power * ln_l + self.finished(z).max((-DEAD).exp()).ln())
+        let finished = self.failing.as_ref().map_or(1.0, |failing| failing.finished(z));
+        Ok(self.power * ln_l + finished.max((-DEAD).exp()).ln())
     }
 }
 
-impl StandIn<'_> {
+/// Samples of which some failed.
+struct Failing {
+    /// Whitened, row by row, and whether each is alive.
+    x: Vec<f64>,
+    alive: Vec<bool>,
+    whitening: (Vec<f64>, Vec<f64>),
+}
+
+impl Failing {
+    fn new(pool: &Pool, weights: &[f64], known: &[usize], alive: Vec<bool>) -> Option<Self> {
+        let whitening = whitening(pool.d, &pool.z, weights)?;
+        let mut x = vec![0.0; known.len() * pool.d];
+        for (i, x) in known.iter().zip(x.chunks_exact_mut(pool.d)) {
+            whiten(pool.point(*i), &whitening.0, &whitening.1, x);
+        }
+        Some(Self { x, alive, whitening })
+    }
+
     /// Share of the finished among the nearest samples, by inverse square distance.
     fn finished(&self, z: &[f64]) -> f64 {
         let mut small = [0.0; MAX_DIMENSIONS];

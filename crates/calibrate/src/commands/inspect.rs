@@ -1,8 +1,9 @@
 //! `calibrate inspect`: a saved posterior as tables in the terminal.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use workbench::error::Failure;
+use workbench::input::text_file::folder_of;
 use workbench::{record, report};
 
 use crate::terminal;
@@ -25,9 +26,8 @@ pub(crate) fn run(args: &InspectArgs) -> Result<(), Failure> {
     if args.json {
         return terminal::write(report::json(&record, None)?.as_bytes());
     }
-    let folder = if args.file.is_dir() { Some(args.file.as_path()) } else { args.file.parent() };
-    let folder = folder.filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let summary = report::in_folder(&report::text(&record, None, None), folder);
+    let file = record::locate(&args.file);
+    let summary = report::in_folder(&report::text(&record, None, None), folder_of(&file));
     let details = report::details(&record);
     terminal::report(&format!("{summary}\n{}\n", details.trim_end()))
 }

@@ -1,10 +1,11 @@
 //! `calibrate plot`: the figures of a saved run, drawn again from its files.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use figures::Width;
 use workbench::error::{Failure, InputError, Mistake, RunError};
+use workbench::input::text_file::folder_of;
 use workbench::{output, record, report};
 
 use crate::arguments;
@@ -53,10 +54,7 @@ pub(crate) struct PlotArgs {
 pub(crate) fn run(args: &PlotArgs) -> Result<(), Failure> {
     let path = record::locate(&args.file);
     let record = record::read(&args.file)?;
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
+    let folder = folder_of(&path);
     let samples = report::read_samples(&record, folder)?;
     let out = args.out.as_deref().unwrap_or(folder);
     if args.out.is_some() {

@@ -7,6 +7,7 @@ use smc_calib::{Noise, Posterior};
 
 use super::store::{self, Stored};
 use crate::error::{Failure, InputError, Mistake};
+use crate::input::text_file::folder_of;
 use crate::output::CAMPAIGN;
 use crate::plan::{ExecutorPlan, Plan, Planned};
 use crate::record;
@@ -88,10 +89,7 @@ pub(super) fn extend(
 /// [`InputError`] for a folder without such a run, and for no more samples than it has.
 pub fn continued(from: &Path, samples: usize) -> Result<(Planned, PathBuf), InputError> {
     let file = record::locate(from);
-    let folder = match file.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
-        _ => PathBuf::from("."),
-    };
+    let folder = folder_of(&file).to_owned();
     if folder.join(CAMPAIGN).is_dir() {
         let name = folder.display();
         let has = store::read_stored(&folder).map_or(0, |stored| stored.plan.sampler.samples);

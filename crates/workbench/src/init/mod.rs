@@ -25,6 +25,7 @@ use crate::input::experiment::{Experiment, is_plain, is_toml};
 use crate::input::material::Material;
 use crate::input::observation_table::ObservationTable;
 use crate::input::prior_file::PriorFile;
+use crate::input::toml_fields::quoted;
 use crate::number::significant;
 use crate::output::{check_file, write_file};
 
@@ -159,7 +160,7 @@ pub fn init(options: &InitOptions) -> Result<Initialised, Failure> {
             .into());
     };
     let phi = options.final_contact_ratio.unwrap_or(fit.final_contact_ratio);
-    let experiment_text = experiment_text(options, &files, &table, &fit);
+    let experiment_text = experiment_text(options, &files, powder, &table, &fit);
     let priors_text = priors_text(&files, powder, &fit);
     // What is written is what the other commands read.
     let experiment = Experiment::parse(
@@ -261,14 +262,10 @@ fn word(path: &str) -> String {
     if path.chars().all(plain) { path.to_owned() } else { format!("\"{path}\"") }
 }
 
-/// Text in TOML.
-fn quoted(text: &str) -> String {
-    toml::Value::from(text).to_string()
-}
-
 fn experiment_text(
     options: &InitOptions,
     files: &Files,
+    powder: Powder,
     table: &ObservationTable,
     fit: &QuickFit,
 ) -> String {
@@ -301,20 +298,16 @@ fn experiment_text(
         "\n# phi, the a/R where coalescence stops.\nfinal_contact_ratio = {phi:?}\nfinal_contact_ratio_reason = {}\n",
         quoted(&reason)
     );
-    match (options.built_in(), options.powder()) {
-        (Some(material), _) => {
+    match options.built_in() {
+        Some(material) => {
             let _ = writeln!(
                 text,
                 "# E and gamma of {}: J.E. Alvarez, H. Cheng, S. Luding, T. Weinhart, EPJ Web Conf. 249 (2021), Table 1.",
                 material.title()
             );
-            let _ = writeln!(
-                text,
-                "material = \"{material}\"\nradius_m = {:?}",
-                options.radius_m.unwrap_or_default()
-            );
+            let _ = writeln!(text, "material = \"{material}\"\nradius_m = {:?}", powder.radius_m);
         }
-        (None, Ok(powder)) => {
+        None => {
             let _ = writeln!(
                 text,
                 "[powder]\nradius_m = {:?}\nyoungs_modulus_pa = {:?}\nsurface_tension_n_per_m = {:?}\ndensity_kg_per_m3 = {:?}",
@@ -324,7 +317,6 @@ fn experiment_text(
                 powder.density_kg_per_m3
             );
         }
-        (None, Err(_)) => {}
     }
     let columns = options.columns.toml();
     if !columns.is_empty() {
@@ -399,7 +391,7 @@ fn figure(
     let grid: Vec<f64> = (0..=POINTS).map(|k| last_s * k as f64 / POINTS as f64).collect();
     let mut frenkel = vec![0.0; grid.len()];
     let sintering = Sintering { c1: 1.0, tau_s: fit.tau_s, delta_c: 1.0 };
-    quick_fit::curve(powder, phi, &sintering, &grid, &mut frenkel)?;
+    quick_fit::curve(&quick_fit::scene(powder, phi)?, &sintering, &grid, &mut frenkel)?;
     Ok(FitFigure {
         title: name.to_owned(),
         control: table.time_s.clone(),

@@ -1,6 +1,8 @@
 //! A quick look at a table: the best Frenkel curve, and whether the data level off below full coalescence.
 
-use dem_core::{Kinetics, PairSpec, Powder, Sintering, SolverKind, SolverSettings, contact_ratios};
+use dem_core::{
+    Kinetics, PairScene, PairSpec, Powder, Sintering, SolverKind, SolverSettings, contact_ratios,
+};
 
 use crate::error::RunError;
 use crate::input::experiment::full_coalescence;
@@ -65,7 +67,7 @@ pub(super) fn quick_fit(
         }
     }
     let Some((phi, best)) = lower else { return Ok(Some(whole)) };
-    let start = PairSpec::new(powder, phi).build().map_err(RunError::new)?.start_contact_ratio();
+    let start = scene(powder, phi)?.start_contact_ratio();
     let arrival_s = (phi * phi - start * start) * best.tau_s;
     let rows = times_s.iter().filter(|time| **time >= arrival_s).count();
     let gain = n * (full.sum_of_squares / best.sum_of_squares.max(f64::MIN_POSITIVE)).ln();
@@ -85,20 +87,24 @@ pub(super) fn quick_fit(
 /// The best Frenkel curve up to a final contact ratio.
 fn best(powder: Powder, phi: f64, times_s: &[f64], observed: &[f64]) -> Result<Best, RunError> {
     let last_s = times_s.last().copied().unwrap_or_default();
-    least_squares(last_s, observed, |sintering, out| curve(powder, phi, sintering, times_s, out))
+    let scene = scene(powder, phi)?;
+    least_squares(last_s, observed, |sintering, out| curve(&scene, sintering, times_s, out))
 }
 
-/// The Frenkel curve of a powder.
+/// A pair of the powder that grows up to a final contact ratio.
+pub(super) fn scene(powder: Powder, phi: f64) -> Result<PairScene, RunError> {
+    PairSpec::new(powder, phi).build().map_err(RunError::new)
+}
+
+/// The Frenkel curve of a pair.
 pub(super) fn curve(
-    powder: Powder,
-    phi: f64,
+    scene: &PairScene,
     sintering: &Sintering,
     times_s: &[f64],
     out: &mut [f64],
 ) -> Result<(), RunError> {
-    let scene = PairSpec::new(powder, phi).build().map_err(RunError::new)?;
     let exact = SolverSettings::of(SolverKind::ClosedForm);
-    contact_ratios(&scene, Kinetics::Frenkel, sintering, &exact, times_s, out)
+    contact_ratios(scene, Kinetics::Frenkel, sintering, &exact, times_s, out)
         .map(drop)
         .map_err(RunError::new)
 }
@@ -113,7 +119,8 @@ mod tests {
         let time_s: Vec<f64> = (1..=rows).map(|k| last_s * k as f64 / rows as f64).collect();
         let mut contact_ratio = vec![0.0; rows];
         let sintering = Sintering { c1: 1.0, tau_s, delta_c: 1.0 };
-        curve(paper::PA12, phi, &sintering, &time_s, &mut contact_ratio).expect("a curve");
+        let scene = scene(paper::PA12, phi).expect("a pair");
+        curve(&scene, &sintering, &time_s, &mut contact_ratio).expect("a curve");
         // A scatter of 0.01 that repeats itself.
         for (k, ratio) in contact_ratio.iter_mut().enumerate() {
             *ratio += 0.01 * [1.0, -1.0, 0.5, -0.5, -1.0, 1.0][k % 6];

@@ -18,7 +18,7 @@
 use std::fmt;
 
 use crate::error::{InputError, Mistake};
-use crate::input::toml_fields::Fields;
+use crate::input::toml_fields::{Fields, quoted};
 
 /// What a unit measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -230,7 +230,7 @@ impl Columns {
         ];
         let said = fields.into_iter().filter_map(|(key, value)| Some((key, value?)));
         let lines: Vec<String> =
-            said.map(|(key, value)| format!("{key} = {}\n", toml::Value::from(value))).collect();
+            said.map(|(key, value)| format!("{key} = {}\n", quoted(&value))).collect();
         if lines.is_empty() { String::new() } else { format!("[columns]\n{}", lines.concat()) }
     }
 

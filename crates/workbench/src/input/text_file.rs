@@ -92,12 +92,7 @@ pub fn decode_table(
         (text, Some("UTF-16"))
     } else {
         match String::from_utf8(bytes) {
-            Ok(mut text) => {
-                if text.starts_with('\u{feff}') {
-                    text.drain(..'\u{feff}'.len_utf8());
-                }
-                (text, None)
-            }
+            Ok(text) => (without_mark(text), None),
             Err(error) => {
                 let first = error.utf8_error().valid_up_to();
                 let bytes = error.into_bytes();
@@ -153,21 +148,31 @@ pub fn decode(name: &str, bytes: Vec<u8>) -> Result<String, InputError> {
             .expected("UTF-8")
             .help("save it again as \"CSV UTF-8\" or plain text in UTF-8"));
     }
-    let mut text = String::from_utf8(bytes)
-        .map_err(|error| not_utf8(name, error.as_bytes(), error.utf8_error().valid_up_to()))?;
+    String::from_utf8(bytes)
+        .map(without_mark)
+        .map_err(|error| not_utf8(name, error.as_bytes(), error.utf8_error().valid_up_to()))
+}
+
+/// A text without its byte order mark.
+fn without_mark(mut text: String) -> String {
     if text.starts_with('\u{feff}') {
         text.drain(..'\u{feff}'.len_utf8());
     }
-    Ok(text)
+    text
+}
+
+/// The folder that a file is in.
+pub fn folder_of(file: &Path) -> &Path {
+    match file.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    }
 }
 
 /// The name of a file like the missing one, in words for its help.
 fn similar_file(path: &Path) -> Option<String> {
     let wanted = path.file_name()?.to_str()?;
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
+    let folder = folder_of(path);
     let Ok(entries) = std::fs::read_dir(folder) else {
         return Some(format!("the folder {} does not exist either", folder.display()));
     };

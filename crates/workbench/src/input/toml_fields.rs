@@ -11,6 +11,11 @@ use crate::input::json_document;
 /// Expected type of a field of another type.
 const TEXT: &str = "text in quotes";
 
+/// Text as a TOML string.
+pub(crate) fn quoted(text: &str) -> String {
+    toml::Value::from(text).to_string()
+}
+
 /// A parsed file, and the way to say where in it something is wrong.
 pub(crate) struct Document<'i> {
     name: &'i str,

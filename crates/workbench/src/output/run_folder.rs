@@ -23,6 +23,7 @@ use super::CAMPAIGN;
 use super::exchange::exchange;
 use super::file::{plain, unwritable};
 use crate::error::{InputError, Mistake, RunError};
+use crate::input::text_file::folder_of;
 
 /// A hidden folder of a run that was killed is removed when it is older than this: writing takes
 /// seconds, and on a shared disk its process may live on another machine.
@@ -118,10 +119,7 @@ impl RunFolder {
     }
 
     pub(crate) fn parent(&self) -> &Path {
-        match self.target.parent() {
-            Some(parent) if !parent.as_os_str().is_empty() => parent,
-            _ => Path::new("."),
-        }
+        folder_of(&self.target)
     }
 
     pub(crate) fn name(&self) -> String {

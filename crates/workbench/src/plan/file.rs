@@ -18,7 +18,7 @@ use super::types::{ExecutorPlan, ExperimentPlan, Plan, Planned, SimulatorPlan, i
 use crate::error::{InputError, Mistake};
 use crate::input::experiment::{checked_name, is_toml};
 use crate::input::prior_file;
-use crate::input::text_file;
+use crate::input::text_file::{self, folder_of};
 use crate::input::toml_fields::{At, Document, Fields};
 
 impl Planned {
@@ -60,13 +60,6 @@ impl Planned {
         let (plan, executor) = read_plan(path, &document.top(), kept, &mut warnings)?;
         drop(document);
         Ok(Self { plan, executor, warnings, path: Some(path.to_owned()), text }.warned())
-    }
-}
-
-fn folder_of(path: &Path) -> &Path {
-    match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
     }
 }
 

@@ -8,6 +8,7 @@ use smc_calib::{FixedSigma, Noise, PriorSpec, Settings};
 use super::types::{ExperimentPlan, PairPlan, Plan, SimulatorPlan, SolverPlan};
 use crate::input::experiment::{BUILT_IN_NAMES, is_plain};
 use crate::input::prior_file::DISTRIBUTIONS;
+use crate::input::toml_fields::quoted;
 
 /// The plan file of a plan with built-in simulators. Own files are named by their whole paths, so that the text can be
 /// kept anywhere.
@@ -43,11 +44,6 @@ pub(super) fn toml(plan: &Plan) -> String {
 fn whole(file: &str) -> String {
     std::path::absolute(Path::new(file))
         .map_or_else(|_| file.to_owned(), |path| path.display().to_string())
-}
-
-/// Text as a TOML string.
-fn quoted(text: &str) -> String {
-    ::toml::Value::from(text).to_string()
 }
 
 fn prior(spec: &PriorSpec) -> String {

@@ -23,6 +23,14 @@ pub(super) struct Picks {
     pub(super) sigma: Option<Picked>,
 }
 
+impl Picks {
+    /// All of them: times, necks, standard deviations.
+    pub(super) fn all(&self) -> Vec<&Picked> {
+        let value = self.value.as_ref().map(|(value, _)| value);
+        [Some(&self.time), value, self.sigma.as_ref()].into_iter().flatten().collect()
+    }
+}
+
 /// A column by its name in the header.
 struct Head<'g> {
     place: usize,

@@ -105,9 +105,7 @@ impl<'t> Sheet<'t> {
         picks: &Picks,
         said: Option<DecimalMark>,
     ) -> Result<Self, Vec<InputError>> {
-        let value = picks.value.as_ref().map(|(value, _)| value);
-        let picked: Vec<&Picked> =
-            [Some(&picks.time), value, picks.sigma.as_ref()].into_iter().flatten().collect();
+        let picked = picks.all();
         let places: Vec<usize> = picked.iter().map(|picked| picked.place).collect();
         let mut columns = grid.columns(&places);
         let mut lines: Vec<usize> = grid.rows.iter().map(|row| row.0).collect();
@@ -302,13 +300,8 @@ fn how(
     let mark = if decimal == DecimalMark::Comma { "decimal commas" } else { "decimal points" };
     let groups = if grouped { ", thousands in groups" } else { "" };
     parts.push(format!("{mark}{groups}, cells between {}", word(grid.separator)));
-    let read = |place: &usize| {
-        let value = picks.value.as_ref().map(|(value, _)| value);
-        [Some(&picks.time), value, picks.sigma.as_ref()]
-            .into_iter()
-            .flatten()
-            .any(|p| p.place == *place)
-    };
+    let picked = picks.all();
+    let read = |place: &usize| picked.iter().any(|picked| picked.place == *place);
     let others: Vec<&str> = (0..grid.names.len())
         .filter(|place| !read(place))
         .map(|place| grid.names[place].as_str())

@@ -33,7 +33,6 @@ pub(super) fn read(cell: &str, decimal: DecimalMark) -> Option<f64> {
         None => (mantissa, None),
     };
     let whole = without_groups(whole, group)?;
-    let digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
     // Words (nan, inf) have no mark.
     if decimals.is_some_and(|decimals| !digits(decimals) || !digits(&whole)) || sign.len() > 1 {
         return None;
@@ -48,6 +47,10 @@ pub(super) fn is_grouped(cell: &str, decimal: DecimalMark) -> bool {
     cell.trim().contains(|c| c == mark || separates(c))
 }
 
+fn digits(text: &str) -> bool {
+    text.bytes().all(|byte| byte.is_ascii_digit())
+}
+
 fn separates(c: char) -> bool {
     matches!(c, '\'' | '\u{2019}') || BLANKS.contains(&c)
 }
@@ -59,7 +62,6 @@ fn without_groups(whole: &str, mark: char) -> Option<String> {
     };
     let mut groups = whole.split(separator);
     let first = groups.next()?;
-    let digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
     let leads = (1..=3).contains(&first.len()) && digits(first) && !first.starts_with('0');
     let follow = groups.all(|group| group.len() == 3 && digits(group));
     (leads && follow).then(|| whole.replace(separator, ""))
