@@ -18,6 +18,8 @@ pub struct DensitySummary {
     pub sd: Vec<f64>,
     /// Their standard errors.
     pub sd_se: Vec<f64>,
+    /// Correlation matrix, row by row.
+    pub correlation: Vec<Vec<f64>>,
     /// Log evidence.
     pub log_evidence: Evidence,
     /// Effective sample size of the importance weights.
@@ -77,7 +79,15 @@ pub fn sample_density_in(
         let tail: Vec<f64> = raw.iter().zip(&x).map(|(w, x)| w * (x - m).powi(2)).collect();
         khat = khat.max(psis::khat(&tail));
     }
+    let centred = |i: usize, j: usize| coordinate(j, sampler.pool.z[i * d + j]) - mean[j];
+    let covariance = |j: usize, k: usize| estimator.mean(|i| centred(i, j) * centred(i, k));
+    let row = |j: usize| -> Vec<f64> {
+        let of = |k| if j == k { 1.0 } else { covariance(j, k) / (sd[j] * sd[k]) };
+        (0..d).map(of).collect()
+    };
+    let correlation = (0..d).map(row).collect();
     Ok(DensitySummary {
+        correlation,
         mean,
         mean_se,
         sd,

@@ -22,6 +22,7 @@ mod savings;
 mod seeds;
 mod simulator;
 mod small_budget;
+mod specialists;
 mod spread;
 mod timing;
 mod validity;
@@ -61,6 +62,7 @@ fn run(Args { out, study }: &Args) -> Result<(), Failure> {
         Study::Noise(args) => noise::run(args, out),
         Study::Sampler(args) => sampler::run(args, out),
         Study::SmallBudget(args) => small_budget::run(args, out),
+        Study::Specialists(args) => specialists::run(args, out),
         Study::Proposal(args) => proposal::run(args, out),
         Study::Exact(args) => exact::run(args),
         Study::BedAccuracy(args) => bed::accuracy::run(args, out),
