@@ -51,6 +51,7 @@ fn each_material_at_the_default_budget_agrees_with_quadrature() {
 
 /// A thousand simulations, placed by the surrogate, against quadrature. The default sampler has no answer there.
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn each_material_at_a_thousand_simulations_agrees_with_quadrature() {
     for material in ["ps", "pa12", "peek"] {
         let sandbox = Sandbox::new();
@@ -65,6 +66,7 @@ fn each_material_at_a_thousand_simulations_agrees_with_quadrature() {
 
 /// On both sides of the number from which on samples are placed without the surrogate, and of earlier ones.
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn no_number_of_simulations_between_a_thousand_and_a_few_thousand_is_a_cliff() {
     for samples in [1001, 2047, 2048] {
         let options = format!("--material peek --samples {samples} --no-other-kinetics --verify");

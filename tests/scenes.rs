@@ -170,6 +170,7 @@ fn a_bed_heated_past_its_end_is_at_most_full_in_every_output_and_may_stop_there(
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn a_scene_is_the_same_from_toml_and_json_on_one_thread_and_three() {
     let sandbox = Sandbox::new();
     sandbox.write("forty.toml", PACKING);
@@ -213,6 +214,7 @@ fn kill_when(sandbox: &Sandbox, arguments: &[&str], work: &str, file: &str) {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn a_killed_scene_goes_on_to_the_same_bits() {
     let sandbox = Sandbox::new();
     // Dynamic and long enough for a few checkpoints.

@@ -191,6 +191,7 @@ fn a_storm_ends_in_the_bits_of_a_quiet_run() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn a_storm_over_workers_ends_in_the_bits_of_a_quiet_run() {
     // A run that ends before the first blow is none.
     let drivers: usize = [1, 2].map(|seed| storm(Kind::Worker, 40, seed)).iter().sum();

@@ -3,6 +3,7 @@
 # same bytes of the posterior as with runs by processes of this machine. Needs slurm-wlm and munge (cluster.sh install).
 #
 #   tests/slurm/run.sh [CASE...]             all cases, or those named
+#   CALIBRATE=FILE tests/slurm/run.sh        with a command that is built already
 #   LEVEL=runs tests/slurm/run.sh [CASE...]  without the calibration: the runs alone, by crates/campaign/examples/drive.rs
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
@@ -22,9 +23,10 @@ journal=campaign/results.jsonl
 target=${CARGO_TARGET_DIR:-$PWD/target}/debug
 if [ "$level" = runs ]; then
     cargo build --locked --quiet -p campaign --example drive
-else
+elif [ -z "${CALIBRATE:-}" ]; then
     cargo build --locked --quiet -p calibrate
 fi
+calibrate=${CALIBRATE:-$target/calibrate}
 scratch=$(mktemp -d)
 export SIM_LOG="" SIM_SECONDS=0 SIM_FAIL="" SIM_HANG="" RUN_TIMEOUT_S=60 PARTITION=main
 runs=16
@@ -58,9 +60,9 @@ launch() {
     local interrupt=(--on-interrupt "${ON_INTERRUPT:-cancel}")
     if [ -e "$dir/campaign/campaign.json" ]; then
         # shellcheck disable=SC2086
-        exec "$target/calibrate" --resume "$dir" --plan "$plan" "${interrupt[@]}" ${RETRY:-}
+        exec "$calibrate" --resume "$dir" --plan "$plan" "${interrupt[@]}" ${RETRY:-}
     fi
-    exec "$target/calibrate" --plan "$plan" --out "$dir" "${interrupt[@]}"
+    exec "$calibrate" --plan "$plan" --out "$dir" "${interrupt[@]}"
 }
 drive() { (launch "$@"); }
 

@@ -7,35 +7,22 @@
 //! (C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning (2006), sections 2.7, 4.2 and 5.4):
 //!
 //! - over normal scores, whitened by the samples' weights: a quadratic whose coefficients are as good as unknown, plus a
-//!   squared exponential, its scale and length from a small table. Exact for a normal posterior.
+//!   squared exponential, its scale, length and nugget from a small table. Exact for a normal posterior.
 //! - over the prior's cube: a linear function with unknown coefficients, plus a Matern covariance of order 5/2 with a length
-//!   for every parameter; scale and lengths by a search. It does not move with the weights and knows regimes that begin
+//!   for every parameter; scale, lengths and nugget by a search. It does not move with the weights and knows regimes that begin
 //!   somewhere in the prior.
 //!
-//! Each sample has a nugget of its own: curves far from the data need not be met closely. The error of the process is
+//! Each sample has a nugget of its own: curves far from the data need not be met closely. How large all of them are comes with
+//! the covariance: values of a smooth function are met far closer than those of one with kinks. The error of the process is
 //! measured by leaving out each sample in turn (the same, section 5.4.2).
 
-use crate::cholesky::{cholesky, narrow, packed_inverse, whiten, whitening};
-use crate::nelder_mead::{Start, best_of};
+mod kernel;
+
+pub(crate) use self::kernel::Kernel;
+use self::kernel::{Fit, rough_kernel, smooth_kernel};
+use crate::cholesky::{whiten, whitening};
 use crate::normal;
 use crate::sobol::MAX_DIMENSIONS;
-use rayon::prelude::*;
-
-/// Candidates for the squared exponential's standard deviation and length, the latter in standard deviations of the
-/// samples as they are weighted now.
-const SCALES: [f64; 4] = [0.3, 1.0, 4.0, 16.0];
-const LENGTHS: [f64; 4] = [0.7, 1.5, 3.0, 6.0];
-/// Lengths that the search over the prior's cube starts from; the cube is two wide.
-const STARTS: [f64; 3] = [0.5, 1.5, 4.0];
-/// First step of the search, in logarithms.
-const STEP: f64 = 0.7;
-/// Logarithms that lengths and the scale stay between.
-const LN_LENGTH: [f64; 2] = [-4.0, 4.0];
-const LN_SCALE: [f64; 2] = [-6.0, 6.0];
-/// Evaluations of the evidence by the search, per number that is searched.
-const SEARCH: usize = 40;
-/// Samples that the search looks at: the best ones.
-const SEARCHED: usize = 80;
 
 /// Columns of numbers as a function of normal scores.
 #[derive(Clone, Debug)]
@@ -48,9 +35,11 @@ pub(crate) struct GaussianProcess {
     kernel: Kernel,
     /// The rough covariance that was tried, whichever was taken.
     pub rough: Option<Kernel>,
+    /// Lower Cholesky factor of the covariance of the samples, row by row.
+    factor: Vec<f64>,
     /// Mean and unit of each column.
     offsets: Vec<f64>,
-    units: Vec<f64>,
+    pub units: Vec<f64>,
     /// Value of every column at every sample minus its prediction from the other samples.
     pub left_out: Vec<f64>,
 }
@@ -70,39 +59,6 @@ impl Place {
             Self::Whitened(centre, inverse) => whiten(z, centre, inverse, out),
             Self::Cube => {
                 out.iter_mut().zip(z).for_each(|(o, z)| *o = 2.0 * normal::cdf(*z) - 1.0);
-            }
-        }
-    }
-}
-
-/// A covariance.
-#[derive(Clone, Debug)]
-pub(crate) enum Kernel {
-    /// `quadratic (1 + a b)^2 + scale^2 exp(-|a - b|^2 / (2 length^2))`
-    Smooth { quadratic: f64, scale: f64, length: f64 },
-    /// `linear (1 + a b) + scale^2 (1 + r + r^2/3) exp(-r)` with `r^2 = 5 sum ((a - b)/length)^2`
-    Rough { linear: f64, scale: f64, lengths: Vec<f64> },
-}
-
-impl Kernel {
-    fn of(&self, a: &[f64], b: &[f64]) -> f64 {
-        match self {
-            Self::Smooth { quadratic, scale, length } => {
-                let (mut dot, mut square) = (1.0, 0.0);
-                for (a, b) in a.iter().zip(b) {
-                    dot += a * b;
-                    square += (a - b) * (a - b);
-                }
-                quadratic * dot * dot + scale * scale * (-0.5 * square / (length * length)).exp()
-            }
-            Self::Rough { linear, scale, lengths } => {
-                let (mut dot, mut square) = (1.0, 0.0);
-                for ((a, b), length) in a.iter().zip(b).zip(lengths) {
-                    dot += a * b;
-                    square += ((a - b) / length).powi(2);
-                }
-                let r = (5.0 * square).sqrt();
-                linear * dot + scale * scale * (1.0 + r + r * r / 3.0) * (-r).exp()
             }
         }
     }
@@ -184,9 +140,20 @@ impl GaussianProcess {
             found.iter_mut().filter_map(Option::take).reduce(better)?
         };
         let left_out = fit.left_out(&data.units);
-        let coefficients = fit.coefficients;
+        let Fit { coefficients, factor, .. } = fit;
         let (offsets, units) = (data.offsets, data.units);
-        Some(Self { d, place, points, coefficients, kernel, rough, offsets, units, left_out })
+        Some(Self {
+            d,
+            place,
+            points,
+            coefficients,
+            kernel,
+            rough,
+            factor,
+            offsets,
+            units,
+            left_out,
+        })
     }
 
     /// Predicted values of all columns.
@@ -206,168 +173,33 @@ impl GaussianProcess {
             *o = offset + unit * *o;
         }
     }
+
+    /// Variance of the process at z, in squared units of the columns: `k(z, z) - |L^-1 k|^2` (section 2.2 of the same).
+    pub(crate) fn variance(&self, z: &[f64]) -> f64 {
+        let mut small = [0.0; MAX_DIMENSIONS];
+        let x = &mut small[..self.d];
+        self.place.of(z, x);
+        let mut variance = self.kernel.of(x, x);
+        let n = self.points.len() / self.d;
+        let mut solved: Vec<f64> = Vec::with_capacity(n);
+        for (p, row) in self.points.chunks_exact(self.d).zip(self.factor.chunks_exact(n)) {
+            let known: f64 = solved.iter().zip(row).map(|(s, l)| s * l).sum();
+            let next = (self.kernel.of(x, p) - known) / row[solved.len()];
+            variance -= next * next;
+            solved.push(next);
+        }
+        variance.max(0.0)
+    }
 }
 
 /// A process with one covariance: fit, covariance, and its coordinates and the points in them.
 type Found = (Fit, Kernel, Place, Vec<f64>);
 
-/// The smooth covariance of largest evidence.
-fn smooth_kernel(
-    d: usize,
-    points: &[f64],
-    values: &[f64],
-    nuggets: &[f64],
-    quadratic: f64,
-) -> Option<Kernel> {
-    let m = values.len() / nuggets.len();
-    let candidates: Vec<Kernel> = SCALES
-        .iter()
-        .flat_map(|scale| LENGTHS.map(|length| Kernel::Smooth { quadratic, scale: *scale, length }))
-        .collect();
-    let evidences: Vec<f64> = candidates
-        .par_iter()
-        .map(|kernel| {
-            let half = HalfFit::new(d, points, values, nuggets, kernel);
-            half.map_or(f64::NEG_INFINITY, |half| half.evidence(m))
-        })
-        .collect();
-    let found = candidates.into_iter().zip(evidences).filter(|(_, evidence)| evidence.is_finite());
-    found.reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(kernel, _)| kernel)
-}
-
-/// The rough covariance of largest evidence, judged by the best samples.
-fn rough_kernel(
-    d: usize,
-    points: &[f64],
-    values: &[f64],
-    nuggets: &[f64],
-    linear: f64,
-) -> Option<Kernel> {
-    let n = nuggets.len();
-    let m = values.len() / n;
-    let few = n.min(SEARCHED);
-    let (points, nuggets) = (&points[..few * d], &nuggets[..few]);
-    let values = narrow(&values[..few * m], few);
-    let bounds = |i: usize| if i == 0 { LN_SCALE } else { LN_LENGTH };
-    let clamped = |i: usize, x: f64| x.clamp(bounds(i)[0], bounds(i)[1]);
-    let kernel = |x: &[f64]| Kernel::Rough {
-        linear,
-        scale: clamped(0, x[0]).exp(),
-        lengths: (1..=d).map(|i| clamped(i, x[i]).exp()).collect(),
-    };
-    let mut axes = vec![0.0; (d + 1) * (d + 1)];
-    (0..=d).for_each(|i| axes[i * (d + 1) + i] = STEP);
-    let starts = STARTS.map(|length| {
-        let mut point = vec![length.ln(); d + 1];
-        point[0] = 0.0;
-        Start { point, axes: axes.clone() }
-    });
-    let mut evidence = |x: &[f64]| {
-        let Some(half) = HalfFit::new(d, points, &values, nuggets, &kernel(x)) else {
-            return f64::NEG_INFINITY;
-        };
-        let beyond: f64 = x.iter().enumerate().map(|(i, x)| (x - clamped(i, *x)).abs()).sum();
-        half.evidence(m) - beyond
-    };
-    let (x, best, _) = best_of(&starts, SEARCH * (d + 1), &mut evidence);
-    best.is_finite().then(|| kernel(&x))
-}
-
-/// What the evidence of one kernel takes: half of the way to the process.
-struct HalfFit {
-    /// Lower Cholesky factor L of the covariance, row by row.
-    factor: Vec<f64>,
-    /// `L^-1 values`, row by row.
-    solved: Vec<f64>,
-}
-
-impl HalfFit {
-    fn new(d: usize, points: &[f64], values: &[f64], nuggets: &[f64], k: &Kernel) -> Option<Self> {
-        let n = nuggets.len();
-        let m = values.len() / n;
-        let mut matrix = vec![0.0; n * n];
-        for i in 0..n {
-            for j in 0..=i {
-                let k = k.of(&points[i * d..(i + 1) * d], &points[j * d..(j + 1) * d]);
-                matrix[i * n + j] = k;
-                matrix[j * n + i] = k;
-            }
-            matrix[i * n + i] = matrix[i * n + i] * (1.0 + 1e-11) + nuggets[i] * nuggets[i];
-        }
-        let factor = cholesky(&matrix, n)?;
-        let mut solved = values.to_vec();
-        for i in 0..n {
-            let (before, rest) = solved.split_at_mut(i * m);
-            let row = &mut rest[..m];
-            for (l, other) in factor[i * n..].iter().zip(before.chunks_exact(m)) {
-                row.iter_mut().zip(other).for_each(|(r, o)| *r -= l * o);
-            }
-            row.iter_mut().for_each(|r| *r /= factor[i * n + i]);
-        }
-        Some(Self { factor, solved })
-    }
-
-    /// Log marginal likelihood of `m` columns, without its constant. Values that were narrowed have fewer.
-    fn evidence(&self, m: usize) -> f64 {
-        let n = self.factor.len().isqrt();
-        let ln_det: f64 = (0..n).map(|i| self.factor[i * n + i].ln()).sum();
-        -0.5 * self.solved.iter().map(|c| c * c).sum::<f64>() - m as f64 * ln_det
-    }
-}
-
-/// The process with one kernel.
-struct Fit {
-    coefficients: Vec<f64>,
-    /// Lower Cholesky factor of the covariance, row by row.
-    factor: Vec<f64>,
-    /// Log marginal likelihood, without its constant.
-    evidence: f64,
-}
-
-impl Fit {
-    fn new(d: usize, points: &[f64], values: &[f64], nuggets: &[f64], k: &Kernel) -> Option<Self> {
-        let n = nuggets.len();
-        let m = values.len() / n;
-        let half = HalfFit::new(d, points, values, nuggets, k)?;
-        let evidence = half.evidence(m);
-        let HalfFit { factor, solved: mut c } = half;
-        for i in (0..n).rev() {
-            let (before, rest) = c.split_at_mut(i * m);
-            let row = &mut rest[..m];
-            row.iter_mut().for_each(|r| *r /= factor[i * n + i]);
-            for (l, other) in factor[i * n..].iter().zip(before.chunks_exact_mut(m)) {
-                other.iter_mut().zip(&*row).for_each(|(o, r)| *o -= l * r);
-            }
-        }
-        (evidence.is_finite() && c.iter().all(|c| c.is_finite())).then_some(Self {
-            coefficients: c,
-            factor,
-            evidence,
-        })
-    }
-
-    /// Values minus their predictions from the other samples, `c_i / (K^-1)_ii`.
-    fn left_out(&self, units: &[f64]) -> Vec<f64> {
-        let m = units.len();
-        let n = self.coefficients.len() / m;
-        let inverse = packed_inverse(&self.factor, n);
-        // Diagonal of the inverse: sums of squares of the columns of the factor's inverse.
-        let mut diagonal = vec![0.0; n];
-        let mut at = 0;
-        for i in 0..n {
-            for d in &mut diagonal[..=i] {
-                *d += inverse[at] * inverse[at];
-                at += 1;
-            }
-        }
-        let rows = self.coefficients.chunks_exact(m).zip(&diagonal);
-        rows.flat_map(|(row, d)| row.iter().zip(units).map(move |(c, unit)| unit * c / d)).collect()
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::kernel::HalfFit;
     use super::*;
+    use crate::cholesky::narrow;
 
     /// Points of a plane, evenly spread without a pattern.
     fn points(n: usize) -> Vec<f64> {
@@ -456,6 +288,41 @@ mod tests {
     }
 
     #[test]
+    fn values_of_a_smooth_function_are_met_closer_than_their_nuggets_and_better_between() {
+        let valley = |z: &[f64]| vec![-(z[0] * z[0] - z[1]).powi(2) - 0.01 * (z[0] - 1.0).powi(2)];
+        let process = through(&points(60), 1, valley);
+        assert!(process.kernel.nugget() < 0.2, "{:?}", process.kernel);
+        for z in [[0.3, 0.2], [-0.7, 0.9], [1.2, 0.4]] {
+            let mut out = [0.0];
+            process.predict(&z, &mut out);
+            assert!((out[0] - valley(&z)[0]).abs() < 2e-3, "{z:?}: {out:?}");
+        }
+    }
+
+    #[test]
+    fn the_variance_of_two_samples_is_that_of_their_joint_normal() {
+        let z = [-0.4, 0.1, 0.5, 0.3];
+        let process = through(&points(12), 1, |z| vec![z[0].sin() + z[1]]);
+        let kernel = process.kernel.clone();
+        let at = |z: &[f64]| {
+            let mut x = [0.0; 2];
+            process.place.of(z, &mut x);
+            x
+        };
+        let (a, b, x) = (at(&z[..2]), at(&z[2..]), at(&[0.2, -0.6]));
+        let nugget = (1e-3 * kernel.nugget()).powi(2_i32);
+        let (aa, bb) = (kernel.of(&a, &a) + nugget, kernel.of(&b, &b) + nugget);
+        let (ab, ax, bx) = (kernel.of(&a, &b), kernel.of(&a, &x), kernel.of(&b, &x));
+        let explained = (bb * ax * ax - 2.0 * ab * ax * bx + aa * bx * bx) / (aa * bb - ab * ab);
+        let exact = kernel.of(&x, &x) - explained;
+        let found = like(Covariance::Like(&process), &z, 1, |z| vec![z[0].sin() + z[1]])
+            .variance(&[0.2, -0.6]);
+        assert!((found - exact).abs() < 1e-6 * kernel.of(&x, &x), "{found} {exact}");
+        // At a sample nothing but the nugget is left.
+        assert!(process.variance(&points(12)[..2]) < 2.0 * nugget + 1e-9 * kernel.of(&a, &a));
+    }
+
+    #[test]
     fn evidence_does_not_change_when_many_columns_are_narrowed() {
         let z = points(12);
         let many: Vec<f64> = z
@@ -464,7 +331,8 @@ mod tests {
             .collect();
         let few = narrow(&many, 12);
         assert_eq!(few.len(), 12 * 12);
-        let kernel = Kernel::Rough { linear: 1.0, scale: 0.7, lengths: vec![1.0, 2.0] };
+        let kernel =
+            Kernel::Rough { linear: 1.0, scale: 0.7, lengths: vec![1.0, 2.0], nugget: 1.0 };
         let squares = |values: &[f64]| {
             let half = HalfFit::new(2, &z, values, &[1e-2; 12], &kernel).expect("definite");
             half.solved.iter().map(|c| c * c).sum::<f64>()

@@ -39,6 +39,8 @@ const NUGGET_OF_CURVES: [f64; 2] = [0.003, 0.03];
 /// ones counting for more.
 const DEAD: f64 = 5.0;
 const NEAREST: usize = 4;
+/// Half the variance of a log likelihood up to which the process is believed: two standard deviations.
+const UNSURE: f64 = 2.0;
 
 /// A stand-in for the log likelihood.
 pub(crate) struct StandIn<'a> {
@@ -111,9 +113,32 @@ impl<'a> StandIn<'a> {
         Some(Self { target, process, outputs, failing, power })
     }
 
-    /// Log likelihood, not flattened.
+    /// Log likelihood, not flattened, lowered where the process does not know it: by what half its variance exceeds [`UNSURE`] by.
+    /// For outputs it is what the log likelihood loses, in the mean, one standard deviation of the process above and below them.
     pub(crate) fn ln_likelihood_at(&self, z: &[f64]) -> f64 {
-        self.ln_likelihood(z, &mut []).map_or(f64::NEG_INFINITY, |l| l / self.power)
+        let variance = self.process.variance(z);
+        let (ln_l, unsure) = if self.outputs {
+            let mut outputs = vec![0.0; self.target.kept()];
+            self.process.predict(z, &mut outputs);
+            let off = |by: f64| -> f64 {
+                let units = outputs.iter().zip(&self.process.units);
+                let moved: Vec<f64> = units.map(|(o, unit)| o + by * unit).collect();
+                self.target.ln_likelihood_of(&moved).unwrap_or(f64::NAN)
+            };
+            let (sd, ln_l) = (variance.sqrt(), off(0.0));
+            (ln_l, ln_l - 0.5 * (off(sd) + off(-sd)))
+        } else {
+            let mut one = [0.0];
+            self.process.predict(z, &mut one);
+            (one[0], 0.5 * variance * self.process.units[0].powi(2))
+        };
+        ln_l - (unsure - UNSURE).max(0.0) + self.ln_finished(z)
+    }
+
+    /// Log of the share of the finished among the nearest samples.
+    fn ln_finished(&self, z: &[f64]) -> f64 {
+        let finished = self.failing.as_ref().map_or(1.0, |failing| failing.finished(z));
+        finished.max((-DEAD).exp()).ln()
     }
 }
 
@@ -198,8 +223,7 @@ impl Target for StandIn<'_> {
             self.process.predict(z, &mut one);
             one[0]
         };
-        let finished = self.failing.as_ref().map_or(1.0, |failing| failing.finished(z));
-        Ok(self.power * ln_l + finished.max((-DEAD).exp()).ln())
+        Ok(self.power * ln_l + self.ln_finished(z))
     }
 }
 

@@ -41,6 +41,8 @@ pub(crate) enum Study {
     Sampler(CalibrationArgs),
     /// What do 50 to 300 simulations give, with and without a surrogate that places them? (30 minutes)
     SmallBudget(SmallBudgetArgs),
+    /// Is more always better? Error and time from 32 simulations to 65 536 (an hour)
+    Budgets(BudgetsArgs),
     /// What do the examples of PyVBMC, BOBE and GPry give, at their numbers of calls and at half? (2 minutes)
     Specialists(SpecialistsArgs),
     /// What is an earlier posterior worth as the first proposal, right or wrong? (20 minutes)
@@ -144,6 +146,22 @@ pub(crate) struct SmallBudgetArgs {
     /// Simulations of a run
     #[arg(long, value_name = "N,..", value_delimiter = ',', default_values_t = [50, 100, 300])]
     pub(crate) samples: Vec<usize>,
+
+    /// Only the problems whose name has this in it
+    #[arg(long, value_name = "NAME")]
+    pub(crate) only: Option<String>,
+}
+
+/// Error over the number of simulations.
+#[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
+pub(crate) struct BudgetsArgs {
+    /// Runs of each number of simulations
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u64).range(1..))]
+    pub(crate) seeds: u64,
+
+    /// Most simulations
+    #[arg(long, value_name = "N", default_value_t = 65_536)]
+    pub(crate) most: usize,
 
     /// Only the problems whose name has this in it
     #[arg(long, value_name = "NAME")]

@@ -2,6 +2,7 @@
 
 mod args;
 mod bed;
+mod budgets;
 mod calibration;
 mod campaign_scale;
 mod cases;
@@ -62,6 +63,7 @@ fn run(Args { out, study }: &Args) -> Result<(), Failure> {
         Study::Noise(args) => noise::run(args, out),
         Study::Sampler(args) => sampler::run(args, out),
         Study::SmallBudget(args) => small_budget::run(args, out),
+        Study::Budgets(args) => budgets::run(args, out),
         Study::Specialists(args) => specialists::run(args, out),
         Study::Proposal(args) => proposal::run(args, out),
         Study::Exact(args) => exact::run(args),

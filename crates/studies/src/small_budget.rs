@@ -82,7 +82,7 @@ pub(crate) fn run(args: &SmallBudgetArgs, out: &Path) -> Result<(), Failure> {
 }
 
 /// The problems whose name contains `only`, with their names.
-fn problems(only: &str) -> Result<Vec<(String, Case)>, Failure> {
+pub(crate) fn problems(only: &str) -> Result<Vec<(String, Case)>, Failure> {
     let asked = |name: &str| name.contains(only);
     let mut problems = Vec::new();
     for d in 1..=4 {
@@ -144,7 +144,7 @@ fn judged(runs: &[Run], errors: &[Errors], kind: impl Fn(bool, bool) -> bool) ->
 }
 
 /// Root mean square, errors above [`LARGEST`] counting as that.
-fn rms(values: impl Iterator<Item = f64>) -> f64 {
+pub(crate) fn rms(values: impl Iterator<Item = f64>) -> f64 {
     let all: Vec<f64> = values.map(|v| if v.abs() < LARGEST { v } else { LARGEST }).collect();
     (all.iter().map(|v| v * v).sum::<f64>() / all.len() as f64).sqrt()
 }

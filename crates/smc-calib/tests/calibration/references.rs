@@ -48,6 +48,7 @@ fn error_bars_are_honest() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn the_frozen_evidence_is_unbiased() {
     let reference = &all()[1];
     let ratios: Vec<f64> = runs(reference, 1024, 60)

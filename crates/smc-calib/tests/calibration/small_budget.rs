@@ -4,7 +4,7 @@ use crate::support::{line, line_problem, prior};
 use smc_calib::reference::{self, Reference};
 use smc_calib::{
     Concern, FixedSigma, FnSimulator, Noise, Observations, Parameter, Posterior, PriorSpec,
-    Problem, Settings, SimError, Simulator, calibrate, sample_density,
+    Problem, Settings, SimError, Simulator, Target, calibrate, sample_density,
 };
 
 fn rms(values: impl Iterator<Item = f64>) -> f64 {
@@ -43,6 +43,31 @@ fn a_hundred_simulations_find_narrow_posteriors_that_the_default_sampler_misses(
         let [mean, sd, ln_z] = errors(&reference, &Settings::for_budget(200), 4);
         assert!(mean < 0.3 && sd < 0.35 && ln_z < 0.3, "{}: {mean} {sd} {ln_z}", reference.name);
     }
+}
+
+/// The first example of PyVBMC: `ln L = -(x^2 - y)^2 - (x - 1)^2 / 100` under N(0, 3^2) in x and y. Log evidence -2.259 847 by
+/// quadrature.
+struct Valley;
+
+impl Target for Valley {
+    fn dimension(&self) -> usize {
+        2
+    }
+
+    fn ln_likelihood(&self, z: &[f64], _: &mut [f64]) -> Result<f64, SimError> {
+        let (x, y) = (3.0 * z[0], 3.0 * z[1]);
+        Ok(-(x * x - y).powi(2) - (x - 1.0).powi(2) / 100.0)
+    }
+}
+
+#[test]
+fn the_evidence_of_a_smooth_valley_is_known_to_a_twentieth_after_a_hundred_calls() {
+    let off = |seed| {
+        let settings = Settings { seed, ..Settings::for_budget(100) };
+        sample_density(&Valley, &settings).unwrap().log_evidence.value + 2.259_847
+    };
+    let ln_z = rms((1..=8).map(off));
+    assert!(ln_z < 0.05, "{ln_z}");
 }
 
 #[test]

@@ -140,6 +140,7 @@ overlap = {overlap}
     }
 
     #[test]
+    #[ignore = "long: run by .ci/run"]
     fn order_of_ends_losses_kills_and_resumes_do_not_change_a_bit_at_any_overlap() {
         for overlap in [1, 300] {
             let folder = tempfile::tempdir().expect("a folder");

@@ -163,6 +163,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "long: run by .ci/run"]
     fn the_average_has_the_quantiles_of_the_weighted_union_of_the_models_draws() {
         let mut kept = two_models();
         // Evidences of known ratio: 3 to 1.
@@ -195,6 +196,7 @@ mod tests {
         assert!(measured.eti95[1] - measured.eti95[0] > upper - lower, "noise widens");
     }
     #[test]
+    #[ignore = "long: run by .ci/run"]
     fn reasons_to_be_careful_with_a_model_are_repeated_where_it_has_weight() {
         let mut kept = two_models();
         kept.models[0].log_evidence = 0.0;
@@ -216,6 +218,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "long: run by .ci/run"]
     fn the_time_of_first_contact_of_an_average_is_that_of_its_models() {
         let mut kept = two_models();
         for (model, t0) in kept.models.iter_mut().zip([1.0, 3.0]) {

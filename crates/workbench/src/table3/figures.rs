@@ -61,6 +61,7 @@ mod tests {
     use crate::watch::Unwatched;
 
     #[test]
+    #[ignore = "long: run by .ci/run"]
     fn p1_and_p2_are_where_the_lines_of_the_regime_map_meet() {
         let one = Calibrated::new(
             Material::Peek,

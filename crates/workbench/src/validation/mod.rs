@@ -136,6 +136,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "long: run by .ci/run"]
     fn a_small_study_with_data_of_correlated_errors_passes() {
         let ranks = small(Noise::correlated(), 4096, 60);
         assert_eq!(ranks.ranked.len(), 10);
@@ -145,6 +146,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "long: run by .ci/run"]
     fn a_small_study_with_data_of_robust_errors_passes() {
         assert_eq!(small(Noise::robust(), 4096, 60).ranked.len(), 8);
     }

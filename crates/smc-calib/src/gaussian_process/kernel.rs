@@ -1,0 +1,242 @@
+//! Covariances of a Gaussian process, the search for the one of largest evidence, and the fit of one.
+
+use crate::cholesky::{cholesky, narrow, packed_inverse};
+use crate::nelder_mead::{Start, best_of};
+use rayon::prelude::*;
+
+/// Candidates for the squared exponential's standard deviation and length, the latter in standard deviations of the
+/// samples as they are weighted now.
+const SCALES: [f64; 6] = [0.3, 1.0, 4.0, 16.0, 64.0, 256.0];
+const LENGTHS: [f64; 4] = [0.7, 1.5, 3.0, 6.0];
+/// Lengths that the search over the prior's cube starts from; the cube is two wide.
+const STARTS: [f64; 3] = [0.5, 1.5, 4.0];
+/// Candidates for the factor on the nuggets.
+const NUGGETS: [f64; 3] = [1.0, 0.1, 0.01];
+/// First step of the search, in logarithms.
+const STEP: f64 = 0.7;
+/// Logarithms that lengths and the scale stay between.
+const LN_LENGTH: [f64; 2] = [-4.0, 4.0];
+const LN_SCALE: [f64; 2] = [-6.0, 6.0];
+const LN_NUGGET: [f64; 2] = [-5.0, 0.0];
+/// Evaluations of the evidence by the search, per number that is searched.
+const SEARCH: usize = 40;
+/// Samples that the search looks at: the best ones.
+const SEARCHED: usize = 80;
+
+/// A covariance.
+#[derive(Clone, Debug)]
+pub(crate) enum Kernel {
+    /// `quadratic (1 + a b)^2 + scale^2 exp(-|a - b|^2 / (2 length^2))`
+    Smooth { quadratic: f64, scale: f64, length: f64, nugget: f64 },
+    /// `linear (1 + a b) + scale^2 (1 + r + r^2/3) exp(-r)` with `r^2 = 5 sum ((a - b)/length)^2`
+    Rough { linear: f64, scale: f64, lengths: Vec<f64>, nugget: f64 },
+}
+
+impl Kernel {
+    /// Factor on the nuggets.
+    pub(super) fn nugget(&self) -> f64 {
+        match self {
+            Self::Smooth { nugget, .. } | Self::Rough { nugget, .. } => *nugget,
+        }
+    }
+
+    pub(super) fn of(&self, a: &[f64], b: &[f64]) -> f64 {
+        match self {
+            Self::Smooth { quadratic, scale, length, .. } => {
+                let (mut dot, mut square) = (1.0, 0.0);
+                for (a, b) in a.iter().zip(b) {
+                    dot += a * b;
+                    square += (a - b) * (a - b);
+                }
+                quadratic * dot * dot + scale * scale * (-0.5 * square / (length * length)).exp()
+            }
+            Self::Rough { linear, scale, lengths, .. } => {
+                let (mut dot, mut square) = (1.0, 0.0);
+                for ((a, b), length) in a.iter().zip(b).zip(lengths) {
+                    dot += a * b;
+                    square += ((a - b) / length).powi(2);
+                }
+                let r = (5.0 * square).sqrt();
+                linear * dot + scale * scale * (1.0 + r + r * r / 3.0) * (-r).exp()
+            }
+        }
+    }
+}
+
+/// The smooth covariance of largest evidence.
+pub(super) fn smooth_kernel(
+    d: usize,
+    points: &[f64],
+    values: &[f64],
+    nuggets: &[f64],
+    quadratic: f64,
+) -> Option<Kernel> {
+    let m = values.len() / nuggets.len();
+    let candidates: Vec<Kernel> = SCALES
+        .iter()
+        .flat_map(|scale| LENGTHS.map(|length| (*scale, length)))
+        .flat_map(|(scale, length)| {
+            NUGGETS.map(|nugget| Kernel::Smooth { quadratic, scale, length, nugget })
+        })
+        .collect();
+    let evidences: Vec<f64> = candidates
+        .par_iter()
+        .map(|kernel| {
+            let half = HalfFit::new(d, points, values, nuggets, kernel);
+            half.map_or(f64::NEG_INFINITY, |half| half.evidence(m))
+        })
+        .collect();
+    let found = candidates.into_iter().zip(evidences).filter(|(_, evidence)| evidence.is_finite());
+    found.reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(kernel, _)| kernel)
+}
+
+/// The rough covariance of largest evidence, judged by the best samples.
+pub(super) fn rough_kernel(
+    d: usize,
+    points: &[f64],
+    values: &[f64],
+    nuggets: &[f64],
+    linear: f64,
+) -> Option<Kernel> {
+    let n = nuggets.len();
+    let m = values.len() / n;
+    let few = n.min(SEARCHED);
+    let (points, nuggets) = (&points[..few * d], &nuggets[..few]);
+    let values = narrow(&values[..few * m], few);
+    let bounds = |i: usize| match i {
+        0 => LN_SCALE,
+        i if i > d => LN_NUGGET,
+        _ => LN_LENGTH,
+    };
+    let clamped = |i: usize, x: f64| x.clamp(bounds(i)[0], bounds(i)[1]);
+    let kernel = |x: &[f64]| Kernel::Rough {
+        linear,
+        scale: clamped(0, x[0]).exp(),
+        lengths: (1..=d).map(|i| clamped(i, x[i]).exp()).collect(),
+        nugget: clamped(d + 1, x[d + 1]).exp(),
+    };
+    let numbers = d + 2;
+    let mut axes = vec![0.0; numbers * numbers];
+    (0..numbers).for_each(|i| axes[i * numbers + i] = STEP);
+    axes[numbers * numbers - 1] = -STEP;
+    let starts = STARTS.map(|length| {
+        let mut point = vec![length.ln(); numbers];
+        point[0] = 0.0;
+        point[d + 1] = 0.0;
+        Start { point, axes: axes.clone() }
+    });
+    let mut evidence = |x: &[f64]| {
+        let Some(half) = HalfFit::new(d, points, &values, nuggets, &kernel(x)) else {
+            return f64::NEG_INFINITY;
+        };
+        let beyond: f64 = x.iter().enumerate().map(|(i, x)| (x - clamped(i, *x)).abs()).sum();
+        half.evidence(m) - beyond
+    };
+    let (x, best, _) = best_of(&starts, SEARCH * numbers, &mut evidence);
+    best.is_finite().then(|| kernel(&x))
+}
+
+/// What the evidence of one kernel takes: half of the way to the process.
+pub(super) struct HalfFit {
+    /// Lower Cholesky factor L of the covariance, row by row.
+    factor: Vec<f64>,
+    /// `L^-1 values`, row by row.
+    pub(super) solved: Vec<f64>,
+}
+
+impl HalfFit {
+    pub(super) fn new(
+        d: usize,
+        points: &[f64],
+        values: &[f64],
+        nuggets: &[f64],
+        k: &Kernel,
+    ) -> Option<Self> {
+        let n = nuggets.len();
+        let m = values.len() / n;
+        let mut matrix = vec![0.0; n * n];
+        for i in 0..n {
+            for j in 0..=i {
+                let k = k.of(&points[i * d..(i + 1) * d], &points[j * d..(j + 1) * d]);
+                matrix[i * n + j] = k;
+                matrix[j * n + i] = k;
+            }
+            let nugget = k.nugget() * nuggets[i];
+            matrix[i * n + i] = matrix[i * n + i] * (1.0 + 1e-11) + nugget * nugget;
+        }
+        let factor = cholesky(&matrix, n)?;
+        let mut solved = values.to_vec();
+        for i in 0..n {
+            let (before, rest) = solved.split_at_mut(i * m);
+            let row = &mut rest[..m];
+            for (l, other) in factor[i * n..].iter().zip(before.chunks_exact(m)) {
+                row.iter_mut().zip(other).for_each(|(r, o)| *r -= l * o);
+            }
+            row.iter_mut().for_each(|r| *r /= factor[i * n + i]);
+        }
+        Some(Self { factor, solved })
+    }
+
+    /// Log marginal likelihood of `m` columns, without its constant. Values that were narrowed have fewer.
+    fn evidence(&self, m: usize) -> f64 {
+        let n = self.factor.len().isqrt();
+        let ln_det: f64 = (0..n).map(|i| self.factor[i * n + i].ln()).sum();
+        -0.5 * self.solved.iter().map(|c| c * c).sum::<f64>() - m as f64 * ln_det
+    }
+}
+
+/// The process with one kernel.
+pub(super) struct Fit {
+    pub(super) coefficients: Vec<f64>,
+    /// Lower Cholesky factor of the covariance, row by row.
+    pub(super) factor: Vec<f64>,
+    /// Log marginal likelihood, without its constant.
+    pub(super) evidence: f64,
+}
+
+impl Fit {
+    pub(super) fn new(
+        d: usize,
+        points: &[f64],
+        values: &[f64],
+        nuggets: &[f64],
+        k: &Kernel,
+    ) -> Option<Self> {
+        let n = nuggets.len();
+        let m = values.len() / n;
+        let half = HalfFit::new(d, points, values, nuggets, k)?;
+        let evidence = half.evidence(m);
+        let HalfFit { factor, solved: mut c } = half;
+        for i in (0..n).rev() {
+            let (before, rest) = c.split_at_mut(i * m);
+            let row = &mut rest[..m];
+            row.iter_mut().for_each(|r| *r /= factor[i * n + i]);
+            for (l, other) in factor[i * n..].iter().zip(before.chunks_exact_mut(m)) {
+                other.iter_mut().zip(&*row).for_each(|(o, r)| *o -= l * r);
+            }
+        }
+        (evidence.is_finite() && c.iter().all(|c| c.is_finite())).then_some(Self {
+            coefficients: c,
+            factor,
+            evidence,
+        })
+    }
+
+    /// Values minus their predictions from the other samples, `c_i / (K^-1)_ii`.
+    pub(super) fn left_out(&self, units: &[f64]) -> Vec<f64> {
+        let m = units.len();
+        let n = self.coefficients.len() / m;
+        let inverse = packed_inverse(&self.factor, n);
+        // Diagonal of the inverse: sums of squares of the columns of the factor's inverse.
+        let mut diagonal = vec![0.0; n];
+        let mut at = 0;
+        for i in 0..n {
+            for d in &mut diagonal[..=i] {
+                *d += inverse[at] * inverse[at];
+                at += 1;
+            }
+        }
+        let rows = self.coefficients.chunks_exact(m).zip(&diagonal);
+        rows.flat_map(|(row, d)| row.iter().zip(units).map(move |(c, unit)| unit * c / d)).collect()
+    }
+}

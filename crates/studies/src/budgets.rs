@@ -1,0 +1,193 @@
+//! Error over the number of simulations, from a few dozen to tens of thousands: whether more is always better.
+
+use std::path::Path;
+
+use figures::{Band, Role, WorkPrecisionFigure, WorkPrecisionGrid, WorkPrecisionSeries};
+use smc_calib::Settings;
+use workbench::error::Failure;
+
+use crate::args::BudgetsArgs;
+use crate::cases::{Case, Errors, Run};
+use crate::report::{Report, Table, seconds};
+use crate::seeds::over_seeds;
+use crate::small_budget::{problems, rms};
+use crate::timing::{Clock, Timing};
+
+/// Largest ratio of an error to that at half the simulations, or at one simulation fewer.
+const CLIFF: f64 = 1.25;
+/// Errors from which on ratios are judged: a run off by more is not solved.
+const SOLVED: f64 = 1.0;
+/// Each error counts as this much at most.
+const LARGEST: f64 = 10.0;
+/// Budgets at which the code changes its ways: the first with as many as all samples of the surrogate, and the first without it.
+const THRESHOLDS: [usize; 2] = [128, Settings::PLAIN];
+
+const QUANTITIES: [(&str, &str); 3] =
+    [("error of the mean", "posterior sd"), ("error of the sd", ""), ("error of ln Z", "")];
+
+const TEXT: &str = "\
+Errors of `Settings::for_budget` (root mean square over the seeds, each error counted as 10 at most; mean and sd of the worst parameter) at
+32, 48, 64, 96, ... simulations and on both sides of the thresholds of the code. \"Grows by\" is the largest ratio of an error to the same error at half as
+many simulations (on thresholds, at one fewer), where that is below 1 and above 0.01; it has an uncertainty of about a tenth from 50 seeds and a quarter from 10. Time is the
+processor time of one run with one thread, median, everything beside the simulations of the closed form included.
+";
+
+/// Errors of mean, sd and log evidence, and the time of a run.
+struct Point {
+    samples: usize,
+    errors: [f64; 3],
+    time_s: f64,
+}
+
+pub(crate) fn run(args: &BudgetsArgs, out: &Path) -> Result<(), Failure> {
+    let mut report = Report::begin(out, "budgets")?;
+    let mut table = Table::new(&[
+        "problem",
+        "simulations",
+        "mean [posterior sd]",
+        "sd, relative",
+        "ln Z",
+        "grows by",
+        "processor time",
+    ]);
+    let mut cliffs = String::new();
+    let mut curves = Vec::new();
+    for (name, case) in problems(args.only.as_deref().unwrap_or_default())? {
+        let mut points: Vec<Point> = Vec::new();
+        for samples in budgets(args.most) {
+            eprintln!("{name}, {samples} simulations");
+            let point = Point::of(&case, samples, args.seeds)?;
+            let growth = growth(&points, &point);
+            if growth.is_some_and(|ratio| ratio > CLIFF) {
+                let ratio = growth.unwrap_or_default();
+                cliffs += &format!("- {name}, {samples} simulations: {ratio:.2}\n");
+            }
+            let errors = point.errors.map(|error| format!("{error:.3}"));
+            let growth = growth.map_or("-".to_owned(), |ratio| format!("{ratio:.2}"));
+            let what = [name.clone(), samples.to_string()];
+            table.push([&what[..], &errors, &[growth, seconds(point.time_s)]].concat());
+            points.push(point);
+        }
+        curves.push((name, points));
+    }
+    report.table(&table)?;
+    report.figure("figure", &figure(&curves))?;
+    let found = if cliffs.is_empty() {
+        format!("No error grows by more than {CLIFF}.\n")
+    } else {
+        format!("Errors that grow by more than {CLIFF}:\n\n{cliffs}")
+    };
+    let text = format!("{} seeds. {TEXT}\n{found}\n{}", args.seeds, table.markdown());
+    Ok(report.page("Error over the number of simulations", &text)?)
+}
+
+/// 32, 48, 64, 96, ... up to `most`, and one less than every threshold.
+fn budgets(most: usize) -> Vec<usize> {
+    let doubling = (5..).map(|k| 1 << k).take_while(|n| *n <= most);
+    let mut budgets: Vec<usize> = doubling.flat_map(|n| [n, n + n / 2]).collect();
+    budgets.extend(THRESHOLDS.iter().flat_map(|n| [n - 1, *n]));
+    budgets.retain(|n| *n <= most);
+    budgets.sort_unstable();
+    budgets.dedup();
+    budgets
+}
+
+impl Point {
+    fn of(case: &Case, samples: usize, seeds: u64) -> Result<Self, Failure> {
+        let found = over_seeds(seeds, &|seed| {
+            let settings = Settings { seed, ..Settings::for_budget(samples) };
+            let (time_s, run) = Clock::Thread.measure(|| case.sampled(&settings));
+            Ok((time_s, run.ok()))
+        })?;
+        let times_s = found.iter().map(|(time_s, _)| *time_s).collect();
+        let of = |run: &Option<Run>| run.as_ref().map(|r| Errors::of(&case.exact, &r.estimate));
+        let errors: Vec<Option<Errors>> = found.iter().map(|(_, run)| of(run)).collect();
+        // A run without an answer counts as much as one that is off by as much as counts.
+        let over = |error: &dyn Fn(&Errors) -> f64| {
+            rms(errors.iter().map(|e| e.as_ref().map_or(LARGEST, error)))
+        };
+        let worst = |of: &dyn Fn(&Errors, usize) -> f64| {
+            (0..case.exact.mean.len()).map(|j| over(&|e| of(e, j))).fold(0.0, f64::max)
+        };
+        Ok(Self {
+            samples,
+            errors: [
+                worst(&|e, j| e.mean[j]),
+                worst(&|e, j| e.sd[j]),
+                over(&|e| e.log_evidence.unwrap_or(f64::NAN)),
+            ],
+            time_s: Timing::of(times_s).median_s,
+        })
+    }
+}
+
+/// The largest ratio of an error to that at half the simulations, or at one fewer; none where neither is there or both are not
+/// solved.
+fn growth(before: &[Point], point: &Point) -> Option<f64> {
+    let known = |n: &usize| [2 * n, n + 1].contains(&point.samples);
+    let before = before.iter().filter(|earlier| known(&earlier.samples));
+    let ratios = before.flat_map(|earlier| {
+        let pairs = earlier.errors.iter().zip(&point.errors);
+        // Below a hundredth of a standard deviation more is not missed.
+        pairs.filter(|(a, _)| (0.01..SOLVED).contains(*a)).map(|(a, b)| b / a)
+    });
+    ratios.reduce(f64::max)
+}
+
+fn figure(curves: &[(String, Vec<Point>)]) -> WorkPrecisionGrid {
+    let panel = |quantity: usize, problems: &[(String, Vec<Point>)]| WorkPrecisionFigure {
+        title: String::new(),
+        cost_name: "simulations".to_owned(),
+        cost_unit: String::new(),
+        error_name: QUANTITIES[quantity].0.to_owned(),
+        error_unit: QUANTITIES[quantity].1.to_owned(),
+        series: problems
+            .iter()
+            .enumerate()
+            .map(|(k, (name, points))| {
+                let error: Vec<f64> = points.iter().map(|p| p.errors[quantity].max(1e-6)).collect();
+                WorkPrecisionSeries {
+                    name: name.clone(),
+                    role: Role::Series(k),
+                    cost: points.iter().map(|p| p.samples as f64).collect(),
+                    band: Band { lower: error.clone(), upper: error.clone() },
+                    error,
+                }
+            })
+            .collect(),
+        guide_slope: Some(-0.5),
+    };
+    // No more curves in a panel than there are colours.
+    let rows = curves
+        .chunks(4)
+        .flat_map(|problems| (0..3).map(|quantity| vec![panel(quantity, problems)]))
+        .collect();
+    WorkPrecisionGrid { title: "Error over the number of simulations".to_owned(), rows }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point(samples: usize, error: f64) -> Point {
+        Point { samples, errors: [error; 3], time_s: 0.0 }
+    }
+
+    #[test]
+    fn an_error_is_held_against_half_the_budget_and_against_one_fewer_and_only_where_that_was_solved()
+     {
+        let before = [point(64, 0.1), point(96, 0.2), point(127, 0.4), point(1024, 3.0)];
+        assert_eq!(growth(&before, &point(128, 0.2)), Some(2.0));
+        assert_eq!(growth(&before, &point(192, 0.1)), Some(0.5));
+        assert_eq!(growth(&before, &point(2048, 6.0)), None);
+        assert_eq!(growth(&before, &point(100, 6.0)), None);
+    }
+
+    #[test]
+    fn budgets_double_in_two_steps_and_hold_both_sides_of_every_threshold() {
+        let budgets = budgets(4096);
+        assert!(budgets.starts_with(&[32, 48, 64, 96, 127, 128, 192]), "{budgets:?}");
+        assert!(budgets.windows(2).any(|pair| pair == [2047, 2048]));
+        assert_eq!(budgets.last(), Some(&4096));
+    }
+}
