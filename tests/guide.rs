@@ -288,6 +288,31 @@ fn every_formula_on_a_line_of_its_own_is_followed_by_its_source() {
     assert!(formulas >= 40, "{formulas} formulas");
 }
 
+/// Numbers of a table of GrainLearning's: a column of every row.
+fn column(file: &str, place: usize) -> Vec<f64> {
+    let text = fs::read_to_string(root().join("experiments/external/grainlearning").join(file));
+    let rows = text.expect(file);
+    let cells = rows.lines().skip(1).map(|row| row.split_whitespace().nth(place).expect("a cell"));
+    cells.map(|cell| cell.parse().expect("a number")).collect()
+}
+
+#[test]
+fn grainlearnings_answer_in_the_guide_is_that_of_its_files() {
+    let weights = column("hyperbola-weights.txt", 0);
+    let page = pages().into_iter().find(|page| page.name == "grainlearning.md").expect("the page");
+    for (name, place, digits) in [("a", 3, 5), ("b", 4, 4)] {
+        let values = column("hyperbola-samples.txt", place);
+        let mean = |of: &dyn Fn(f64) -> f64| -> f64 {
+            weights.iter().zip(&values).map(|(weight, value)| weight * of(*value)).sum()
+        };
+        let middle = mean(&|value| value);
+        let sd = mean(&|value| (value - middle).powi(2)).sqrt();
+        let answer = format!("{middle:.digits$} \u{b1} {sd:.digits$}");
+        let row = format!("| {name}, mean \u{b1} sd | {answer} | {answer} |");
+        assert!(page.text.contains(&row), "{row}");
+    }
+}
+
 #[test]
 fn the_paper_is_named_by_its_doi_and_the_version_is_that_of_the_program() {
     let citation = fs::read_to_string(root().join("CITATION.cff")).expect("CITATION.cff");

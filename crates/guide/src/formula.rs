@@ -95,7 +95,8 @@ fn mathml(latex: &str, display_mode: DisplayMode) -> Result<String, String> {
     let mut math = String::new();
     let events = events.into_iter().map(Ok::<_, std::io::Error>);
     push_mathml(&mut math, events, config).map_err(|error| error.to_string())?;
-    Ok(math.replace('\n', " "))
+    // A space of LaTeX comes as text that has been escaped once too often.
+    Ok(math.replace('\n', " ").replace("&amp;nbsp;", "\u{a0}"))
 }
 
 /// MathML with the signs that Markdown would read, outside tags, as entities.
@@ -139,6 +140,11 @@ mod tests {
         assert!(block.starts_with("<div class=\"formula\"><math display=\"block\">"), "{block}");
         let (block, after) = block.split_once('\n').expect("a line of its own");
         assert!(block.ends_with("</math></div>") && after.trim() == "After.", "{page}");
+    }
+
+    #[test]
+    fn a_space_of_latex_is_a_space() {
+        assert!(of("$a,\\ b$").contains('\u{a0}') && !of("$a,\\ b$").contains("nbsp"));
     }
 
     #[test]
