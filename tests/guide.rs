@@ -120,13 +120,8 @@ impl Walk {
             .args(["-euo", "pipefail", "-c", script])
             .current_dir(self.sandbox.path())
             .env("PATH", &self.path)
-            .output()
-            .expect("bash");
-        Ran {
-            code: output.status.code().expect("it ends by itself"),
-            stdout: String::from_utf8(output.stdout).expect("UTF-8"),
-            stderr: String::from_utf8(output.stderr).expect("UTF-8"),
-        }
+            .output();
+        Ran::of(output.expect("bash"))
     }
 
     /// Runs what a block holds; of one with a mark that is not among `marks`, commands are only held to be commands of the program.

@@ -67,7 +67,12 @@ fn links(text: &str, pages: &Path, pictures: &mut Vec<PathBuf>) -> String {
                 pictures.push(picture);
             }
             (Some(file), None) => {
-                out.push_str(&format!("{before}{name} (`{}`)", file.display()));
+                let file = file.display().to_string();
+                // Its path is said once.
+                let named = file.ends_with(name) || file.starts_with(name);
+                let link = if named { format!("`{file}`") } else { format!("{name} (`{file}`)") };
+                out.push_str(before);
+                out.push_str(&link);
             }
         }
         rest = after;
@@ -103,12 +108,12 @@ mod tests {
 
     #[test]
     fn links_out_of_the_book_become_paths_and_pictures_go_along() {
-        let text = "see [a page](model.md#knee), [a file](../../../priors/ps.toml#x), `[c](../d)`,\n\
+        let text = "see [a page](model.md#knee), [a file](../../../priors/ps.toml#x), [ps.toml](../../../priors/ps.toml), `[c](../d)`,\n\
                     ![fit](../../../results/table3/figure4.svg) and [web](https://x.org/y).";
         let page = for_the_book(text, Path::new("crates/guide/pages")).expect("a page");
         assert_eq!(
             page.text,
-            "see [a page](model.md#knee), a file (`priors/ps.toml`), `[c](../d)`,\n\
+            "see [a page](model.md#knee), a file (`priors/ps.toml`), `priors/ps.toml`, `[c](../d)`,\n\
              ![fit](pictures/results-table3-figure4.svg) and [web](https://x.org/y)."
         );
         assert_eq!(page.pictures, [Path::new("results/table3/figure4.svg")]);
