@@ -13,11 +13,12 @@ use syn::visit::{self, Visit};
 use crate::sandbox::root;
 
 /// The crates of the workspace that each crate may use.
-const MAY_USE: [(&str, &[&str]); 7] = [
+const MAY_USE: [(&str, &[&str]); 8] = [
     ("dem-core", &[]),
     ("smc-calib", &[]),
     ("campaign", &[]),
     ("figures", &[]),
+    ("guide", &[]),
     ("workbench", &["campaign", "dem-core", "figures", "smc-calib"]),
     ("calibrate", &["campaign", "dem-core", "figures", "smc-calib", "workbench"]),
     ("studies", &["campaign", "dem-core", "figures", "smc-calib", "workbench"]),

@@ -12,6 +12,7 @@ mod damage;
 mod determinism;
 mod files;
 mod first_hour;
+mod guide;
 mod lammps;
 mod main_job;
 mod noise;

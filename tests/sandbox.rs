@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Output;
 
 use assert_cmd::Command;
 use tempfile::TempDir;
@@ -46,13 +47,8 @@ impl Sandbox {
         let output = Command::new(env!("CARGO_BIN_EXE_calibrate"))
             .current_dir(self.path())
             .args(arguments)
-            .output()
-            .expect("the command starts");
-        Ran {
-            code: output.status.code().expect("the command ends by itself"),
-            stdout: String::from_utf8(output.stdout).expect("UTF-8"),
-            stderr: String::from_utf8(output.stderr).expect("UTF-8"),
-        }
+            .output();
+        Ran::of(output.expect("the command starts"))
     }
 
     /// The bytes of a run's `posterior.json`.
@@ -96,6 +92,14 @@ fn collect(folder: &Path, files: &mut BTreeMap<PathBuf, Vec<u8>>) {
 }
 
 impl Ran {
+    pub(crate) fn of(output: Output) -> Self {
+        Self {
+            code: output.status.code().expect("the command ends by itself"),
+            stdout: String::from_utf8(output.stdout).expect("UTF-8"),
+            stderr: String::from_utf8(output.stderr).expect("UTF-8"),
+        }
+    }
+
     /// The command did what it was asked.
     #[track_caller]
     pub(crate) fn succeeded(&self) -> &Self {

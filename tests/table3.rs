@@ -145,7 +145,7 @@ fn the_table_holds_the_papers_nine_numbers_and_compiles_in_structure() {
 /// Every command of the document gives the numbers written behind it.
 #[test]
 fn the_document_on_table_3_says_what_its_commands_say() {
-    let document = read(&root().join("crates/workbench/docs/reading-table3.md"));
+    let document = read(&root().join("crates/guide/pages/reading-table3.md"));
     let sandbox = Sandbox::new();
     let mut checked = 0;
     for line in document.lines().map(str::trim) {

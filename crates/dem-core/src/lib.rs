@@ -1,6 +1,6 @@
 //! The discrete-element sintering simulator: a pair of viscoelastic spheres that grow a neck.
 //!
-//! The model is that of J.E. Alvarez, H. Cheng, S. Luding and T. Weinhart, *Neck growth kinetics
+//! The model is that of J.E. Alvarez, H. Snijder, T. Vaneker, H. Cheng, S. Luding and T. Weinhart, *Neck growth kinetics
 //! during polymer sintering for powder-based processes*, EPJ Web Conf. 249 (Powders & Grains 2021);
 //! equation numbers in these pages are those of that paper.
 //!

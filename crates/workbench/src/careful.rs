@@ -1,5 +1,5 @@
 //! Reasons to be careful, each as one line: what is wrong and by how much, what it means, what helps, and its section of
-//! the page `crates/workbench/docs/careful.md`.
+//! the page `crates/guide/pages/careful.md`.
 //!
 //! Those that the sampler sees are [`smc_calib::Concern`]s, those of a second calibration [`Doubt`](crate::record::Doubt)s; all others
 //! are [`Careful`]. A new one of either is a variant
@@ -356,7 +356,7 @@ mod tests {
     use super::*;
     use crate::record::Doubt;
 
-    const PAGE: &str = include_str!("../docs/careful.md");
+    const PAGE: &str = include_str!("../../guide/pages/careful.md");
 
     /// The kinds of all variants, from the schema of the type, which knows every variant.
     fn kinds<T: JsonSchema>() -> BTreeSet<String> {

@@ -33,7 +33,7 @@ pub(crate) struct CalibrateArgs {
     prior: Option<PathBuf>,
 
     /// Calibrate any simulator, as a plan file (.toml or .json) says: parameters, experiments, commands,
-    /// executor; see crates/workbench/docs/plan-files.md
+    /// executor; see crates/guide/pages/plan-files.md
     #[arg(long, value_name = "FILE", conflicts_with_all = NOT_WITH_A_RUN, conflicts_with_all = ColumnArgs::NAMES, conflicts_with_all = ["samples", "verify"], help_heading = "What to calibrate")]
     plan: Option<PathBuf>,
 

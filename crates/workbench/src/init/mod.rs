@@ -302,7 +302,7 @@ fn experiment_text(
         Some(material) => {
             let _ = writeln!(
                 text,
-                "# E and gamma of {}: J.E. Alvarez, H. Cheng, S. Luding, T. Weinhart, EPJ Web Conf. 249 (2021), Table 1.",
+                "# E and gamma of {}: J.E. Alvarez et al., EPJ Web Conf. 249 (2021) 05001, Table 1.",
                 material.title()
             );
             let _ = writeln!(text, "material = \"{material}\"\nradius_m = {:?}", powder.radius_m);

@@ -1,4 +1,4 @@
-//! Plan files: what `calibrate --plan FILE` reads, in TOML or JSON. `crates/workbench/docs/plan-files.md` has every
+//! Plan files: what `calibrate --plan FILE` reads, in TOML or JSON. `crates/guide/pages/plan-files.md` has every
 //! field.
 
 use std::path::Path;

@@ -40,7 +40,7 @@ number of threads; other versions of the sampler give the same numbers within th
 | `pa12-r30` | the pair that was not fitted |
 | `document.tex` | a document around `table3.tex`: `pdflatex document.tex` |
 
-How Table 3 of the paper must be read, and the evidence for it: `crates/workbench/docs/reading-table3.md`.
+How Table 3 of the paper must be read, and the evidence for it: `crates/guide/pages/reading-table3.md`.
 ",
         plan.samples, plan.seed
     )
@@ -382,7 +382,7 @@ fn readings(text: &mut String, report: &Report) {
         "## How Table 3 is read\n\n\
          Each reading turns the printed numbers into SI parameters of eqs. 3 to 5; the columns are what the curves \
          then do, below what the paper says they do; the typical factor is the exponential of the root mean square of\n\
-         ln(value/statement), and the RMSE that from the measurements. The derivation is in `crates/workbench/docs/reading-table3.md`.\n\n| reading |",
+         ln(value/statement), and the RMSE that from the measurements. The derivation is in `crates/guide/pages/reading-table3.md`.\n\n| reading |",
     );
     for (material, quantity, _) in STATED {
         let _ = write!(text, " {material} {} |", quantity_name(quantity));

@@ -1,0 +1,16 @@
+#!/usr/bin/env bash
+# Makes the pictures of the guide anew, by the program itself: crates/guide/pictures.sh
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/../.."
+pictures=crates/guide/pages/pictures
+scratch=$(mktemp -d)
+trap 'rm -rf "$scratch"' EXIT
+
+cargo run --quiet -p guide --example pictures -- "$pictures"
+for material in peek pa12; do
+    cargo run --quiet -p calibrate -- --material "$material" --quiet --out "$scratch/$material"
+done
+for figure in fit corner recursion convergence; do
+    cp "$scratch/peek/$figure.svg" "$pictures/peek-$figure.svg"
+done
+cp "$scratch/pa12/residuals.svg" "$pictures/pa12-residuals.svg"
