@@ -10,6 +10,7 @@ mod init;
 mod inspect;
 mod plot;
 mod predict;
+mod report;
 mod run_task;
 mod scene;
 mod simulate;
@@ -30,6 +31,7 @@ use init::InitArgs;
 use inspect::InspectArgs;
 use plot::PlotArgs;
 use predict::PredictArgs;
+use report::ReportArgs;
 use run_task::RunTaskArgs;
 use scene::SceneArgs;
 use simulate::SimulateArgs;
@@ -121,6 +123,8 @@ enum Command {
     Inspect(InspectArgs),
     /// Draw the figures of a saved run again, without simulating anything
     Plot(PlotArgs),
+    /// Make the report.html of a saved calibration again: one file for readers who were not there
+    Report(ReportArgs),
     /// Compare the kinetics on measured data: evidence, errors, prediction of left-out points
     Compare(CompareArgs),
     /// Regenerate Table 3 of the paper: calibrate PS, PA12 and PEEK 450PF and report
@@ -154,6 +158,7 @@ pub(crate) fn dispatch(args: &Args) -> Result<(), Failure> {
         Some(Command::Simulate(args)) => simulate::run(args),
         Some(Command::Inspect(args)) => inspect::run(args),
         Some(Command::Plot(args)) => plot::run(args),
+        Some(Command::Report(args)) => report::run(args),
         Some(Command::Compare(args)) => compare::run(args),
         Some(Command::Table3(args)) => table3::run(args),
         Some(Command::Check(args)) => check::run(args),

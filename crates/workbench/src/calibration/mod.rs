@@ -4,6 +4,7 @@ mod ahead;
 mod curves;
 mod extension;
 mod fingerprints;
+mod inputs;
 mod neck_growth;
 mod of_pair;
 mod other_kinetics;
@@ -16,6 +17,7 @@ mod stopped;
 mod store;
 
 pub use extension::continued;
+pub(crate) use inputs::of_plans as inputs_of;
 pub use run::{Finished, RunOptions, Timings, plan_of_run, resume, run, run_by};
 pub use sampling::Calibration;
 pub(crate) use sampling::sample;

@@ -5,6 +5,8 @@
 pub mod checksums;
 mod exchange;
 mod file;
+pub mod inputs;
+pub mod page;
 mod run_folder;
 pub mod work_folder;
 

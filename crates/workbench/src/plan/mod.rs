@@ -10,6 +10,7 @@ mod executor;
 mod file;
 mod input_files;
 mod observable;
+mod options;
 mod pair;
 mod pair_file;
 mod proposal;
@@ -20,6 +21,8 @@ mod types;
 mod words;
 
 pub use earlier::EarlierPosterior;
+pub use options::command_line;
+pub(crate) use options::{noise_option, shell_word};
 pub use pair::{PairOptions, sampler_for};
 pub(crate) use template::with_folder;
 pub use types::{
