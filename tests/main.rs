@@ -3,6 +3,7 @@
 mod sandbox;
 
 mod architecture;
+mod archive;
 mod bad_input;
 mod bits;
 mod browser;

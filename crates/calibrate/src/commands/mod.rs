@@ -1,5 +1,6 @@
 //! The commands, one file each: its options, and how they become a call of the library.
 
+mod archive;
 mod calibrate;
 mod check;
 mod compare;
@@ -11,6 +12,7 @@ mod inspect;
 mod plot;
 mod predict;
 mod report;
+mod reproduce;
 mod run_task;
 mod scene;
 mod simulate;
@@ -21,6 +23,7 @@ mod validate;
 use clap::{CommandFactory as _, Parser, Subcommand};
 use workbench::error::Failure;
 
+use archive::ArchiveArgs;
 use calibrate::CalibrateArgs;
 use check::CheckArgs;
 use compare::CompareArgs;
@@ -32,6 +35,7 @@ use inspect::InspectArgs;
 use plot::PlotArgs;
 use predict::PredictArgs;
 use report::ReportArgs;
+use reproduce::ReproduceArgs;
 use run_task::RunTaskArgs;
 use scene::SceneArgs;
 use simulate::SimulateArgs;
@@ -125,6 +129,10 @@ enum Command {
     Plot(PlotArgs),
     /// Make the report.html of a saved calibration again: one file for readers who were not there
     Report(ReportArgs),
+    /// Pack a calibration into one file to keep: results, report, inputs, an RO-Crate description
+    Archive(ArchiveArgs),
+    /// Run an archived calibration again and say whether its results are the same
+    Reproduce(ReproduceArgs),
     /// Compare the kinetics on measured data: evidence, errors, prediction of left-out points
     Compare(CompareArgs),
     /// Regenerate Table 3 of the paper: calibrate PS, PA12 and PEEK 450PF and report
@@ -159,6 +167,8 @@ pub(crate) fn dispatch(args: &Args) -> Result<(), Failure> {
         Some(Command::Inspect(args)) => inspect::run(args),
         Some(Command::Plot(args)) => plot::run(args),
         Some(Command::Report(args)) => report::run(args),
+        Some(Command::Archive(args)) => archive::run(args),
+        Some(Command::Reproduce(args)) => reproduce::run(args),
         Some(Command::Compare(args)) => compare::run(args),
         Some(Command::Table3(args)) => table3::run(args),
         Some(Command::Check(args)) => check::run(args),

@@ -6,6 +6,7 @@ use campaign::CampaignSpec;
 
 use super::fingerprints;
 use super::store::Stored;
+use crate::input::text_file::folder_of;
 use crate::output::inputs::Inputs;
 use crate::output::page::PLAN;
 use crate::plan::{Plan, Planned, SimulatorPlan};
@@ -18,9 +19,8 @@ pub(crate) fn of_plans<'p>(plans: impl Iterator<Item = &'p Plan>) -> Inputs {
 
 /// Of a plan that is computed in this process.
 pub(super) fn of_planned(planned: &Planned) -> Inputs {
-    let folder = planned.path.as_deref().map(whole_folder);
-    let files = files(planned.path.as_deref(), &planned.plan, Vec::new(), folder.as_deref());
-    Inputs::of(files, folder.as_deref())
+    let folder = planned.path.as_deref().map(folder_of);
+    Inputs::of(files(planned.path.as_deref(), &planned.plan, Vec::new(), folder), None)
 }
 
 /// Of a plan whose programs are run; files below the plan's folder are named from there on.
@@ -28,7 +28,9 @@ pub(super) fn of_stored(stored: &Stored, spec: &CampaignSpec) -> Inputs {
     let folder = whole_folder(&stored.file);
     let programs = fingerprints::files(spec, &folder).into_iter();
     let programs = programs.map(|file| ("program or file of runs", file)).collect();
-    Inputs::of(files(Some(&stored.file), &stored.plan, programs, Some(&folder)), Some(&folder))
+    let whole = |(role, path)| (role, std::path::absolute(&path).unwrap_or(path));
+    let files = files(Some(&stored.file), &stored.plan, programs, Some(&folder)).into_iter();
+    Inputs::of(files.map(whole), Some(&folder))
 }
 
 fn whole_folder(plan: &Path) -> PathBuf {
@@ -36,7 +38,7 @@ fn whole_folder(plan: &Path) -> PathBuf {
     whole.parent().unwrap_or(Path::new("/")).to_owned()
 }
 
-/// The files by their roles; where there is a folder of a plan, by their whole paths.
+/// The files by their roles; names in a plan file begin at its folder.
 fn files(
     file: Option<&Path>,
     plan: &Plan,
@@ -62,9 +64,5 @@ fn files(
     let earlier = plan.proposal.iter().map(|earlier| record::locate(&beside(&earlier.from)));
     files.extend(earlier.map(|file| ("earlier posterior", file)));
     files.extend(programs);
-    let named = files.into_iter().map(|(role, path)| match folder {
-        Some(_) => (role, std::path::absolute(&path).unwrap_or(path)),
-        None => (role, path),
-    });
-    named.collect()
+    files
 }

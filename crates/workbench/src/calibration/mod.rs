@@ -16,6 +16,7 @@ mod sensitivity;
 mod stopped;
 mod store;
 
+pub(crate) use extension::again;
 pub use extension::continued;
 pub(crate) use inputs::of_plans as inputs_of;
 pub use run::{Finished, RunOptions, Timings, plan_of_run, resume, run, run_by};
