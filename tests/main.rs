@@ -22,6 +22,7 @@ mod pointers;
 mod predict;
 mod readme;
 mod report;
+mod results;
 mod scene_words;
 mod scenes;
 mod simulate;

@@ -19,6 +19,7 @@ pub mod predict;
 pub mod record;
 pub mod report;
 pub mod run_task;
+pub mod runs;
 pub mod scene;
 pub mod simulate;
 mod simulator;

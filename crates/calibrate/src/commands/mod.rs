@@ -14,6 +14,7 @@ mod predict;
 mod report;
 mod reproduce;
 mod run_task;
+mod runs;
 mod scene;
 mod simulate;
 mod status;
@@ -37,6 +38,7 @@ use predict::PredictArgs;
 use report::ReportArgs;
 use reproduce::ReproduceArgs;
 use run_task::RunTaskArgs;
+use runs::RunsArgs;
 use scene::SceneArgs;
 use simulate::SimulateArgs;
 use status::StatusArgs;
@@ -147,6 +149,8 @@ enum Command {
     Scene(SceneArgs),
     /// Check the sampler by simulation-based calibration: made data, ranks, coverage
     Validate(ValidateArgs),
+    /// List the results in a folder: what each is of, whether to trust it, its age and size, which are superseded
+    Runs(RunsArgs),
     /// Say how far the run of a plan is: done, running, failed by cause, time left
     Status(StatusArgs),
     /// Write what the run of a plan has so far as tables, also while it runs
@@ -176,6 +180,7 @@ pub(crate) fn dispatch(args: &Args) -> Result<(), Failure> {
         Some(Command::Densify(args)) => densify::run(args),
         Some(Command::Scene(args)) => scene::run(args),
         Some(Command::Validate(args)) => validate::run(args),
+        Some(Command::Runs(args)) => runs::run(args),
         Some(Command::Status(args)) => status::run(args),
         Some(Command::Export(args)) => export::run(args),
         Some(Command::RunTask(args)) => run_task::run(args),

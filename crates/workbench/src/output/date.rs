@@ -1,7 +1,7 @@
 //! Dates of files.
 
 use std::path::Path;
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// When a file was last written; none where that is not known.
 pub(crate) fn written(path: &Path) -> Option<SystemTime> {
@@ -38,10 +38,19 @@ pub(crate) fn iso_day(time: SystemTime) -> String {
     format!("{year:04}-{month:02}-{:02}", left + 1)
 }
 
+/// How long ago, in the largest unit that it fills: `3 days`.
+pub(crate) fn ago(age: Duration) -> String {
+    let seconds = age.as_secs();
+    let units =
+        [(31_557_600, "year"), (86_400, "day"), (3600, "hour"), (60, "minute"), (1, "second")];
+    let (length, name) =
+        units.into_iter().find(|(length, _)| seconds >= *length).unwrap_or((1, "second"));
+    let count = seconds / length;
+    format!("{count} {name}{}", if count == 1 { "" } else { "s" })
+}
+
 #[cfg(test)]
 mod tests {
-    use std::time::Duration;
-
     use super::*;
 
     #[test]
@@ -55,5 +64,15 @@ mod tests {
         assert_eq!(at(951_868_800), "2000-03-01");
         assert_eq!(at(4_107_542_400), "2100-03-01");
         assert_eq!(iso_day(UNIX_EPOCH - Duration::from_secs(1)), "1969-12-31");
+    }
+
+    #[test]
+    fn an_age_is_in_the_largest_unit_that_it_fills() {
+        let of = |seconds| ago(Duration::from_secs(seconds));
+        assert_eq!(
+            (of(0), of(1), of(59)),
+            ("0 seconds".into(), "1 second".into(), "59 seconds".into())
+        );
+        assert_eq!((of(7199), of(200_000)), ("1 hour".into(), "2 days".into()));
     }
 }
