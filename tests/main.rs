@@ -12,6 +12,7 @@ mod clock;
 mod compare;
 mod damage;
 mod determinism;
+mod diff;
 mod files;
 mod first_hour;
 mod lammps;

@@ -6,6 +6,7 @@ mod careful;
 pub mod check;
 pub mod compare;
 pub mod densify;
+pub mod diff;
 pub mod error;
 pub mod export;
 mod given_up;

@@ -11,6 +11,7 @@ use serde_json::Value;
 use crate::calibration::read_stored;
 use crate::compare;
 use crate::densify::DENSIFY_RECORD;
+use crate::diff;
 use crate::error::{InputError, Mistake};
 use crate::input::text_file;
 use crate::output::CAMPAIGN;
@@ -114,12 +115,13 @@ fn by_number(name: &str) -> (&str, u64) {
 }
 
 /// The records of runs, with their kinds.
-const RECORDS: [(&str, &str); 5] = [
+const RECORDS: [(&str, &str); 6] = [
     (FILE_NAME, "calibration"),
     (compare::RECORD, "comparison"),
     (table3::RECORD, "table 3"),
     (SCENE_RECORD, "scene"),
     (DENSIFY_RECORD, "densification"),
+    (diff::RECORD, "difference"),
 ];
 
 fn is_run(folder: &Path) -> bool {
@@ -225,6 +227,11 @@ fn other(file: &Path, run: &mut Listed) -> Result<(), String> {
         "scene" => {
             run.what = plan["name"].as_str().unwrap_or_default().to_owned();
             run.data = format!("{} particles", record["particles"]);
+        }
+        "difference" => {
+            let all = plan["runs"].as_array().into_iter().flatten();
+            let names: Vec<&str> = all.filter_map(Value::as_str).collect();
+            run.what = names.join(", ");
         }
         _ => {
             run.what = plan["scene_name"].as_str().unwrap_or_default().to_owned();

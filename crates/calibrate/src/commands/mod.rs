@@ -6,6 +6,7 @@ mod check;
 mod compare;
 mod completions;
 mod densify;
+mod diff;
 mod export;
 mod init;
 mod inspect;
@@ -30,6 +31,7 @@ use check::CheckArgs;
 use compare::CompareArgs;
 use completions::CompletionsArgs;
 use densify::DensifyArgs;
+use diff::DiffArgs;
 use export::ExportArgs;
 use init::InitArgs;
 use inspect::InspectArgs;
@@ -149,6 +151,8 @@ enum Command {
     Scene(SceneArgs),
     /// Check the sampler by simulation-based calibration: made data, ranks, coverage
     Validate(ValidateArgs),
+    /// Two runs side by side: what differs in their plans, and what that did to parameters and evidence
+    Diff(DiffArgs),
     /// List the results in a folder: what each is of, whether to trust it, its age and size, which are superseded
     Runs(RunsArgs),
     /// Say how far the run of a plan is: done, running, failed by cause, time left
@@ -180,6 +184,7 @@ pub(crate) fn dispatch(args: &Args) -> Result<(), Failure> {
         Some(Command::Densify(args)) => densify::run(args),
         Some(Command::Scene(args)) => scene::run(args),
         Some(Command::Validate(args)) => validate::run(args),
+        Some(Command::Diff(args)) => diff::run(args),
         Some(Command::Runs(args)) => runs::run(args),
         Some(Command::Status(args)) => status::run(args),
         Some(Command::Export(args)) => export::run(args),
