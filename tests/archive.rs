@@ -147,3 +147,24 @@ fn what_is_no_archive_or_no_run_is_refused_with_a_remedy() {
     symlink("run.zip", sandbox.path().join("link.zip")).expect("a link");
     sandbox.run("reproduce link.zip -q").succeeded();
 }
+
+/// A record can say anything; its names go into those of files.
+#[test]
+fn names_of_a_record_that_lead_elsewhere_are_refused() {
+    let sandbox = Sandbox::new();
+    sandbox.run("--material ps --samples 64 --out run -q").succeeded();
+    let record = sandbox.path().join("run/posterior.json");
+    let text = fs::read_to_string(&record).expect("read");
+    let odd = text.replace("\"name\": \"ps-r30\"", "\"name\": \"../../ps\"");
+    assert_ne!(text, odd);
+    fs::write(&record, odd).expect("written");
+    fs::remove_file(sandbox.path().join("run/SHA256SUMS")).expect("removed");
+    sandbox
+        .run("archive run x.zip")
+        .refused(&["the name \"../../ps\"", "not written by this program"]);
+    let much = text.replace("\"draws\": 4096", "\"draws\": 4096000000");
+    assert_ne!(text, much);
+    fs::write(&record, much).expect("written");
+    sandbox.run("archive run x.zip").succeeded();
+    sandbox.run("reproduce x.zip").refused(&["x.zip, field plan.sampler.draws", "4096000000"]);
+}

@@ -93,11 +93,11 @@ pub fn list(dir: &Path, now: SystemTime) -> Result<Listing, InputError> {
     folders.sort_by(|a, b| by_number(&a.0).cmp(&by_number(&b.0)));
     let mut runs: Vec<Listed> =
         folders.iter().map(|(name, path)| listed(name, path, now)).collect();
-    for place in 0..runs.len() {
-        let newer = by_number(&runs[place].name);
-        runs[place].superseded = newer.1 > 0
-            && !runs[place].kind.is_empty()
-            && folders.iter().any(|(name, path)| name == newer.0 && is_run(path));
+    for run in &mut runs {
+        let (newer, number) = by_number(&run.name);
+        run.superseded = number > 0
+            && !run.kind.is_empty()
+            && folders.iter().any(|(name, path)| name == newer && is_run(path));
     }
     let old = runs.iter().filter(|run| run.superseded);
     let old: Vec<String> =

@@ -111,15 +111,20 @@ pub fn reproduce(
 
 /// Refuses a plan that asks for more than any that this program makes.
 fn check(place: &str, archived: &Record) -> Result<(), InputError> {
-    let samples = archived.plan.sampler.samples;
-    if SAMPLES.contains(&samples) {
-        return Ok(());
+    let sampler = &archived.plan.sampler;
+    let numbers = [
+        ("samples", sampler.samples, SAMPLES),
+        ("draws", sampler.draws, 0..=1 << 27),
+        ("map_simulations", sampler.map_simulations, 0..=1 << 27),
+    ];
+    match numbers.into_iter().find(|(_, number, range)| !range.contains(number)) {
+        None => Ok(()),
+        Some((field, number, range)) => Err(InputError::new(place, Mistake::OutOfRange)
+            .in_field(format_args!("plan.sampler.{field}"))
+            .found(number)
+            .expected(format_args!("a number from {} to {}", range.start(), range.end()))
+            .help("it was not written by this program; ask whoever sent it")),
     }
-    Err(InputError::new(place, Mistake::OutOfRange)
-        .in_field("plan.sampler.samples")
-        .found(samples)
-        .expected(format_args!("a number from {} to {}", SAMPLES.start(), SAMPLES.end()))
-        .help("it was not written by this program; ask whoever sent it"))
 }
 
 /// Two results of one plan.

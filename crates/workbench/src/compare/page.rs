@@ -7,7 +7,7 @@ use super::render;
 use crate::number::{probability, significant, with_error};
 use crate::output::inputs::Inputs;
 use crate::output::page::{self, Drawn, Page, Part};
-use crate::plan::{noise_in_words, noise_option, prior_in_words, shell_word};
+use crate::plan::{noise_in_words, noise_option, prior_rows, shell_word};
 
 /// The report of a comparison: its record, its figures, the files that it was made of, and the sums of its own.
 pub(super) fn page(report: &Report, drawn: &[Drawn], inputs: &Inputs, sums: &str) -> Page {
@@ -94,12 +94,8 @@ fn log_evidence(entry: &Entry) -> String {
 fn model(report: &Report) -> Part {
     let mut part = Part::default();
     for plan in &report.plan.experiments {
-        let rows = plan.parameters.iter().map(|parameter| {
-            let unit = parameter.unit.clone();
-            vec![parameter.name.clone(), unit, prior_in_words(parameter.prior.spec())]
-        });
         let caption = format!("Priors of {}, the same for every kinetics", plan.title);
-        part.table(caption, &["parameter", "unit", "prior"], rows.collect());
+        part.table(caption, &["parameter", "unit", "prior"], prior_rows(plan));
     }
     for noise in report.comparisons.first().iter().flat_map(|one| &one.noises) {
         part.fact(format!("{} errors", noise.name), noise_in_words(&noise.noise));

@@ -73,7 +73,9 @@ fn shown(value: &Value, other: &Value) -> Option<String> {
     match (value, other) {
         (Value::Null, _) => None,
         (Value::String(text), _) => Some(short(text.clone())),
-        (Value::Array(list), Value::Array(others)) if list.len() > 3 => {
+        (Value::Array(list), Value::Array(others))
+            if list.len() > 3 && list.len() == others.len() =>
+        {
             let same = list.iter().zip(others).filter(|(one, other)| one == other).count();
             Some(format!("{} values, {} of them others", list.len(), list.len() - same))
         }
@@ -116,7 +118,11 @@ mod tests {
         let found = differences(&one, &plan(&windowed));
         let values = found.iter().find(|one| one.field.ends_with("contact_ratio.values"));
         let values = values.expect("other data");
-        assert_eq!(values.one.as_deref(), Some("44 values, 44 of them others"));
+        assert_eq!(values.one.as_deref(), Some("44 values"));
+        let mut moved = one.clone();
+        moved.experiments[0].observables[0].values[3] += 0.1;
+        let found = differences(&one, &moved);
+        assert_eq!(found[0].one.as_deref(), Some("44 values, 1 of them others"));
     }
 
     #[test]

@@ -63,7 +63,7 @@ pub fn text(diff: &Diff) -> String {
     }
     text.push_str(&format!("  {}\n", evidence(diff)));
     for line in &diff.advice {
-        text.push_str(&format!("  careful: {line}\n"));
+        text.push_str(&format!("  trust: {line}\n"));
     }
     text
 }

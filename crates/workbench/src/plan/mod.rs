@@ -30,5 +30,5 @@ pub use types::{
     SimulatorPlan, SolverPlan,
 };
 pub(crate) use types::{run_number, sample_of};
-pub(crate) use words::short;
 pub use words::{Understood, dry_run, noise_in_words, prior_in_words, understood};
+pub(crate) use words::{prior_rows, short};

@@ -8,7 +8,7 @@ use crate::number::{shown_unit, significant, with_error};
 use crate::output::inputs::Inputs;
 use crate::output::page::{self, Drawn, MOST_ROWS, Page, Part, Verdict};
 use crate::plan::{
-    ObservablePlan, SimulatorPlan, command_line, noise_in_words, prior_in_words, shell_word,
+    ObservablePlan, SimulatorPlan, command_line, noise_in_words, prior_rows, shell_word,
 };
 use crate::record::{ObservableRecord, Record};
 
@@ -202,11 +202,7 @@ fn answer(record: &Record) -> Part {
 fn model(record: &Record) -> Part {
     let plan = &record.plan;
     let mut part = Part::default();
-    let rows = plan.parameters.iter().map(|parameter| {
-        let unit = parameter.unit.clone();
-        vec![parameter.name.clone(), unit, prior_in_words(parameter.prior.spec())]
-    });
-    part.table("Priors", &["parameter", "unit", "prior"], rows.collect());
+    part.table("Priors", &["parameter", "unit", "prior"], prior_rows(plan));
     if let Some(source) = &plan.prior_source {
         part.fact("Priors of", source);
     }

@@ -5,7 +5,7 @@ use super::render::{form, terminal};
 use crate::number::significant;
 use crate::output::inputs::Inputs;
 use crate::output::page::{self, Drawn, Page, Part};
-use crate::plan::{noise_in_words, prior_in_words};
+use crate::plan::{noise_in_words, prior_rows};
 
 /// The report: the record and its figures.
 pub(super) fn page(report: &Report, drawn: &[Drawn]) -> Page {
@@ -103,14 +103,10 @@ fn answer(report: &Report) -> Part {
 fn model(report: &Report) -> Part {
     let mut part = Part::default();
     for (material, plan) in report.materials.iter().zip(&report.plan.materials) {
-        let rows = plan.parameters.iter().map(|parameter| {
-            let unit = parameter.unit.clone();
-            vec![parameter.name.clone(), unit, prior_in_words(parameter.prior.spec())]
-        });
         part.table(
             format!("Priors of {}", material.title),
             &["parameter", "unit", "prior"],
-            rows.collect(),
+            prior_rows(plan),
         );
         for (_, observable) in plan.observables() {
             part.fact(format!("Noise of {}", material.title), noise_in_words(&observable.noise));
