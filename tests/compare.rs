@@ -49,9 +49,14 @@ fn evidences_are_those_of_the_main_job_and_factors_those_of_the_evidences() {
     // A parabola cannot be the delay of PEEK: the one finding that no seed or budget may change.
     assert_eq!(number(&entry(&comparison, "three-stage")["log_bayes_factor"]), 0.0);
     assert_eq!(entry(&comparison, "frenkel")["strength"], "very-strong");
-    for name in
-        ["compare.json", "compare.md", "compare.csv", "compare-peek.png", "compare-peek.svg"]
-    {
+    for name in [
+        "compare.json",
+        "compare.md",
+        "compare.csv",
+        "compare-peek.png",
+        "compare-peek.svg",
+        "report.html",
+    ] {
         assert!(sandbox.path().join("c").join(name).exists(), "{name}");
     }
 }

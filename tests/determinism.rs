@@ -24,7 +24,7 @@ fn one_two_and_seven_threads_write_the_same_bytes() {
         }
         assert_eq!(runs[0].len(), other.len());
     }
-    assert_eq!(runs[0].len(), 17);
+    assert_eq!(runs[0].len(), 19);
 }
 
 #[test]

@@ -3,13 +3,16 @@
 mod sandbox;
 
 mod architecture;
+mod archive;
 mod bad_input;
 mod bits;
+mod browser;
 mod campaign;
 mod clock;
 mod compare;
 mod damage;
 mod determinism;
+mod diff;
 mod files;
 mod first_hour;
 mod guide;
@@ -20,6 +23,8 @@ mod plot;
 mod pointers;
 mod predict;
 mod readme;
+mod report;
+mod results;
 mod scene_words;
 mod scenes;
 mod simulate;

@@ -4,7 +4,7 @@ use std::fs;
 
 use crate::sandbox::Sandbox;
 
-const FILES: [&str; 18] = [
+const FILES: [&str; 20] = [
     "SHA256SUMS",
     "convergence.png",
     "convergence.svg",
@@ -14,9 +14,11 @@ const FILES: [&str; 18] = [
     "fit.csv",
     "fit.png",
     "fit.svg",
+    "inputs.json",
     "posterior.json",
     "recursion.png",
     "recursion.svg",
+    "report.html",
     "residuals.png",
     "residuals.svg",
     "samples.csv",

@@ -37,6 +37,7 @@ fn the_example_runs_and_finds_what_it_was_made_of() {
         "convergence.png",
         "fit-force.png",
         "residuals-force.svg",
+        "report.html",
         "table.md",
         "table.csv",
         "fit.csv",

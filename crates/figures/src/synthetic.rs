@@ -2,10 +2,10 @@
 
 use super::{
     Axes, Band, BedFigure, CompareFigure, ConvergenceFigure, ConvergenceStage, CornerFigure,
-    CornerParameter, DensificationFigure, FailuresFigure, Figure, FitFigure, Knee, NamedCurve,
-    RankedQuantity, RanksFigure, RecursionFigure, RecursionParameter, RegimeMapFigure,
-    ResidualsFigure, Role, SeriesFigure, WorkPrecisionFigure, WorkPrecisionGrid,
-    WorkPrecisionSeries,
+    CornerParameter, DensificationFigure, FailuresFigure, Figure, FitFigure, Knee, MarginalsFigure,
+    MarginalsParameter, NamedCurve, RankedQuantity, RanksFigure, RecursionFigure,
+    RecursionParameter, RegimeMapFigure, ResidualsFigure, Role, SeriesFigure, WorkPrecisionFigure,
+    WorkPrecisionGrid, WorkPrecisionSeries,
 };
 
 /// Numbers that look random and are the same everywhere.
@@ -57,6 +57,20 @@ pub(crate) fn figures(
     let log_axes = Axes { log_control: true, ..Axes::default() };
     let log_fit = FitFigure { axes: log_axes, ..fit.clone() };
     let corner = data.corner(&mut noise);
+    let marginals = MarginalsFigure {
+        title: data.title.clone(),
+        names: vec!["results/one".to_owned(), "results/other".to_owned()],
+        parameters: corner
+            .parameters
+            .iter()
+            .map(|p| MarginalsParameter {
+                symbol: p.symbol.clone(),
+                unit: p.unit.clone(),
+                log10: p.log10,
+                draws: vec![p.draws.clone(), p.draws.iter().map(|draw| draw + 0.1).collect()],
+            })
+            .collect(),
+    };
     let corner_one =
         CornerFigure { parameters: vec![corner.parameters[1].clone()], ..corner.clone() };
     let corner_three =
@@ -80,6 +94,7 @@ pub(crate) fn figures(
         ("compare", Box::new(data.compare())),
         ("series", Box::new(data.series())),
         ("densification", Box::new(data.densification())),
+        ("marginals", Box::new(marginals)),
         ("ranks", Box::new(data.ranks())),
         ("work-precision", Box::new(work_precision)),
         ("work-precision-grid", Box::new(grid)),

@@ -1,10 +1,12 @@
 #![doc = include_str!("../README.md")]
 
+pub mod archive;
 pub mod calibration;
 mod careful;
 pub mod check;
 pub mod compare;
 pub mod densify;
+pub mod diff;
 pub mod error;
 pub mod export;
 mod given_up;
@@ -18,6 +20,7 @@ pub mod predict;
 pub mod record;
 pub mod report;
 pub mod run_task;
+pub mod runs;
 pub mod scene;
 pub mod simulate;
 mod simulator;

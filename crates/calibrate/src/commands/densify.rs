@@ -93,7 +93,7 @@ pub(crate) fn run(args: &DensifyArgs) -> Result<(), Failure> {
     }
     let found = job.run(pool(args.threads)?, &terminal)?;
     terminal.announce(&found.published, job.out());
-    let text = || found.report.text(found.seconds, job.out());
+    let text = || found.report.text(Some((found.seconds, job.out())));
     terminal.print_result(args.json, || pretty(&found.report), text)?;
     terminal.advise(&found.report.advice);
     Ok(())

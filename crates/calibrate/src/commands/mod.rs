@@ -1,16 +1,21 @@
 //! The commands, one file each: its options, and how they become a call of the library.
 
+mod archive;
 mod calibrate;
 mod check;
 mod compare;
 mod completions;
 mod densify;
+mod diff;
 mod export;
 mod init;
 mod inspect;
 mod plot;
 mod predict;
+mod report;
+mod reproduce;
 mod run_task;
+mod runs;
 mod scene;
 mod simulate;
 mod status;
@@ -20,17 +25,22 @@ mod validate;
 use clap::{CommandFactory as _, Parser, Subcommand};
 use workbench::error::Failure;
 
+use archive::ArchiveArgs;
 use calibrate::CalibrateArgs;
 use check::CheckArgs;
 use compare::CompareArgs;
 use completions::CompletionsArgs;
 use densify::DensifyArgs;
+use diff::DiffArgs;
 use export::ExportArgs;
 use init::InitArgs;
 use inspect::InspectArgs;
 use plot::PlotArgs;
 use predict::PredictArgs;
+use report::ReportArgs;
+use reproduce::ReproduceArgs;
 use run_task::RunTaskArgs;
+use runs::RunsArgs;
 use scene::SceneArgs;
 use simulate::SimulateArgs;
 use status::StatusArgs;
@@ -121,6 +131,12 @@ enum Command {
     Inspect(InspectArgs),
     /// Draw the figures of a saved run again, without simulating anything
     Plot(PlotArgs),
+    /// Make the report.html of a saved calibration again: one file for readers who were not there
+    Report(ReportArgs),
+    /// Pack a calibration into one file to keep: results, report, inputs, an RO-Crate description
+    Archive(ArchiveArgs),
+    /// Run an archived calibration again and say whether its results are the same
+    Reproduce(ReproduceArgs),
     /// Compare the kinetics on measured data: evidence, errors, prediction of left-out points
     Compare(CompareArgs),
     /// Regenerate Table 3 of the paper: calibrate PS, PA12 and PEEK 450PF and report
@@ -135,6 +151,10 @@ enum Command {
     Scene(SceneArgs),
     /// Check the sampler by simulation-based calibration: made data, ranks, coverage
     Validate(ValidateArgs),
+    /// Two runs side by side: what differs in their plans, and what that did to parameters and evidence
+    Diff(DiffArgs),
+    /// List the results in a folder: what each is of, whether to trust it, its age and size, which are superseded
+    Runs(RunsArgs),
     /// Say how far the run of a plan is: done, running, failed by cause, time left
     Status(StatusArgs),
     /// Write what the run of a plan has so far as tables, also while it runs
@@ -154,6 +174,9 @@ pub(crate) fn dispatch(args: &Args) -> Result<(), Failure> {
         Some(Command::Simulate(args)) => simulate::run(args),
         Some(Command::Inspect(args)) => inspect::run(args),
         Some(Command::Plot(args)) => plot::run(args),
+        Some(Command::Report(args)) => report::run(args),
+        Some(Command::Archive(args)) => archive::run(args),
+        Some(Command::Reproduce(args)) => reproduce::run(args),
         Some(Command::Compare(args)) => compare::run(args),
         Some(Command::Table3(args)) => table3::run(args),
         Some(Command::Check(args)) => check::run(args),
@@ -161,6 +184,8 @@ pub(crate) fn dispatch(args: &Args) -> Result<(), Failure> {
         Some(Command::Densify(args)) => densify::run(args),
         Some(Command::Scene(args)) => scene::run(args),
         Some(Command::Validate(args)) => validate::run(args),
+        Some(Command::Diff(args)) => diff::run(args),
+        Some(Command::Runs(args)) => runs::run(args),
         Some(Command::Status(args)) => status::run(args),
         Some(Command::Export(args)) => export::run(args),
         Some(Command::RunTask(args)) => run_task::run(args),

@@ -62,7 +62,7 @@ pub(crate) fn run(args: &SceneArgs) -> Result<(), Failure> {
     let terminal = Terminal::new(args.quiet, OnInterrupt::Detach);
     let found = job.run(pool(args.threads)?, &terminal)?;
     terminal.announce(&found.published, job.out());
-    let text = || found.record.text(found.seconds, job.out());
+    let text = || found.record.text(Some((found.seconds, job.out())));
     terminal.print_result(args.json, || pretty(&found.record), text)?;
     terminal.advise(&found.record.advice);
     Ok(())

@@ -10,7 +10,7 @@ use crate::error::{Failure, InputError, Mistake};
 use crate::input::text_file::folder_of;
 use crate::output::CAMPAIGN;
 use crate::plan::{ExecutorPlan, Plan, Planned};
-use crate::record;
+use crate::record::{self, Record};
 use crate::report::read_samples;
 use crate::watch::Watch;
 
@@ -100,14 +100,23 @@ pub fn continued(from: &Path, samples: usize) -> Result<(Planned, PathBuf), Inpu
     }
     let record = record::read(from)?;
     let plan = extended(&folder, &record.plan, samples)?;
-    let plan = Plan { version: env!("CARGO_PKG_VERSION").to_owned(), ..plan };
-    let of_input = |line: &String| {
+    let planned = again(&Record { plan, ..record }, None, String::new());
+    Ok((planned.warned(), folder))
+}
+
+/// The plan of a record for another run by this version, with the plan file that it came from, where its programs' files
+/// begin, and the text of that.
+pub(crate) fn again(record: &Record, path: Option<PathBuf>, text: String) -> Planned {
+    let plan = Plan { version: env!("CARGO_PKG_VERSION").to_owned(), ..record.plan.clone() };
+    let of_input = |line: &&String| {
         OF_INPUT.iter().any(|kind| line.ends_with(&format!("(see careful.md, \"{kind}\")")))
     };
-    let warnings = record.advice.into_iter().filter(of_input).collect();
-    let executor = ExecutorPlan::Threads { threads: None };
-    let planned = Planned { plan, executor, warnings, path: None, text: String::new() };
-    Ok((planned.warned(), folder))
+    let warnings = record.advice.iter().filter(of_input).cloned().collect();
+    let executor = match plan.commands().next() {
+        Some(_) => ExecutorPlan::Local { parallel: None },
+        None => ExecutorPlan::Threads { threads: None },
+    };
+    Planned { plan, executor, warnings, path, text }
 }
 
 /// Holds the first samples of an extended run against those of the run in `earlier`, to the bit, and says so where they are

@@ -31,18 +31,7 @@ pub(super) struct Fingerprints(BTreeMap<String, String>);
 impl Fingerprints {
     /// Of everything that can be read now. `folder` is that of the plan.
     pub(super) fn of(spec: &CampaignSpec, folder: &Path) -> Self {
-        let mut files = Vec::new();
-        for command in &spec.commands {
-            files.extend(command.call.argv.first().and_then(|program| on_path(program)));
-            for argument in &command.call.argv {
-                files.extend(named(argument, folder));
-            }
-            for file in &command.call.files {
-                files.push(PathBuf::from(&file.from));
-                files.extend(files_below(Path::new(&file.from)).unwrap_or_default());
-            }
-        }
-        let prints = files.into_iter().filter_map(|file| {
+        let prints = files(spec, folder).into_iter().filter_map(|file| {
             let print = match file.is_dir() {
                 true => hex(&Sha256::digest(names_below(&file)?)[..16]),
                 false => fingerprint(&file).ok()?,
@@ -63,6 +52,22 @@ impl Fingerprints {
         };
         Some(format!("{file} {now} since the run began"))
     }
+}
+
+/// The programs of all commands, the files that their arguments name, and those that go into the folders of runs.
+pub(super) fn files(spec: &CampaignSpec, folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for command in &spec.commands {
+        files.extend(command.call.argv.first().and_then(|program| on_path(program)));
+        for argument in &command.call.argv {
+            files.extend(named(argument, folder));
+        }
+        for file in &command.call.files {
+            files.push(PathBuf::from(&file.from));
+            files.extend(files_below(Path::new(&file.from)).unwrap_or_default());
+        }
+    }
+    files
 }
 
 /// Whether the programs of a run are still those that it began with; files are read again only where their length, time

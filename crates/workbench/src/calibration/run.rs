@@ -17,6 +17,7 @@ use smc_calib::Posterior;
 use super::ahead;
 use super::extension;
 use super::fingerprints::{self, Guard, Unchecked};
+use super::inputs;
 use super::sampling::{Calibration, Stages, failure, sample};
 use super::store::{self, Stored, refused};
 use super::{other_kinetics, record, sensitivity, stopped};
@@ -157,7 +158,7 @@ pub fn run(
     let staging = folder.stage()?;
     pool.install(|| {
         let write = |name: &str, bytes: &[u8]| staging.write(&out, name, bytes).map_err(make_room);
-        report::write_all(&record, &posterior, &write, watch)
+        report::write_all(&record, &posterior, &inputs::of_planned(planned), &write, watch)
     })?;
     timings.report_seconds = reporting.elapsed().as_secs_f64();
     staging.write(&out, "timings.json", pretty(&timings)?.as_bytes()).map_err(make_room)?;
@@ -377,7 +378,8 @@ impl Driver<'_> {
                 ))
             })
         };
-        report::write_all(&record, posterior, &write, self.watch)?;
+        let inputs = inputs::of_stored(self.stored, self.campaign.spec());
+        report::write_all(&record, posterior, &inputs, &write, self.watch)?;
         timings.report_seconds = begun.elapsed().as_secs_f64() - timings.inference_seconds;
         write("timings.json", pretty(&timings)?.as_bytes())?;
         if self.watch.stop().asked() {

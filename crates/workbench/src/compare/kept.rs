@@ -173,7 +173,7 @@ fn named(file: &OsStr) -> Option<String> {
 }
 
 /// Writes a file for each experiment, with their sums.
-pub(super) fn write(all: &[KeptModels], write: &WriteFile<'_>) -> Result<(), RunError> {
+pub(super) fn write(all: &[KeptModels], write: &WriteFile<'_>) -> Result<String, RunError> {
     let texts: Vec<(String, String)> = all
         .iter()
         .map(|kept| {

@@ -7,6 +7,7 @@
 mod comparison;
 mod kept;
 mod noises;
+mod page;
 mod refit;
 pub mod render;
 mod strength;
@@ -16,8 +17,10 @@ use dem_core::Kinetics;
 use smc_calib::{Noise, Parameter, Prior, PriorSpec, Problem, leave_one_out};
 
 use crate::calibration::Calibration;
+use crate::calibration::inputs_of;
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::input::material::Material;
+use crate::output::page::FILE_NAME;
 use crate::output::{Published, RunFolder, pretty};
 use crate::pair::model::NeckGrowth;
 use crate::pair::parameter::ParameterName;
@@ -117,8 +120,12 @@ impl Compared {
         write(RECORD, pretty(&self.report)?.as_bytes())?;
         write("compare.md", render::markdown(&self.report).as_bytes())?;
         write("compare.csv", render::csv(&self.report).as_bytes())?;
-        kept::write(&self.kept, &write)?;
-        draw_all(&self.figures, Width::Column, &write)?;
+        let sums = kept::write(&self.kept, &write)?;
+        let drawn = draw_all(&self.figures, Width::Column, &write)?;
+        let inputs = inputs_of(self.report.plan.experiments.iter());
+        inputs.write(&write)?;
+        let page = page::page(&self.report, &drawn, &inputs, &sums);
+        write(FILE_NAME, page.html()?.as_bytes())?;
         Ok(staging.publish()?)
     }
 }

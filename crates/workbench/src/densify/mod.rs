@@ -5,6 +5,7 @@ mod beds;
 mod curve;
 mod draws;
 mod laws;
+mod page;
 mod report;
 mod spread;
 
@@ -18,6 +19,8 @@ use serde_json::json;
 use crate::error::{Failure, RunError};
 use crate::input::scene_file::{self, SceneInput};
 use crate::number::significant;
+use crate::output::inputs::Inputs;
+use crate::output::page::FILE_NAME;
 use crate::output::work_folder::{WorkFolder, fingerprint};
 use crate::output::{Published, RunFolder, make_room, pretty};
 use crate::pair::draws::PairDraws;
@@ -63,6 +66,7 @@ pub struct DensifyJob {
     /// Everything that a bed depends on, the draw apart.
     bed_plan: String,
     advice: Vec<String>,
+    inputs: Inputs,
     folder: RunFolder,
 }
 
@@ -116,6 +120,7 @@ impl DensifyJob {
             advice: agreement::advice(&calibrated, &input),
             folder: RunFolder::prepare(&out, DENSIFY_RECORD)?,
             bed_plan: bed_plan.to_string(),
+            inputs: page::inputs(&options.posterior, &options.scene),
             input,
             sintering,
             calibrated,
@@ -193,7 +198,10 @@ impl DensifyJob {
         let units: Vec<&str> = calibrated.iter().map(|parameter| parameter.unit.as_str()).collect();
         write("draws.csv", report.draws_csv(&units).as_bytes())?;
         let figures: NamedFigures = vec![("densify".to_owned(), Box::new(report.figure()))];
-        draw_all(&figures, Width::Column, &write)?;
+        let drawn = draw_all(&figures, Width::Column, &write)?;
+        self.inputs.write(&write)?;
+        let page = page::page(&report, &self.input.describe(), &drawn, &self.inputs);
+        write(FILE_NAME, page.html()?.as_bytes())?;
         for (draw, curve) in &computed {
             write(&format!("series/{}", file_name(draw)), wanted.file(draw, curve).as_bytes())?;
         }

@@ -284,16 +284,16 @@ impl Report {
         }
     }
 
-    /// The summary as text.
-    pub fn text(&self, seconds: f64, out: &Path) -> String {
+    /// The summary as text, where the beds were just computed with how long that took \[s\] and the folder of the results.
+    pub fn text(&self, ended: Option<(f64, &Path)>) -> String {
         let plan = &self.plan;
+        let took = ended.map_or_else(String::new, |(s, _)| format!(", in {} s", significant(s, 2)));
         let mut lines = vec![format!(
-            "{}, {} draws of the posterior of {} ({}), in {} s",
+            "{}, {} draws of the posterior of {} ({}){took}",
             plan.scene_name,
             self.draws.len(),
             plan.posterior_name,
-            plan.kinetics,
-            significant(seconds, 2)
+            plan.kinetics
         )];
         let target = &self.target;
         let what = format!("{} {}", plan.target.name(), significant(plan.target.value(), 3));
@@ -360,13 +360,13 @@ impl Report {
         for line in &self.advice {
             lines.push(format!("  careful: {line}"));
         }
-        lines.push(format!("  results in {}", out.display()));
+        lines.extend(ended.map(|(_, out)| format!("  results in {}", out.display())));
         lines.push(String::new());
         lines.join("\n")
     }
 }
 
-fn interval([lower, upper]: [Option<f64>; 2]) -> String {
+pub(super) fn interval([lower, upper]: [Option<f64>; 2]) -> String {
     let end = |end: Option<f64>| end.map_or_else(|| "never".to_owned(), |s| significant(s, 3));
     format!("{} .. {} s", end(lower), end(upper))
 }

@@ -17,14 +17,18 @@ pub(crate) const FILE_NAME: &str = "SHA256SUMS";
 /// Largest file of a run that is read again \[bytes\]: some millions of samples.
 const LARGEST_BYTES: u64 = 2 << 30;
 
-/// Writes files that are read again, and their sums.
-pub(crate) fn write_all(files: &[(&str, String)], write: &WriteFile<'_>) -> Result<(), RunError> {
+/// Writes files that are read again, and their sums, which it gives.
+pub(crate) fn write_all(
+    files: &[(&str, String)],
+    write: &WriteFile<'_>,
+) -> Result<String, RunError> {
     let mut sums = String::new();
     for (name, text) in files {
         write(name, text.as_bytes())?;
         let _ = writeln!(sums, "{}  {name}", sum(text));
     }
-    write(FILE_NAME, sums.as_bytes())
+    write(FILE_NAME, sums.as_bytes())?;
+    Ok(sums)
 }
 
 /// Reads a file of a run by `parse` (given its name and text), and compares it with the `SHA256SUMS` beside it, where

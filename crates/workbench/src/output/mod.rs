@@ -3,8 +3,11 @@
 //! A command that writes many files fills a [`RunFolder`]; one that writes a single file uses [`write_file`].
 
 pub mod checksums;
+pub(crate) mod date;
 mod exchange;
 mod file;
+pub mod inputs;
+pub mod page;
 mod run_folder;
 pub mod work_folder;
 

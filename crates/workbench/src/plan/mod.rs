@@ -10,6 +10,7 @@ mod executor;
 mod file;
 mod input_files;
 mod observable;
+mod options;
 mod pair;
 mod pair_file;
 mod proposal;
@@ -20,6 +21,8 @@ mod types;
 mod words;
 
 pub use earlier::EarlierPosterior;
+pub use options::command_line;
+pub(crate) use options::{noise_option, shell_word};
 pub use pair::{PairOptions, sampler_for};
 pub(crate) use template::with_folder;
 pub use types::{
@@ -27,5 +30,5 @@ pub use types::{
     SimulatorPlan, SolverPlan,
 };
 pub(crate) use types::{run_number, sample_of};
-pub(crate) use words::short;
 pub use words::{Understood, dry_run, noise_in_words, prior_in_words, understood};
+pub(crate) use words::{prior_rows, short};

@@ -272,6 +272,15 @@ impl Plan {
         self.parameters.iter().map(|parameter| parameter.name.clone()).collect()
     }
 
+    /// The name of a parameter, experiment or observable that no plan file and no options can give.
+    pub(crate) fn odd_name(&self) -> Option<&str> {
+        let parameters = self.parameters.iter().map(|parameter| &parameter.name);
+        let experiments = self.experiments.iter().map(|experiment| &experiment.name);
+        let observables = self.observables().map(|(_, observable)| &observable.name);
+        let mut names = parameters.chain(experiments).chain(observables);
+        names.find(|name| !is_word(name)).map(String::as_str)
+    }
+
     /// The simulations that it asks for.
     pub(crate) fn simulations(&self) -> Simulations {
         let of_programs = self.commands().next().is_some();

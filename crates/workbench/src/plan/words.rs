@@ -4,7 +4,7 @@ use std::path::Path;
 
 use campaign::inputs::Put;
 use campaign::{ANSWER, Format, Interpolation};
-use smc_calib::{DistanceScale, FixedSigma, Noise, PriorSpec};
+use smc_calib::{DistanceScale, FixedSigma, Noise, Parameter, PriorSpec};
 
 use super::types::{
     ExecutorPlan, ExperimentPlan, ObservablePlan, PairPlan, Plan, Planned, SimulatorPlan,
@@ -265,6 +265,15 @@ pub fn prior_in_words(prior: &PriorSpec) -> String {
             short(upper)
         ),
     }
+}
+
+/// Parameters, units and priors as the rows of a table.
+pub(crate) fn prior_rows(plan: &Plan) -> Vec<Vec<String>> {
+    let row = |parameter: &Parameter| {
+        let prior = prior_in_words(parameter.prior.spec());
+        vec![parameter.name.clone(), parameter.unit.clone(), prior]
+    };
+    plan.parameters.iter().map(row).collect()
 }
 
 /// A number without the noise of its last bits.

@@ -67,7 +67,17 @@ pub fn parse(name: &str, text: &str) -> Result<Record, InputError> {
             .help("it was written by another version of calibrate; run the calibration again")
             .help("a material takes less than a second; the runs of a plan are kept and resumed by the version that made them"));
     }
-    serde_json::from_str(text).map_err(|error| bad_json(name, text, &error))
+    let record: Record =
+        serde_json::from_str(text).map_err(|error| bad_json(name, text, &error))?;
+    match record.plan.odd_name() {
+        None => Ok(record),
+        // Names go into those of files.
+        Some(odd) => Err(InputError::new(name, Mistake::Damaged)
+            .in_field("plan")
+            .found(format_args!("the name \"{odd}\""))
+            .expected("a letter, then letters, digits, _ and -, at most 64")
+            .help("it was not written by this program; ask whoever sent it")),
+    }
 }
 
 fn cut_off(base: InputError) -> InputError {

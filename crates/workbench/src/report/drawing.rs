@@ -5,12 +5,13 @@ use rayon::prelude::*;
 
 use crate::error::RunError;
 use crate::output::WriteFile;
+use crate::output::page::Drawn;
 use crate::watch::{Unwatched, Watch};
 
 /// Figures by the names of their files.
 pub type NamedFigures = Vec<(String, Box<dyn Figure + Send + Sync>)>;
 
-/// Writes figures as PNG and SVG.
+/// Writes figures as PNG and SVG, and gives what was written, in their order.
 ///
 /// # Errors
 ///
@@ -19,7 +20,7 @@ pub fn draw_all(
     figures: &NamedFigures,
     width: Width,
     write: &WriteFile<'_>,
-) -> Result<(), RunError> {
+) -> Result<Vec<Drawn>, RunError> {
     draw_watched(figures, width, write, &Unwatched::default())
 }
 
@@ -29,7 +30,7 @@ pub(crate) fn draw_watched(
     width: Width,
     write: &WriteFile<'_>,
     watch: &dyn Watch,
-) -> Result<(), RunError> {
+) -> Result<Vec<Drawn>, RunError> {
     figures
         .par_iter()
         .map(|(name, figure)| {
@@ -39,7 +40,7 @@ pub(crate) fn draw_watched(
             write(&format!("{name}.png"), &picture.png)?;
             write(&format!("{name}.svg"), picture.svg.as_bytes())?;
             watch.advance();
-            Ok(())
+            Ok(Drawn { name: name.clone(), picture })
         })
         .collect()
 }

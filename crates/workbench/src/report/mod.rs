@@ -3,19 +3,24 @@
 mod details;
 mod drawing;
 mod noise;
+mod of_calibration;
 mod pictures;
 mod samples;
 mod summary;
 mod tables;
 
 use std::fmt::Write as _;
+use std::path::Path;
 
 use figures::Width;
 use smc_calib::Posterior;
 
-use crate::error::RunError;
+use crate::error::{Failure, RunError};
 use crate::input::sample_table;
+use crate::input::text_file::{self, folder_of};
 use crate::output::checksums;
+use crate::output::inputs::Inputs;
+use crate::output::page;
 use crate::output::{WriteFile, pretty};
 use crate::record::{self, FILE_NAME, Record};
 use crate::watch::Watch;
@@ -24,6 +29,7 @@ pub use crate::input::data_table::quoted;
 pub use details::{details, understood};
 pub(crate) use drawing::draw_watched;
 pub use drawing::{NamedFigures, draw_all};
+pub(crate) use pictures::symbol;
 pub use pictures::{TimeScale, fit, pictures};
 pub use samples::{
     SampleColumns, parse_draws, parse_samples, read_draws, read_samples, read_sigma,
@@ -43,10 +49,30 @@ fn record_text(record: &Record) -> Result<String, RunError> {
     }
 }
 
+/// The report of a run that was saved, made again of its files: also for a run of a version that wrote none.
+///
+/// # Errors
+///
+/// [`Failure::Input`] for files that are missing or damaged, and for what is no calibration.
+pub fn again(path: &Path) -> Result<String, Failure> {
+    let record = record::read(path)?;
+    let file = record::locate(path);
+    let folder = folder_of(&file);
+    let samples = read_samples(&record, folder)?;
+    let unwritten = |_: &str, _: &[u8]| Ok(());
+    let figures = pictures(&record, &samples, TimeScale::ByData);
+    let drawn = draw_all(&figures, Width::Column, &unwritten)?;
+    let inputs = Inputs::read(folder)?.unwrap_or_default();
+    let sums = folder.join(checksums::FILE_NAME);
+    let sums = if sums.is_file() { text_file::read(&sums)? } else { String::new() };
+    Ok(of_calibration::page(&record, &drawn, &inputs, &sums).html()?)
+}
+
 /// Writes everything of a finished run.
 pub(crate) fn write_all(
     record: &Record,
     posterior: &Posterior,
+    inputs: &Inputs,
     write: &WriteFile<'_>,
     watch: &dyn Watch,
 ) -> Result<(), RunError> {
@@ -59,15 +85,23 @@ pub(crate) fn write_all(
     };
     let (tables, drawn) =
         rayon::join(tables, || draw_watched(&figures, Width::Column, write, watch));
+    let written = tables.and_then(|sums| {
+        inputs.write(write)?;
+        write(
+            page::FILE_NAME,
+            of_calibration::page(record, &drawn?, inputs, &sums).html()?.as_bytes(),
+        )
+    });
     watch.end();
-    tables.and(drawn)
+    written
 }
 
+/// Writes tables, record and samples; gives the sums of those that are read again.
 fn write_tables(
     record: &Record,
     posterior: &Posterior,
     write: &WriteFile<'_>,
-) -> Result<(), RunError> {
+) -> Result<String, RunError> {
     write("table.md", markdown(record).as_bytes())?;
     write("table.csv", csv(record).as_bytes())?;
     write("fit.csv", fit_csv(record).as_bytes())?;
@@ -76,13 +110,13 @@ fn write_tables(
         ("samples.csv", samples::samples_csv(posterior)),
         ("draws.csv", samples::draws_csv(record, posterior)),
     ];
-    checksums::write_all(&read_again, write)?;
+    let sums = checksums::write_all(&read_again, write)?;
     if record.plan.commands().next().is_some() {
         let sets = posterior.samples.iter().map(|sample| sample.theta.as_slice());
         let table = sample_table::write(&record.plan.name, &record.plan.parameter_names(), sets);
         write("samples-grainlearning.txt", table.as_bytes())?;
     }
-    Ok(())
+    Ok(sums)
 }
 
 /// Measured and predicted values, row by row.

@@ -327,7 +327,7 @@ fn convergence(record: &Record) -> ConvergenceFigure {
 }
 
 /// How a parameter is written in a figure: symbol and unit.
-fn symbol(name: &str, unit: &str) -> (String, String) {
+pub(crate) fn symbol(name: &str, unit: &str) -> (String, String) {
     match ParameterName::from_name(name) {
         Some(ParameterName::C1) => ("C_{1}".to_owned(), "Pa^{-1} s^{-1}".to_owned()),
         Some(ParameterName::TauS) => ("τ_{s}".to_owned(), "s".to_owned()),

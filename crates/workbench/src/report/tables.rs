@@ -9,8 +9,8 @@ use super::noise::{beside_markdown, length_unit, noise_line, or_one};
 use super::summary::{OF_TABLE3, failing_line, is_uninformed, neck_growth, paper_place};
 use crate::input::data_table::quoted;
 use crate::number::{digits_of, shown_unit, significant, with_error};
-use crate::plan::SimulatorPlan;
-use crate::record::Record;
+use crate::plan::{ObservablePlan, SimulatorPlan};
+use crate::record::{ObservableRecord, Record};
 
 /// One line of the posterior table.
 struct Row {
@@ -160,18 +160,8 @@ pub fn markdown(record: &Record) -> String {
     if let Some(earlier) = &plan.proposal {
         let _ = writeln!(text, "Begun from {}: {}.\n", earlier.result(), earlier.taken());
     }
-    let rows = rows(record);
-    let with_paper = rows.iter().any(|row| row.paper.is_some());
-    let paper_columns = |columns: &'static str| if with_paper { columns } else { "" };
-    let _ = writeln!(
-        text,
-        "| parameter | unit | form | MAP | median | 95 % interval | mean ± sd | information [bits] |{}",
-        paper_columns(" paper | paper's percentile |")
-    );
-    let _ = writeln!(text, "|---|---|---|---|---|---|---|---|{}", paper_columns("---|---|"));
-    for row in &rows {
-        text.push_str(&markdown_row(row, with_paper));
-    }
+    let (columns, rows) = posterior_cells(record);
+    text.push_str(&markdown_table(&columns, &rows));
     if neck_growth(record).is_some_and(|neck| !neck.printed.is_empty()) {
         let _ = writeln!(text, "\nAs printed in Table 3: {OF_TABLE3}.");
     }
@@ -196,7 +186,36 @@ pub fn markdown(record: &Record) -> String {
     text
 }
 
-fn markdown_row(row: &Row, with_paper: bool) -> String {
+/// A table as Markdown.
+fn markdown_table(columns: &[&str], rows: &[Vec<String>]) -> String {
+    let mut text = format!("| {} |\n|{}\n", columns.join(" | "), "---|".repeat(columns.len()));
+    for row in rows {
+        let _ = writeln!(text, "| {} |", row.join(" | "));
+    }
+    text
+}
+
+/// The posterior table: headings, and the cells as they are read.
+pub(super) fn posterior_cells(record: &Record) -> (Vec<&'static str>, Vec<Vec<String>>) {
+    let rows = rows(record);
+    let with_paper = rows.iter().any(|row| row.paper.is_some());
+    let mut columns = vec![
+        "parameter",
+        "unit",
+        "form",
+        "MAP",
+        "median",
+        "95 % interval",
+        "mean ± sd",
+        "information [bits]",
+    ];
+    if with_paper {
+        columns.extend(["paper", "paper's percentile"]);
+    }
+    (columns, rows.iter().map(|row| cells(row, with_paper)).collect())
+}
+
+fn cells(row: &Row, with_paper: bool) -> Vec<String> {
     let or_dash = |value: Option<String>| value.unwrap_or_else(|| "–".to_owned());
     let (mean, sd, coordinate) = row.mean_sd;
     // A standard deviation that does not exist is stored as the largest number there is.
@@ -212,35 +231,29 @@ fn markdown_row(row: &Row, with_paper: bool) -> String {
         .bits
         .map(|bits| format!("{bits:.2}{}", if row.informed { "" } else { " (not informed)" }));
     let digits = digits_of(row.eti95);
-    let mut line = format!(
-        "| {} | {} | {} | {} | {} | {} … {} | {values}{log10} | {} |",
-        row.parameter,
-        row.unit,
-        row.form,
+    let [lower, upper] = row.eti95.map(|end| significant(end, digits));
+    let mut cells = vec![
+        row.parameter.clone(),
+        row.unit.clone(),
+        row.form.to_owned(),
         or_dash(row.map.map(|map| significant(map, digits))),
         significant(row.median, digits),
-        significant(row.eti95[0], digits),
-        significant(row.eti95[1], digits),
+        format!("{lower} … {upper}"),
+        format!("{values}{log10}"),
         or_dash(bits),
-    );
+    ];
     if with_paper {
-        let _ = write!(
-            line,
-            " {} | {} |",
-            or_dash(row.paper.map(|paper| significant(paper, 3))),
-            or_dash(row.percentile.map(|percentile| format!("{percentile:.1} %"))),
-        );
+        cells.push(or_dash(row.paper.map(|paper| significant(paper, 3))));
+        cells.push(or_dash(row.percentile.map(|percentile| format!("{percentile:.1} %"))));
     }
-    line.push('\n');
-    line
+    cells
 }
 
-/// How well each observable is met.
-fn observables_markdown(record: &Record) -> String {
-    let mut text = String::from(
-        "\n| observable | points | RMSE of the MAP | errors | noise sigma, 95 % | residuals |\n|---|---|---|---|---|---|\n",
-    );
-    for (plan, found) in record.observables() {
+/// How well each observable is met: headings and cells.
+pub(super) fn observable_cells(record: &Record) -> (Vec<&'static str>, Vec<Vec<String>>) {
+    let columns =
+        vec!["observable", "points", "RMSE of the MAP", "errors", "noise sigma, 95 %", "residuals"];
+    let row = |(plan, found): (&ObservablePlan, &ObservableRecord)| {
         let sigma = match &found.sigma {
             None => "as the table states".to_owned(),
             Some(sigma) if sigma.fixed => format!("{} (given)", significant(sigma.median, 3)),
@@ -249,17 +262,24 @@ fn observables_markdown(record: &Record) -> String {
                 format!("{} ({lower} … {upper})", significant(sigma.median, 2))
             }
         };
-        let rmse = significant(found.map_error.rmse, 2);
-        let _ = writeln!(
-            text,
-            "| {} | {} | {} | {} | {sigma} | {} |",
-            found.label,
-            plan.values.len(),
-            format_args!("{rmse} {}", shown_unit(&plan.unit)).to_string().trim_end(),
-            plan.noise.kind(),
-            if found.residuals.independent { "independent" } else { "not independent" },
-        );
-    }
+        let rmse = format!("{} {}", significant(found.map_error.rmse, 2), shown_unit(&plan.unit));
+        let alike = if found.residuals.independent { "independent" } else { "not independent" };
+        vec![
+            found.label.clone(),
+            plan.values.len().to_string(),
+            rmse.trim_end().to_owned(),
+            plan.noise.kind().to_owned(),
+            sigma,
+            alike.to_owned(),
+        ]
+    };
+    (columns, record.observables().map(row).collect())
+}
+
+/// The same as Markdown, and what else is to be said of the errors.
+fn observables_markdown(record: &Record) -> String {
+    let (columns, rows) = observable_cells(record);
+    let mut text = format!("\n{}", markdown_table(&columns, &rows));
     for (plan, found) in record.observables() {
         let line = noise_line(plan, found);
         if !line.is_empty() {

@@ -3,6 +3,7 @@
 //! Unfinished work is in a `WorkFolder`, from which the same scene goes on with the same bits.
 
 mod compute;
+mod page;
 mod picture;
 mod record;
 
@@ -15,6 +16,8 @@ use serde_json::json;
 
 use crate::error::{Failure, RunError};
 use crate::input::scene_file::{self, SceneInput};
+use crate::output::inputs::Inputs;
+use crate::output::page::{Drawn, FILE_NAME};
 use crate::output::work_folder::WorkFolder;
 use crate::output::{Published, RunFolder, make_room, pretty};
 use crate::report::draw_all;
@@ -128,13 +131,16 @@ impl SceneJob {
         let mut csv = Vec::new();
         write_csv(run.series(), &mut csv).map_err(RunError::new)?;
         write("series.csv", &csv)?;
-        let drawn = |error| RunError::new(format_args!("figure: {error}"));
+        let failed = |error| RunError::new(format_args!("figure: {error}"));
         let series = series_figure(name, run.series(), &self.input.file.phases);
-        draw_all(&vec![("series".to_owned(), Box::new(series))], Width::Column, &write)?;
+        let named = vec![("series".to_owned(), Box::new(series) as _)];
+        let mut drawn = draw_all(&named, Width::Column, &write)?;
         let last = bed_figure(run.bed(), name);
-        for (name, figure) in [("bed-start.png", first), ("bed.png", last)] {
+        for (name, figure) in [("bed-start", first), ("bed", last)] {
             let range = colour_range(&figure);
-            write(name, &BedFigure { range, ..figure }.png(Width::Column).map_err(drawn)?)?;
+            let png = BedFigure { range, ..figure }.png(Width::Column).map_err(failed)?;
+            write(&format!("{name}.png"), &png)?;
+            drawn.push(Drawn::of_png(name, png));
         }
         for number in (0..run.series().samples.len()).filter(|_| self.plan.vtk) {
             let name = vtk_name(number);
@@ -144,6 +150,10 @@ impl SceneJob {
             })?;
             write(&format!("vtk/{name}"), &frame)?;
         }
+        let inputs = Inputs::of([(page::SCENE, PathBuf::from(&self.input.place))], None);
+        inputs.write(&write)?;
+        let page = page::page(record, &self.input.describe(), &drawn, &inputs);
+        write(FILE_NAME, page.html()?.as_bytes())?;
         write("timings.json", timings.as_bytes())?;
         if watch.stop().asked() {
             return Err(Failure::Interrupted);

@@ -196,14 +196,12 @@ impl SceneRecord {
         }
     }
 
-    /// The summary as text. `seconds` is how long the run took, `out` the folder of the results.
-    pub fn text(&self, seconds: f64, out: &Path) -> String {
+    /// The summary as text, where the run has just ended with how long it took \[s\] and the folder of the results.
+    pub fn text(&self, ended: Option<(f64, &Path)>) -> String {
+        let took = ended.map_or_else(String::new, |(s, _)| format!(", in {} s", significant(s, 2)));
         let mut lines = vec![format!(
-            "{}: {} particles, {} observations, in {} s",
-            self.plan.name,
-            self.particles,
-            self.observations,
-            significant(seconds, 2)
+            "{}: {} particles, {} observations{took}",
+            self.plan.name, self.particles, self.observations
         )];
         if let Some(start) = &self.start {
             lines.push(format!("  start         {}", in_words(start)));
@@ -242,7 +240,7 @@ impl SceneRecord {
         for line in &self.advice {
             lines.push(format!("  careful: {line}"));
         }
-        lines.push(format!("  results in {}", out.display()));
+        lines.extend(ended.map(|(_, out)| format!("  results in {}", out.display())));
         lines.push(String::new());
         lines.join("\n")
     }

@@ -13,6 +13,7 @@
 
 mod calibrated;
 mod figures;
+mod page;
 mod readings;
 mod record;
 pub mod render;
@@ -23,6 +24,7 @@ use dem_core::Kinetics;
 
 use crate::error::Failure;
 use crate::input::material::Material;
+use crate::output::page::FILE_NAME;
 use crate::output::{Published, RunFolder, pretty};
 use crate::report::{NamedFigures, draw_all};
 use crate::watch::{Watch, Within};
@@ -87,7 +89,8 @@ impl Table3 {
         write("document.tex", render::DOCUMENT.as_bytes())?;
         write("report.md", render::report_markdown(report).as_bytes())?;
         write("README.md", render::readme(&report.plan, revision).as_bytes())?;
-        draw_all(&self.figures, Width::Column, &write)?;
+        let drawn = draw_all(&self.figures, Width::Column, &write)?;
+        write(FILE_NAME, page::page(report, &drawn).html()?.as_bytes())?;
         Ok(staging.publish()?)
     }
 }

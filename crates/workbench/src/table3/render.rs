@@ -46,7 +46,7 @@ How Table 3 of the paper must be read, and the evidence for it: `crates/guide/pa
     )
 }
 
-fn form(form: Form) -> &'static str {
+pub(super) fn form(form: Form) -> &'static str {
     match form {
         Form::Printed => "as printed",
         Form::Si => "SI",

@@ -1,0 +1,138 @@
+//! Two calibrations side by side as text, and as the sections of a report.
+
+use super::numbers::{Diff, Moved};
+use crate::number::{digits_of, shown_unit, significant};
+use crate::output::inputs::Inputs;
+use crate::output::page::{self, Drawn, MOST_ROWS, Page};
+use crate::plan::shell_word;
+
+/// A difference with its standard error.
+fn with_se(value: Option<f64>, error: Option<f64>) -> String {
+    match (value, error) {
+        (Some(value), Some(error)) => format!("{value:+.2} ± {}", significant(error, 2)),
+        _ => "–".to_owned(),
+    }
+}
+
+/// Median and 95 % interval of the first run or the other.
+fn value(moved: &Moved, place: usize) -> String {
+    let eti95 = moved.eti95[place];
+    let digits = digits_of(eti95);
+    let [lower, upper] = eti95.map(|end| significant(end, digits));
+    format!("{} ({lower} .. {upper})", significant(moved.median[place], digits))
+}
+
+/// The comparison as text.
+pub fn text(diff: &Diff) -> String {
+    let [one, other] = diff.plan.runs.each_ref().map(|run| run.display().to_string());
+    let mut text = format!("{one} ({}) and {other} ({})\n", diff.titles[0], diff.titles[1]);
+    match diff.plans.len() {
+        0 => text.push_str("  plans: the same\n"),
+        _ => text.push_str("  plans differ in\n"),
+    }
+    for field in diff.plans.iter().take(MOST_ROWS) {
+        let or_none =
+            |value: &Option<String>| value.clone().unwrap_or_else(|| "nothing".to_owned());
+        let (was, is) = (or_none(&field.one), or_none(&field.other));
+        text.push_str(&format!("    {}: {was} -> {is}\n", field.field));
+    }
+    if diff.plans.len() > MOST_ROWS {
+        text.push_str(&format!("    and {} more\n", diff.plans.len() - MOST_ROWS));
+    }
+    for moved in &diff.parameters {
+        let by = match (moved.shift_sd, moved.widening) {
+            (Some(_), Some(widening)) => format!(
+                "moves by {} sd, {} times as wide",
+                with_se(moved.shift_sd, moved.shift_se),
+                significant(widening, 2)
+            ),
+            _ => "its priors have other coordinates".to_owned(),
+        };
+        text.push_str(&format!(
+            "  {:<10} {} -> {} {}; {by}\n",
+            moved.name,
+            value(moved, 0),
+            value(moved, 1),
+            shown_unit(&moved.unit)
+        ));
+    }
+    for (run, names) in [&one, &other].into_iter().zip(&diff.only) {
+        if !names.is_empty() {
+            text.push_str(&format!("  only in {run}: {}\n", names.join(", ")));
+        }
+    }
+    text.push_str(&format!("  {}\n", evidence(diff)));
+    for line in &diff.advice {
+        text.push_str(&format!("  trust: {line}\n"));
+    }
+    text
+}
+
+fn evidence(diff: &Diff) -> String {
+    let evidence = &diff.evidence;
+    let [a, b] = evidence.log_evidence.map(|value| format!("{value:.3}"));
+    match &evidence.not_comparable {
+        Some(why) => format!("log evidence {a} and {b}: not to be compared, {why}"),
+        None => format!(
+            "log evidence {a} -> {b}: {}; a Bayes factor of {} for the other",
+            with_se(evidence.difference, evidence.difference_se),
+            significant(evidence.difference.unwrap_or_default().exp(), 2)
+        ),
+    }
+}
+
+/// The report of the comparison.
+pub(super) fn page(diff: &Diff, drawn: &[Drawn], inputs: &Inputs) -> Page {
+    let version = env!("CARGO_PKG_VERSION");
+    let [one, other] = diff.plan.runs.each_ref().map(|run| run.display().to_string());
+    let mut page = Page {
+        title: format!("{one} and {other}"),
+        kind: "Two calibrations side by side".to_owned(),
+        version: version.to_owned(),
+        summary: text(diff),
+        advice: diff.advice.clone(),
+        cite: page::citation(version),
+        ..Page::default()
+    };
+    page.asked.say("What differs between the plans of two calibrations, and what did that do to their answers?");
+    page.data.fact(&one, &diff.titles[0]);
+    page.data.fact(&other, &diff.titles[1]);
+    let rows = diff.parameters.iter().map(|moved| {
+        vec![
+            format!("{} [{}]", moved.name, moved.unit),
+            value(moved, 0),
+            value(moved, 1),
+            with_se(moved.shift_sd, moved.shift_se),
+            moved.widening.map_or_else(|| "–".to_owned(), |wider| significant(wider, 2)),
+        ]
+    });
+    let columns = ["parameter", &one, &other, "moves by [sd]", "times as wide"];
+    page.answer.table("Parameters: median and 95 % interval", &columns, rows.collect());
+    page.answer.fact("Evidence", evidence(diff));
+    let rows = diff.plans.iter().take(MOST_ROWS).map(|field| {
+        let or_dash = |value: &Option<String>| value.clone().unwrap_or_else(|| "–".to_owned());
+        vec![field.field.clone(), or_dash(&field.one), or_dash(&field.other)]
+    });
+    page.model.table("What differs in the plans", &["field", &one, &other], rows.collect());
+    for (run, trusted) in [&one, &other].into_iter().zip(diff.trusted) {
+        page.checked
+            .fact(run, if trusted { "to be trusted" } else { "not to be trusted as it stands" });
+    }
+    let [one, other] = [one, other].map(|run| shell_word(&run));
+    page.repeat.listings.push(format!("calibrate diff {one} {other}"));
+    page::provenance(&mut page.repeat, (version, None), inputs, "");
+    page.show(drawn, |_| "Marginal posterior of each parameter under both runs.".to_owned());
+    page
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn differences_have_a_sign_and_their_standard_error() {
+        assert_eq!(with_se(Some(0.5), Some(0.012)), "+0.50 ± 0.012");
+        assert_eq!(with_se(Some(-1.0), Some(0.1)), "-1.00 ± 0.10");
+        assert_eq!(with_se(None, Some(0.1)), "–");
+    }
+}

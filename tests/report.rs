@@ -1,0 +1,84 @@
+//! `report.html`: one file for readers who were not there.
+
+use std::fs;
+
+use crate::sandbox::Sandbox;
+
+/// A text as a page writes it.
+fn escaped(text: &str) -> String {
+    let pairs = [("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ("\"", "&quot;"), ("'", "&#x27;")];
+    let text = pairs.iter().fold(text.to_owned(), |text, (from, to)| text.replace(from, to));
+    text.replace('/', "&#x2f;")
+}
+
+fn page(sandbox: &Sandbox, folder: &str) -> String {
+    fs::read_to_string(sandbox.path().join(folder).join("report.html")).expect("report.html")
+}
+
+#[test]
+fn the_report_holds_the_summary_the_figures_the_command_and_the_sums_and_is_small() {
+    let sandbox = Sandbox::new();
+    sandbox.write("my.csv", "time_s,contact_ratio\n0.05,0.6\n0.1,0.8\n0.2,1.0\n0.5,1.05\n");
+    let command =
+        "calibrate --material ps --experiment my.csv --noise robust --samples 512 --seed 3";
+    let ran = sandbox.run(&format!("{} --out a&b", command.trim_start_matches("calibrate ")));
+    let html = page(&sandbox, "a&b");
+    assert!(html.len() < 3_000_000, "{} bytes", html.len());
+    let mut lines = ran.succeeded().stdout.lines();
+    let first = lines.next().expect("a headline");
+    let (headline, _) = first.rsplit_once(" in ").expect("how long it took");
+    assert!(html.contains(&escaped(headline)), "{headline}");
+    // The page says what helps of any copy of the folder.
+    for line in lines.filter(|line| !line.starts_with("  files:")) {
+        let line = line.replace("a&b", "DIR");
+        assert!(html.contains(&escaped(&line)), "{line}");
+    }
+    for shown in
+        [command, "Posterior of each parameter", "Inverse-Gamma", "log-uniform", "EPJ Web of"]
+    {
+        assert!(html.contains(&escaped(shown)), "{shown}");
+    }
+    let sums = fs::read_to_string(sandbox.path().join("a&b/SHA256SUMS")).expect("the sums");
+    for (sum, name) in sums.lines().filter_map(|line| line.split_once("  ")) {
+        assert!(html.contains(sum) && html.contains(name), "{name}");
+    }
+    let inputs = fs::read_to_string(sandbox.path().join("a&b/inputs.json")).expect("the inputs");
+    let inputs: serde_json::Value = serde_json::from_str(&inputs).expect("JSON");
+    assert_eq!(inputs["files"][0]["name"], "my.csv");
+    assert!(html.contains(inputs["files"][0]["sha256"].as_str().expect("a sum")));
+    assert_eq!(html.matches("<img ").count(), 5);
+    // The command is that which was given: it makes the same posterior.
+    let arguments = format!("{} --out again", command.trim_start_matches("calibrate "));
+    sandbox.run(&arguments).succeeded();
+    assert_eq!(sandbox.posterior_bytes("again"), sandbox.posterior_bytes("a&b"));
+}
+
+#[test]
+fn a_report_is_made_again_to_the_byte_and_also_of_a_run_that_has_none() {
+    let sandbox = Sandbox::new();
+    sandbox.run("--material pa12 --samples 300 --out run").succeeded();
+    let first = page(&sandbox, "run");
+    fs::remove_file(sandbox.path().join("run/report.html")).expect("removed");
+    let ran = sandbox.run("report run");
+    assert_eq!(ran.succeeded().stdout, "run/report.html\n");
+    assert!(page(&sandbox, "run") == first, "another report");
+    for missing in ["inputs.json", "SHA256SUMS"] {
+        fs::remove_file(sandbox.path().join("run").join(missing)).expect("removed");
+    }
+    assert_eq!(sandbox.run("report run/posterior.json --out x.html -q").succeeded().stdout, "");
+    assert!(sandbox.path().join("x.html").is_file());
+}
+
+#[test]
+fn a_report_of_what_is_no_calibration_or_damaged_is_refused() {
+    let sandbox = Sandbox::new();
+    sandbox.run("report nothing").refused(&["nothing", "no such file"]);
+    sandbox.run("--material ps --samples 64 --out run -q").succeeded();
+    sandbox.run("report run --out .").refused(&["a folder", "expected a file", "--out"]);
+    sandbox.write("run/inputs.json", "{");
+    sandbox.run("report run").refused(&["run/inputs.json", "no list of input files", "help: "]);
+    fs::remove_file(sandbox.path().join("run/inputs.json")).expect("removed");
+    let samples = sandbox.path().join("run/samples.csv");
+    fs::write(&samples, fs::read_to_string(&samples).expect("read") + "1\n").expect("written");
+    sandbox.run("report run").refused(&["samples.csv"]);
+}
