@@ -206,11 +206,12 @@ fn integrals(
             (first..pool.len()).partition(|i| pool.replicate[*i] as usize % folds == fold);
         let known: Vec<usize> = (0..first).chain(others.iter().copied()).collect();
         let model = match &drawn.process {
-            None => Model::Local(surrogate(sampler, &known, &ln_q, &metric)?),
+            None => Model::Local(Box::new(surrogate(sampler, &known, &ln_q, &metric)?)),
             Some(process) => {
                 let known = known.iter().copied();
                 let like = Covariance::Like(&process.process);
-                Model::Process(StandIn::new(sampler.target, pool, weights, known, like)?)
+                let stand_in = StandIn::new(sampler.target, pool, weights, known, like)?;
+                Model::Process(Box::new(stand_in))
             }
         };
         let cap = cap(others.iter().map(|i| target[i - first]), first == 0);
@@ -284,8 +285,8 @@ fn cap(values: impl ExactSizeIterator<Item = f64> + Clone, by_weight: bool) -> f
 
 /// What g is made of.
 enum Model<'a> {
-    Local(Surrogate),
-    Process(StandIn<'a>),
+    Local(Box<Surrogate>),
+    Process(Box<StandIn<'a>>),
 }
 
 impl Model<'_> {

@@ -12,9 +12,9 @@ Half a minute to two minutes a run.
 
 import argparse
 import datetime
+import contextlib
 import io
 import json
-import contextlib
 import logging
 import subprocess
 import time
