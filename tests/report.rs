@@ -20,7 +20,7 @@ fn the_report_holds_the_summary_the_figures_the_command_and_the_sums_and_is_smal
     let sandbox = Sandbox::new();
     sandbox.write("my.csv", "time_s,contact_ratio\n0.05,0.6\n0.1,0.8\n0.2,1.0\n0.5,1.05\n");
     let command =
-        "calibrate --material ps --experiment my.csv --noise robust --samples 512 --seed 3";
+        "calibrate --material ps --experiment my.csv --noise robust --samples 2048 --seed 3";
     let ran = sandbox.run(&format!("{} --out a&b", command.trim_start_matches("calibrate ")));
     let html = page(&sandbox, "a&b");
     assert!(html.len() < 3_000_000, "{} bytes", html.len());
