@@ -41,7 +41,11 @@ pub(crate) fn page(record: &Record, drawn: &[Drawn], inputs: &Inputs, sums: &str
 
 fn verdict(record: &Record) -> Verdict {
     let good = record.trusted();
-    let word = if good { "To be trusted." } else { "Not to be trusted as it stands." };
+    let word = match (good, record.trust.converged()) {
+        (true, _) => "To be trusted.",
+        (false, true) => "Careful: the sampling is good, but read below why the intervals may not be.",
+        (false, false) => "Not to be trusted.",
+    };
     let why = format!("Sampling: {}.", record.trust.line(&record.log_evidence));
     Verdict { good, word: word.to_owned(), why }
 }
