@@ -43,7 +43,9 @@ fn verdict(record: &Record) -> Verdict {
     let good = record.trusted();
     let word = match (good, record.trust.converged()) {
         (true, _) => "To be trusted.",
-        (false, true) => "Careful: the sampling is good, but read below why the intervals may not be.",
+        (false, true) => {
+            "Careful: the sampling is good, but read below why the intervals may not be."
+        }
         (false, false) => "Not to be trusted.",
     };
     let why = format!("Sampling: {}.", record.trust.line(&record.log_evidence));
