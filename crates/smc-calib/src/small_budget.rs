@@ -39,7 +39,7 @@ const NUGGET_OF_CURVES: [f64; 2] = [0.003, 0.03];
 /// ones counting for more.
 const DEAD: f64 = 5.0;
 const NEAREST: usize = 4;
-/// Half the variance of a log likelihood up to which the process is believed: two standard deviations.
+/// Half the variance of a log likelihood up to which the process is believed: a standard deviation of two.
 const UNSURE: f64 = 2.0;
 
 /// A stand-in for the log likelihood.
@@ -132,7 +132,8 @@ impl<'a> StandIn<'a> {
             self.process.predict(z, &mut one);
             (one[0], 0.5 * variance * self.process.units[0].powi(2))
         };
-        ln_l - (unsure - UNSURE).max(0.0) + self.ln_finished(z)
+        ln_l - if unsure.is_nan() { f64::INFINITY } else { (unsure - UNSURE).max(0.0) }
+            + self.ln_finished(z)
     }
 
     /// Log of the share of the finished among the nearest samples.

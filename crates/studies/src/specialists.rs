@@ -55,7 +55,7 @@ struct Off {
 
 const TEXT: &str = "\
 The examples by which PyVBMC (1 and 4 of its documentation), BOBE (its examples) and GPry (the random Gaussians of its paper) show what they can do
-with few calls of a likelihood, given to `Settings::for_budget` with the calls that these packages take and with half of them. Errors are root mean squares over the
+with few calls of a likelihood, given to `Settings::for_budget` with the calls that were stated of these packages and with half of them. Errors are root mean squares over the
 seeds, of mean and sd of the worst parameter in posterior sds; \"spread of z\" is that of the error of ln Z over its stated standard error. \"Theirs\" is the
 error of ln Z measured of PyVBMC 1.x (four seeds) and BOBE (one run), BOBE's own threshold of convergence (0.05) within 250 calls, and the divergence that GPry's paper promises.
 

@@ -93,17 +93,34 @@ pub fn list(dir: &Path, now: SystemTime) -> Result<Listing, InputError> {
     folders.sort_by(|a, b| by_number(&a.0).cmp(&by_number(&b.0)));
     let mut runs: Vec<Listed> =
         folders.iter().map(|(name, path)| listed(name, path, now)).collect();
-    for run in &mut runs {
-        let (newer, number) = by_number(&run.name);
-        run.superseded = number > 0
-            && !run.kind.is_empty()
-            && folders.iter().any(|(name, path)| name == newer && is_run(path));
-    }
+    let superseded: Vec<bool> = runs.iter().map(|run| is_superseded(run, &runs)).collect();
+    runs.iter_mut().zip(superseded).for_each(|(run, superseded)| run.superseded = superseded);
     let old = runs.iter().filter(|run| run.superseded);
     let old: Vec<String> =
         old.map(|run| shell_word(&dir.join(&run.name).display().to_string())).collect();
     let remove = (!old.is_empty()).then(|| format!("rm -r -- {}", old.join(" ")));
     Ok(Listing { dir: dir.to_owned(), runs, remove })
+}
+
+/// Whether a run was moved aside for one that is whole, of the same kind and the same material or plan. Runs are moved aside with
+/// numbers from 1 on: a name that ends in a number by chance (`v1.5`) has none of the others before it.
+fn is_superseded(run: &Listed, runs: &[Listed]) -> bool {
+    let (newer, number) = by_number(&run.name);
+    let there = |name: &str| runs.iter().any(|other| other.name == name);
+    let whole = |other: &Listed| {
+        other.name == newer
+            && other.problem.is_none()
+            && other.kind == run.kind
+            && other.what == run.what
+            && !other.trust.contains("unfinished")
+    };
+    let series = (1..number).all(|before| there(&format!("{newer}.{before}")));
+    number > 0
+        && !run.kind.is_empty()
+        && run.name == format!("{newer}.{number}")
+        && !run.name.contains(|c: char| c.is_control() || c == char::REPLACEMENT_CHARACTER)
+        && series
+        && runs.iter().any(whole)
 }
 
 /// A name and the number that a run which was moved aside has behind it, `ps.2`; 0 without one.
@@ -340,6 +357,32 @@ mod tests {
         for name in ["ps", "ps.0", "ps.a", ".2", "v0.2b", "ps."] {
             assert_eq!(by_number(name), (name, 0), "{name}");
         }
+    }
+
+    #[test]
+    fn only_a_run_that_was_moved_aside_for_a_whole_one_of_its_kind_is_superseded() {
+        let run = |name: &str| Listed {
+            name: name.to_owned(),
+            kind: "calibration".to_owned(),
+            what: "ps".to_owned(),
+            trust: "good".to_owned(),
+            ..Listed::default()
+        };
+        let superseded = |runs: &[Listed]| -> Vec<String> {
+            let of = runs.iter().filter(|run| is_superseded(run, runs));
+            of.map(|run| run.name.clone()).collect()
+        };
+        assert_eq!(superseded(&[run("ps"), run("ps.1"), run("ps.2")]), ["ps.1", "ps.2"]);
+        assert!(superseded(&[run("v1"), run("v1.5"), run("v0"), run("v0.05")]).is_empty());
+        for newer in [
+            Listed { problem: Some("damaged".to_owned()), ..run("ps") },
+            Listed { trust: "unfinished".to_owned(), ..run("ps") },
+            Listed { what: "peek".to_owned(), ..run("ps") },
+            Listed { kind: "scene".to_owned(), ..run("ps") },
+        ] {
+            assert!(superseded(&[newer, run("ps.1")]).is_empty());
+        }
+        assert!(superseded(&[run("u\u{fffd}"), run("u\u{fffd}.1")]).is_empty());
     }
 
     #[test]

@@ -1,22 +1,25 @@
 //! An archived calibration, run again and held against itself.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use campaign::Call;
 use serde::Serialize;
+use smc_calib::Verdict;
 
 use super::description::{INPUTS, RESULTS};
-use super::unpack::{Limits, unpack};
+use super::unpack::{Limits, checked_name, hostile, unpack};
 use crate::calibration::{self, RunOptions, again};
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::input::text_file;
 use crate::number::significant;
 use crate::output::inputs::Inputs;
 use crate::output::page::PLAN;
-use crate::plan::SAMPLES;
+use crate::plan::{SAMPLES, shell_word};
 use crate::record::{self, Record};
 use crate::watch::Watch;
 
-/// Standard errors of a difference up to which it is one of chance: by chance beyond in one of 15 000 comparisons.
+/// Standard errors of a difference up to which it is one of chance: beyond by chance in one of 15 000 comparisons of normal
+/// quantities with known errors, somewhat more often with errors from sixteen sub-nets.
 const ERRORS: f64 = 4.0;
 
 /// How alike two results are.
@@ -29,6 +32,8 @@ pub enum Likeness {
     WithinMonteCarloError,
     /// They differ by more.
     Different,
+    /// One of them is not to be trusted, and neither are its errors: whether they differ by more than chance is not known.
+    NotKnown,
 }
 
 /// How much a quantity has moved.
@@ -80,8 +85,7 @@ pub fn reproduce(
     };
     let archived = record::read(&results).map_err(of_archive)?;
     check(&place, &archived)?;
-    let commands: Vec<String> =
-        archived.plan.commands().map(|(_, _, call)| call.argv.join(" ")).collect();
+    let commands: Vec<String> = archived.plan.commands().map(|(_, _, call)| asked(call)).collect();
     if !commands.is_empty() && !allow(&commands)? {
         return Err(InputError::new(&place, Mistake::Conflict)
             .found(format_args!("an archive that runs programs: {}", commands.join("; ")))
@@ -90,11 +94,8 @@ pub fn reproduce(
             .into());
     }
     let inputs = Inputs::read(&results)?.unwrap_or_default();
-    let plan_file = inputs.by_role(PLAN).map(|file| folder.path().join(INPUTS).join(&file.name));
-    let text = match &plan_file {
-        Some(file) if file.is_file() => text_file::read(file)?,
-        _ => String::new(),
-    };
+    let plan_file = plan_file(&place, &inputs, &folder.path().join(INPUTS))?;
+    let text = plan_file.as_deref().map_or(Ok(String::new()), text_file::read)?;
     let path = (!commands.is_empty())
         .then(|| plan_file.unwrap_or_else(|| folder.path().join(INPUTS).join("plan.toml")));
     let planned = again(&archived, path, text);
@@ -107,6 +108,39 @@ pub fn reproduce(
     let options = RunOptions { out: Some(out), without_other_kinetics, ..options.clone() };
     let finished = calibration::run(&planned, &options, watch)?;
     Ok(compared(&archived, &finished.record))
+}
+
+/// The plan file among the unpacked inputs: its name is the sender's, and must not lead elsewhere.
+fn plan_file(place: &str, inputs: &Inputs, unpacked: &Path) -> Result<Option<PathBuf>, InputError> {
+    let Some(file) = inputs.by_role(PLAN) else { return Ok(None) };
+    let shown = plain(&file.name);
+    if let Err(what) = checked_name(file.name.as_bytes()) {
+        return Err(hostile(place, &format!("a plan that lies elsewhere: {what}: \"{shown}\"")));
+    }
+    let path = unpacked.join(&file.name);
+    if !path.is_file() {
+        return Err(hostile(place, &format!("a plan that is not in it: \"{shown}\"")));
+    }
+    Ok(Some(path))
+}
+
+/// All that a call does to this machine, in one line: variables, command, files that it is given.
+fn asked(call: &Call) -> String {
+    let variables = call.environment.iter().map(|(name, value)| format!("{name}={value}"));
+    let words = variables.chain(call.argv.iter().cloned()).map(|word| shell_word(&plain(&word)));
+    let mut line = words.collect::<Vec<_>>().join(" ");
+    let files: Vec<String> = call.files.iter().map(|file| shell_word(&plain(&file.from))).collect();
+    if !files.is_empty() {
+        line += &format!(" (given {})", files.join(", "));
+    }
+    line
+}
+
+/// Text without control characters, which could pass for something else on a terminal.
+fn plain(text: &str) -> String {
+    let shown =
+        |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
+    text.chars().map(shown).collect()
 }
 
 /// Refuses a plan that asks for more than any that this program makes.
@@ -127,6 +161,11 @@ fn check(place: &str, archived: &Record) -> Result<(), InputError> {
     }
 }
 
+/// Whether the errors of a result say how far chance may move it.
+fn errors_known(record: &Record) -> bool {
+    record.trust.verdict != Verdict::Untrusted && record.trust.evidence_error_known
+}
+
 /// Two results of one plan.
 fn compared(archived: &Record, again: &Record) -> Reproduction {
     let versions = [archived.plan.version.clone(), again.plan.version.clone()];
@@ -140,14 +179,19 @@ fn compared(archived: &Record, again: &Record) -> Reproduction {
         .parameters
         .iter()
         .zip(&again.parameters)
-        .map(|(old, new)| {
+        .flat_map(|(old, new)| {
             let (name, old, new) = (&old.parameter.name, &old.in_coordinate, &new.in_coordinate);
-            let sd = if old.sd > 0.0 { old.sd } else { f64::MIN_POSITIVE };
-            Outcome {
-                quantity: format!("mean of {name}"),
-                difference: (new.mean - old.mean) / sd,
-                standard_error: old.mean_se.hypot(new.mean_se) / sd,
-            }
+            let unit = if new.sd > 0.0 { new.sd } else { f64::MIN_POSITIVE };
+            let outcome =
+                |quantity: &str, [old, new]: [f64; 2], [old_se, new_se]: [f64; 2]| Outcome {
+                    quantity: format!("{quantity} of {name}"),
+                    difference: (new - old) / unit,
+                    standard_error: old_se.hypot(new_se) / unit,
+                };
+            [
+                outcome("mean", [old.mean, new.mean], [old.mean_se, new.mean_se]),
+                outcome("sd", [old.sd, new.sd], [old.sd_se, new.sd_se]),
+            ]
         })
         .collect();
     let (old, new) = (&archived.log_evidence, &again.log_evidence);
@@ -157,9 +201,17 @@ fn compared(archived: &Record, again: &Record) -> Reproduction {
         standard_error: old.se.hypot(new.se),
     });
     let within = |one: &Outcome| one.difference.abs() <= ERRORS * one.standard_error;
-    let likeness = match outcomes.iter().all(within) {
-        true => Likeness::WithinMonteCarloError,
-        false => Likeness::Different,
+    let names = |record: &Record| -> Vec<String> {
+        record.parameters.iter().map(|one| one.parameter.name.clone()).collect()
+    };
+    let likeness = if names(archived) != names(again) {
+        Likeness::Different
+    } else if !(errors_known(archived) && errors_known(again)) {
+        Likeness::NotKnown
+    } else if outcomes.iter().all(within) {
+        Likeness::WithinMonteCarloError
+    } else {
+        Likeness::Different
     };
     Reproduction { name, versions, likeness, outcomes }
 }
@@ -181,6 +233,11 @@ impl Reproduction {
             Likeness::SameBits => "same bits\n".to_owned(),
             Likeness::WithinMonteCarloError => {
                 format!("same within Monte Carlo error: largest difference {largest} sd\n")
+            }
+            Likeness::NotKnown => {
+                format!(
+                    "not known whether by more than Monte Carlo error, as one of the two is not to be trusted: largest difference {largest} sd\n"
+                )
             }
             Likeness::Different => {
                 format!(
@@ -204,14 +261,18 @@ impl Reproduction {
     ///
     /// # Errors
     ///
-    /// [`RunError`] where results differ by more than Monte Carlo error.
+    /// [`RunError`] where results differ by more than Monte Carlo error, or where that is not known.
     pub fn passed(&self) -> Result<(), RunError> {
-        if self.likeness != Likeness::Different {
-            return Ok(());
-        }
-        Err(RunError::new(format_args!("{}: the results are not reproduced", self.name)).help(
-            "another version samples otherwise: compare the warnings of both; where both are trusted, one of them is wrong",
-        ))
+        let help = match self.likeness {
+            Likeness::SameBits | Likeness::WithinMonteCarloError => return Ok(()),
+            Likeness::NotKnown => {
+                "archive a run of more simulations: with few the errors themselves are not known"
+            }
+            Likeness::Different => {
+                "the same version gives the same bits on the same kind of machine; where the version is another, compare the warnings of both"
+            }
+        };
+        Err(RunError::new(format_args!("{}: the results are not reproduced", self.name)).help(help))
     }
 }
 
@@ -235,6 +296,54 @@ mod tests {
     }
 
     #[test]
+    fn a_plan_of_an_archive_lies_in_it_or_is_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let inputs = folder.path().join("inputs");
+        std::fs::create_dir(&inputs).expect("a folder");
+        std::fs::write(folder.path().join("outside.toml"), "").expect("written");
+        std::fs::write(inputs.join("inside.toml"), "").expect("written");
+        let named = |name: String| {
+            let (role, sha256) = (PLAN.to_owned(), String::new());
+            let files = vec![crate::output::inputs::InputFile { role, name, bytes: 0, sha256 }];
+            plan_file("a.zip", &Inputs { files }, &inputs)
+        };
+        let outside = folder.path().join("outside.toml").display().to_string();
+        for name in ["../outside.toml", &outside, "/proc/self/mem", "not-there.toml", "a/../../x"] {
+            assert!(named(name.to_owned()).is_err(), "{name}");
+        }
+        assert_eq!(named("inside.toml".to_owned()), Ok(Some(inputs.join("inside.toml"))));
+        assert_eq!(plan_file("a.zip", &Inputs::default(), &inputs), Ok(None));
+    }
+
+    #[test]
+    fn a_program_is_asked_about_with_its_variables_its_files_and_the_bounds_of_its_arguments() {
+        let impact = concat!(env!("CARGO_MANIFEST_DIR"), "/../../experiments/external/impact.toml");
+        let planned = crate::plan::Planned::read(Path::new(impact)).expect("a plan");
+        let (_, _, call) = planned.plan.commands().next().expect("a command");
+        let mut call = call.clone();
+        call.argv = vec!["sh".to_owned(), "a b".to_owned(), "x\nRun them? no".to_owned()];
+        call.environment = [("LD_PRELOAD".to_owned(), "./evil.so".to_owned())].into();
+        let line = asked(&call);
+        assert!(line.starts_with("LD_PRELOAD=./evil.so sh 'a b' 'x\\nRun them? no'"), "{line}");
+    }
+
+    #[test]
+    fn a_result_that_is_not_to_be_trusted_is_not_said_to_be_reproduced_or_not() {
+        let one = record(1);
+        let mut other = record(2);
+        other.trust.verdict = Verdict::Untrusted;
+        let found = compared(&one, &other);
+        assert_eq!(found.likeness, Likeness::NotKnown);
+        assert!(found.passed().is_err() && found.text().contains("not known"), "{}", found.text());
+        let mut fewer = one.clone();
+        fewer.parameters.pop();
+        assert_eq!(compared(&one, &fewer).likeness, Likeness::Different);
+        let mut wider = one.clone();
+        wider.parameters[0].in_coordinate.sd *= 5.0;
+        assert_eq!(compared(&one, &wider).likeness, Likeness::Different);
+    }
+
+    #[test]
     fn the_same_seed_is_the_same_bits_another_is_monte_carlo_error_and_a_shift_is_neither() {
         let one = record(1);
         let mut other_version = one.clone();
@@ -250,7 +359,7 @@ mod tests {
         shifted.parameters[1].in_coordinate.mean += one.parameters[1].in_coordinate.sd;
         let shifted = compared(&one, &shifted);
         assert_eq!(shifted.likeness, Likeness::Different);
-        assert!((shifted.outcomes[1].difference - 1.0).abs() < 1e-9);
+        assert!((shifted.outcomes[2].difference - 1.0).abs() < 1e-9);
         assert!(
             shifted.passed().is_err() && shifted.text().contains("1.0 sd"),
             "{}",

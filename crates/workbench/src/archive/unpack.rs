@@ -113,6 +113,14 @@ pub fn unpack(archive: &Path, folder: &Path, limits: &Limits) -> Result<Unpacked
     Ok(Unpacked { sums })
 }
 
+/// The error of an archive that this program did not write.
+pub(super) fn hostile(place: &str, found: &str) -> InputError {
+    InputError::new(place, Mistake::NotOurs)
+        .found(found)
+        .expected("an archive that calibrate archive wrote, as it was written")
+        .help("nothing of it was run; ask whoever sent it for another")
+}
+
 struct Reader<'a> {
     place: &'a str,
     folder: &'a Path,
@@ -121,10 +129,7 @@ struct Reader<'a> {
 
 impl Reader<'_> {
     fn hostile(&self, found: &str) -> InputError {
-        InputError::new(self.place, Mistake::NotOurs)
-            .found(found)
-            .expected("an archive that calibrate archive wrote, as it was written")
-            .help("nothing of it was run; ask whoever sent it for another")
+        hostile(self.place, found)
     }
 
     fn damaged(&self, why: &str) -> InputError {

@@ -196,11 +196,13 @@ fn other_data(one: &Plan, other: &Plan) -> Option<String> {
 
 fn evidence(one: &Record, other: &Record) -> EvidenceBeside {
     let (a, b) = (&one.log_evidence, &other.log_evidence);
-    let not_comparable =
-        match (one.is_posterior && other.is_posterior, other_data(&one.plan, &other.plan)) {
-            (false, _) => Some("tuned noise has no evidence".to_owned()),
-            (true, why) => why,
-        };
+    let not_comparable = if !(one.is_posterior && other.is_posterior) {
+        Some("tuned noise has no evidence".to_owned())
+    } else if !(one.trust.evidence_error_known && other.trust.evidence_error_known) {
+        Some("the error of one of them is not known".to_owned())
+    } else {
+        other_data(&one.plan, &other.plan)
+    };
     let comparable = not_comparable.is_none();
     EvidenceBeside {
         log_evidence: [a.value, b.value],

@@ -188,8 +188,8 @@ pub fn citation(version: &str) -> Part {
         "calibrate: a Bayesian calibration workbench for sintering DEM, version {version}."
     ));
     part.say(
-        "The model: J.E. Alvarez, H. Cheng, S. Luding, T. Weinhart, Neck growth kinetics during polymer sintering for powder-based \
-         processes, EPJ Web of Conferences 249, Powders & Grains 2021.",
+        "The model: J.E. Alvarez, H. Snijder, T. Vaneker, H. Cheng, S. Luding, T. Weinhart, Neck growth kinetics during polymer sintering \
+         for powder-based processes, EPJ Web of Conferences 249 (2021) 05001, doi:10.1051/epjconf/202124905001.",
     );
     part
 }
