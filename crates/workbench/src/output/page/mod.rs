@@ -174,7 +174,10 @@ pub(crate) fn provenance(
     });
     part.table("Input files", &["file", "role", "bytes", "SHA-256"], rows.collect());
     if inputs.files.is_empty() {
-        part.fact("Input files", "none of your own: what was read is built into this version");
+        part.fact(
+            "Input files",
+            "none noted: what was read is built into this version, or its files were not noted",
+        );
     }
     let rows = sums.lines().filter_map(|line| line.split_once("  "));
     let rows = rows.map(|(sum, name)| vec![name.to_owned(), sum.to_owned()]);
