@@ -26,8 +26,11 @@ pub fn significant(value: f64, digits: usize) -> String {
 }
 
 /// Significant digits that tell the ends of an interval apart, at least three and at most twelve: `999.95` and `1000.01`,
-/// not `1000` and `1000`.
+/// not `1000` and `1000`. Ends that are the same have three.
 pub fn digits_of([lower, upper]: [f64; 2]) -> usize {
+    if lower == upper {
+        return 3;
+    }
     let largest = lower.abs().max(upper.abs());
     // An infinite or undefined difference is clamped, or counts as 0.
     let apart = largest.log10().floor() - (upper - lower).abs().log10().floor() + 1.0;
@@ -95,7 +98,9 @@ mod tests {
         assert_eq!(digits_of([20.7, 27.6]), 3);
         assert_eq!(digits_of([999.95, 1000.01]), 6);
         assert_eq!(digits_of([-3.0, 5.0]), 3);
-        assert_eq!(digits_of([1.0, 1.0]), 12);
+        assert_eq!(digits_of([1.0, 1.0]), 3);
+        assert_eq!(significant(0.02, digits_of([0.02, 0.02])), "0.0200");
+        assert_eq!(digits_of([1.0, 1.0 + 1e-15]), 12);
         assert_eq!(digits_of([0.0, 0.0]), 3);
     }
 

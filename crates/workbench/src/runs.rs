@@ -9,17 +9,12 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::calibration::read_stored;
-use crate::compare;
-use crate::densify::DENSIFY_RECORD;
-use crate::diff;
 use crate::error::{InputError, Mistake};
 use crate::input::text_file;
-use crate::output::CAMPAIGN;
 use crate::output::date::{ago, iso_day, written};
+use crate::output::{CAMPAIGN, kinds, on_one_line};
 use crate::plan::{Plan, shell_word};
 use crate::record::{self, FILE_NAME};
-use crate::scene::SCENE_RECORD;
-use crate::table3;
 
 /// Largest record that is read \[bytes\].
 const LARGEST: u64 = 256 << 20;
@@ -29,6 +24,9 @@ const LARGEST: u64 = 256 << 20;
 pub struct Listed {
     /// Name of its folder.
     pub name: String,
+    /// The folder.
+    #[serde(skip)]
+    pub path: PathBuf,
     /// Kind of the run; empty for a folder that is none.
     pub kind: String,
     /// The material, or the name of the plan or scene.
@@ -96,8 +94,7 @@ pub fn list(dir: &Path, now: SystemTime) -> Result<Listing, InputError> {
     let superseded: Vec<bool> = runs.iter().map(|run| is_superseded(run, &runs)).collect();
     runs.iter_mut().zip(superseded).for_each(|(run, superseded)| run.superseded = superseded);
     let old = runs.iter().filter(|run| run.superseded);
-    let old: Vec<String> =
-        old.map(|run| shell_word(&dir.join(&run.name).display().to_string())).collect();
+    let old: Vec<String> = old.map(|run| shell_word(&run.path.display().to_string())).collect();
     let remove = (!old.is_empty()).then(|| format!("rm -r -- {}", old.join(" ")));
     Ok(Listing { dir: dir.to_owned(), runs, remove })
 }
@@ -131,31 +128,20 @@ fn by_number(name: &str) -> (&str, u64) {
     }
 }
 
-/// The records of runs, with their kinds.
-const RECORDS: [(&str, &str); 6] = [
-    (FILE_NAME, "calibration"),
-    (compare::RECORD, "comparison"),
-    (table3::RECORD, "table 3"),
-    (SCENE_RECORD, "scene"),
-    (DENSIFY_RECORD, "densification"),
-    (diff::RECORD, "difference"),
-];
-
 fn is_run(folder: &Path) -> bool {
-    folder.join(CAMPAIGN).is_dir()
-        || RECORDS.iter().any(|(record, _)| folder.join(record).is_file())
+    folder.join(CAMPAIGN).is_dir() || kinds::of(folder).is_some()
 }
 
 fn listed(name: &str, folder: &Path, now: SystemTime) -> Listed {
-    let mut run = Listed { name: name.to_owned(), bytes: size_of(folder), ..Listed::default() };
-    let found = RECORDS.iter().find(|(record, _)| folder.join(record).is_file());
-    let described = match found {
+    let (path, bytes) = (folder.to_owned(), size_of(folder));
+    let mut run = Listed { name: name.to_owned(), path, bytes, ..Listed::default() };
+    let described = match kinds::of(folder) {
         Some((record, kind)) => {
-            run.kind = (*kind).to_owned();
+            run.kind = kind.to_owned();
             let day = written(&folder.join(record));
             run.written = day.map(iso_day);
             run.age_s = day.and_then(|day| now.duration_since(day).ok()).map(|age| age.as_secs());
-            if *record == FILE_NAME {
+            if record == FILE_NAME {
                 calibration(folder, &mut run)
             } else {
                 other(&folder.join(record), &mut run)
@@ -298,7 +284,7 @@ impl Listing {
     pub fn text(&self) -> String {
         let (runs, others): (Vec<&Listed>, Vec<&Listed>) =
             self.runs.iter().partition(|run| run.problem.is_none());
-        let dir = self.dir.display();
+        let dir = on_one_line(&self.dir.display().to_string());
         let mut text = String::new();
         if runs.is_empty() {
             text.push_str(&format!("{dir}: no results\n"));
@@ -321,12 +307,14 @@ impl Listing {
                     age.map_or_else(dash, ago),
                     size(run.bytes),
                 ]
+                .map(|cell| on_one_line(&cell))
             }));
             text.push_str(&aligned(&rows));
         }
         for run in others {
-            let why = run.problem.as_deref().unwrap_or_default();
-            text.push_str(&format!("{}: {why}\n", self.dir.join(&run.name).display()));
+            let path = on_one_line(&run.path.display().to_string());
+            let why = on_one_line(run.problem.as_deref().unwrap_or_default());
+            text.push_str(&format!("{path}: {why}\n"));
         }
         if let Some(remove) = &self.remove {
             text.push_str(&format!("to remove what was superseded:\n  {remove}\n"));

@@ -11,8 +11,6 @@ use crate::record::Record;
 
 /// Folder of the results in an archive.
 pub(super) const RESULTS: &str = "results";
-/// Folder of the user's files in an archive.
-pub(super) const INPUTS: &str = "inputs";
 /// Name of the description.
 pub(super) const DESCRIPTION: &str = "ro-crate-metadata.json";
 
@@ -30,6 +28,10 @@ impl Entry {
     pub(super) fn of(id: String, bytes: &[u8], role: &str) -> Self {
         let sha256 = hex(&Sha256::digest(bytes));
         Self { id, bytes: bytes.len(), sha256, role: role.to_owned() }
+    }
+
+    pub(super) fn has_sum(&self, sha256: &str) -> bool {
+        self.sha256 == sha256
     }
 
     fn is_input(&self) -> bool {

@@ -5,7 +5,9 @@
 //! [`reproduce`] reads it as something that may come from anybody.
 
 mod description;
+mod names;
 mod pack;
+mod programs;
 mod reproduce;
 mod unpack;
 

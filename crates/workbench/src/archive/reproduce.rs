@@ -1,20 +1,21 @@
 //! An archived calibration, run again and held against itself.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use campaign::Call;
 use serde::Serialize;
 use smc_calib::Verdict;
+use tempfile::TempDir;
 
-use super::description::{INPUTS, RESULTS};
-use super::unpack::{Limits, checked_name, hostile, unpack};
+use super::description::RESULTS;
+use super::programs;
+use super::unpack::{Limits, unpack};
 use crate::calibration::{self, RunOptions, again};
 use crate::error::{Failure, InputError, Mistake, RunError};
-use crate::input::text_file;
 use crate::number::significant;
 use crate::output::inputs::Inputs;
-use crate::output::page::PLAN;
-use crate::plan::{SAMPLES, shell_word};
+use crate::output::on_one_line;
+use crate::plan::{Planned, SAMPLES, shell_word};
 use crate::record::{self, Record};
 use crate::watch::Watch;
 
@@ -58,6 +59,8 @@ pub struct Reproduction {
     pub likeness: Likeness,
     /// Each quantity; empty where all bits are the same.
     pub outcomes: Vec<Outcome>,
+    /// Programs of this machine that are not those of the archived run.
+    pub other_programs: Vec<String>,
 }
 
 /// Unpacks an archive, runs its calibration again in a temporary folder, or in `out`, and compares. Before programs are run
@@ -65,7 +68,8 @@ pub struct Reproduction {
 ///
 /// # Errors
 ///
-/// [`Failure::Input`] for an archive that is damaged or hostile, and where `allow` says no; else as a run.
+/// [`Failure::Input`] for an archive that is damaged or hostile, and where `allow` says no; else as a run. A run of programs that
+/// does not end well stays where the error says it is.
 pub fn reproduce(
     archive: &Path,
     options: &RunOptions,
@@ -73,11 +77,8 @@ pub fn reproduce(
     watch: &dyn Watch,
 ) -> Result<Reproduction, Failure> {
     let place = archive.display().to_string();
-    let folder =
-        tempfile::Builder::new().prefix("calibrate-reproduce-").tempdir().map_err(|error| {
-            RunError::new(format_args!("no temporary folder: {error}")).help("set TMPDIR to one")
-        })?;
-    unpack(archive, folder.path(), &Limits::default())?;
+    let folder = temporary(options.out.as_deref())?;
+    let unpacked = unpack(archive, folder.path(), &Limits::default())?;
     let results = folder.path().join(RESULTS);
     let of_archive = |error: InputError| InputError {
         source_name: format!("{place}, {}", record::FILE_NAME).into(),
@@ -93,54 +94,60 @@ pub fn reproduce(
             .help("look at them in its folder inputs (unzip -l), then say --yes")
             .into());
     }
-    let inputs = Inputs::read(&results)?.unwrap_or_default();
-    let plan_file = plan_file(&place, &inputs, &folder.path().join(INPUTS))?;
-    let text = plan_file.as_deref().map_or(Ok(String::new()), text_file::read)?;
-    let path = (!commands.is_empty())
-        .then(|| plan_file.unwrap_or_else(|| folder.path().join(INPUTS).join("plan.toml")));
-    let planned = again(&archived, path, text);
     let without_other_kinetics = archived
         .experiments
         .iter()
         .filter_map(|experiment| experiment.neck_growth.as_ref())
         .all(|neck| neck.other_kinetics.is_empty());
-    let out = options.out.clone().unwrap_or_else(|| folder.path().join("again"));
-    let options = RunOptions { out: Some(out), without_other_kinetics, ..options.clone() };
-    let finished = calibration::run(&planned, &options, watch)?;
-    Ok(compared(&archived, &finished.record))
+    let inputs = Inputs::read(&results)?;
+    let options = RunOptions { without_other_kinetics, ..options.clone() };
+    if commands.is_empty() {
+        let again = again(&archived, None, String::new());
+        let out = options.out.clone().unwrap_or_else(|| folder.path().join("again"));
+        let options = RunOptions { out: Some(out), ..options };
+        let finished = calibration::run(&Planned { inputs, ..again }, &options, watch)?;
+        return Ok(compared(&archived, &finished.record, Vec::new()));
+    }
+    let inputs = inputs.unwrap_or_default();
+    let others = programs::compare(&place, &inputs, &unpacked)?;
+    let (planned, out) = programs::plan(&place, &archived, inputs, (folder.path(), &options))?;
+    let options = RunOptions { out: Some(out), ..options };
+    match calibration::run(&planned, &options, watch) {
+        Ok(finished) => Ok(compared(&archived, &finished.record, others)),
+        Err(failure) => Err(programs::kept(failure, folder)),
+    }
 }
 
-/// The plan file among the unpacked inputs: its name is the sender's, and must not lead elsewhere.
-fn plan_file(place: &str, inputs: &Inputs, unpacked: &Path) -> Result<Option<PathBuf>, InputError> {
-    let Some(file) = inputs.by_role(PLAN) else { return Ok(None) };
-    let shown = plain(&file.name);
-    if let Err(what) = checked_name(file.name.as_bytes()) {
-        return Err(hostile(place, &format!("a plan that lies elsewhere: {what}: \"{shown}\"")));
+/// A temporary folder: beside the results, where they have a place, so that files can be moved there.
+fn temporary(out: Option<&Path>) -> Result<TempDir, RunError> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".calibrate-reproduce-");
+    let beside = out.and_then(|out| {
+        let whole = std::path::absolute(out).ok()?;
+        whole.ancestors().skip(1).find(|folder| folder.is_dir()).map(Path::to_owned)
+    });
+    match beside {
+        Some(folder) => builder.tempdir_in(folder),
+        None => builder.tempdir(),
     }
-    let path = unpacked.join(&file.name);
-    if !path.is_file() {
-        return Err(hostile(place, &format!("a plan that is not in it: \"{shown}\"")));
-    }
-    Ok(Some(path))
+    .map_err(|error| {
+        RunError::new(format_args!("no temporary folder: {error}"))
+            .help("set TMPDIR to one, or choose another --out")
+    })
 }
 
 /// All that a call does to this machine, in one line: variables, command, files that it is given.
 fn asked(call: &Call) -> String {
     let variables = call.environment.iter().map(|(name, value)| format!("{name}={value}"));
-    let words = variables.chain(call.argv.iter().cloned()).map(|word| shell_word(&plain(&word)));
+    let words =
+        variables.chain(call.argv.iter().cloned()).map(|word| shell_word(&on_one_line(&word)));
     let mut line = words.collect::<Vec<_>>().join(" ");
-    let files: Vec<String> = call.files.iter().map(|file| shell_word(&plain(&file.from))).collect();
+    let files: Vec<String> =
+        call.files.iter().map(|file| shell_word(&on_one_line(&file.from))).collect();
     if !files.is_empty() {
         line += &format!(" (given {})", files.join(", "));
     }
     line
-}
-
-/// Text without control characters, which could pass for something else on a terminal.
-fn plain(text: &str) -> String {
-    let shown =
-        |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
-    text.chars().map(shown).collect()
 }
 
 /// Refuses a plan that asks for more than any that this program makes.
@@ -167,13 +174,14 @@ fn errors_known(record: &Record) -> bool {
 }
 
 /// Two results of one plan.
-fn compared(archived: &Record, again: &Record) -> Reproduction {
+fn compared(archived: &Record, again: &Record, other_programs: Vec<String>) -> Reproduction {
     let versions = [archived.plan.version.clone(), again.plan.version.clone()];
     let name = archived.plan.name.clone();
     let mut same_version = again.clone();
     same_version.plan.version.clone_from(&archived.plan.version);
     if same_version == *archived {
-        return Reproduction { name, versions, likeness: Likeness::SameBits, outcomes: Vec::new() };
+        let (likeness, outcomes) = (Likeness::SameBits, Vec::new());
+        return Reproduction { name, versions, likeness, outcomes, other_programs };
     }
     let mut outcomes: Vec<Outcome> = archived
         .parameters
@@ -213,7 +221,7 @@ fn compared(archived: &Record, again: &Record) -> Reproduction {
     } else {
         Likeness::Different
     };
-    Reproduction { name, versions, likeness, outcomes }
+    Reproduction { name, versions, likeness, outcomes, other_programs }
 }
 
 impl Reproduction {
@@ -253,6 +261,9 @@ impl Reproduction {
                 significant(one.difference, 2),
                 significant(one.standard_error, 2)
             ));
+        }
+        for program in &self.other_programs {
+            text.push_str(&format!("  run with another program: {program}\n"));
         }
         text
     }
@@ -296,26 +307,6 @@ mod tests {
     }
 
     #[test]
-    fn a_plan_of_an_archive_lies_in_it_or_is_refused() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let inputs = folder.path().join("inputs");
-        std::fs::create_dir(&inputs).expect("a folder");
-        std::fs::write(folder.path().join("outside.toml"), "").expect("written");
-        std::fs::write(inputs.join("inside.toml"), "").expect("written");
-        let named = |name: String| {
-            let (role, sha256) = (PLAN.to_owned(), String::new());
-            let files = vec![crate::output::inputs::InputFile { role, name, bytes: 0, sha256 }];
-            plan_file("a.zip", &Inputs { files }, &inputs)
-        };
-        let outside = folder.path().join("outside.toml").display().to_string();
-        for name in ["../outside.toml", &outside, "/proc/self/mem", "not-there.toml", "a/../../x"] {
-            assert!(named(name.to_owned()).is_err(), "{name}");
-        }
-        assert_eq!(named("inside.toml".to_owned()), Ok(Some(inputs.join("inside.toml"))));
-        assert_eq!(plan_file("a.zip", &Inputs::default(), &inputs), Ok(None));
-    }
-
-    #[test]
     fn a_program_is_asked_about_with_its_variables_its_files_and_the_bounds_of_its_arguments() {
         let impact = concat!(env!("CARGO_MANIFEST_DIR"), "/../../experiments/external/impact.toml");
         let planned = crate::plan::Planned::read(Path::new(impact)).expect("a plan");
@@ -332,15 +323,15 @@ mod tests {
         let one = record(1);
         let mut other = record(2);
         other.trust.verdict = Verdict::Untrusted;
-        let found = compared(&one, &other);
+        let found = compared(&one, &other, Vec::new());
         assert_eq!(found.likeness, Likeness::NotKnown);
         assert!(found.passed().is_err() && found.text().contains("not known"), "{}", found.text());
         let mut fewer = one.clone();
         fewer.parameters.pop();
-        assert_eq!(compared(&one, &fewer).likeness, Likeness::Different);
+        assert_eq!(compared(&one, &fewer, Vec::new()).likeness, Likeness::Different);
         let mut wider = one.clone();
         wider.parameters[0].in_coordinate.sd *= 5.0;
-        assert_eq!(compared(&one, &wider).likeness, Likeness::Different);
+        assert_eq!(compared(&one, &wider, Vec::new()).likeness, Likeness::Different);
     }
 
     #[test]
@@ -348,16 +339,16 @@ mod tests {
         let one = record(1);
         let mut other_version = one.clone();
         other_version.plan.version = "0.0.1".to_owned();
-        assert_eq!(compared(&one, &one).likeness, Likeness::SameBits);
-        let same = compared(&one, &other_version);
+        assert_eq!(compared(&one, &one, Vec::new()).likeness, Likeness::SameBits);
+        let same = compared(&one, &other_version, Vec::new());
         assert_eq!(same.likeness, Likeness::SameBits);
         assert!(same.text().contains("archived by version") && same.text().contains("same bits"));
-        let other = compared(&one, &record(2));
+        let other = compared(&one, &record(2), Vec::new());
         assert_eq!(other.likeness, Likeness::WithinMonteCarloError, "{}", other.text());
         assert!(other.passed().is_ok() && other.text().contains("largest difference 0.0"));
         let mut shifted = one.clone();
         shifted.parameters[1].in_coordinate.mean += one.parameters[1].in_coordinate.sd;
-        let shifted = compared(&one, &shifted);
+        let shifted = compared(&one, &shifted, Vec::new());
         assert_eq!(shifted.likeness, Likeness::Different);
         assert!((shifted.outcomes[2].difference - 1.0).abs() < 1e-9);
         assert!(

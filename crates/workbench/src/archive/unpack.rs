@@ -8,8 +8,10 @@ use std::path::Path;
 use sha2::{Digest as _, Sha256};
 use zip::{CompressionMethod, ZipArchive};
 
-use super::description::{DESCRIPTION, INPUTS, RESULTS, sums as sums_listed};
+use super::description::{DESCRIPTION, RESULTS, sums as sums_listed};
+use super::names::{Names, checked_name};
 use crate::error::{Failure, InputError, Mistake, RunError};
+use crate::output::INPUTS;
 use crate::output::checksums::hex;
 
 /// What an archive may ask of the machine.
@@ -24,53 +26,39 @@ pub struct Limits {
     /// How many times larger a file of more than a MiB may be than it is packed: tables of numbers reach about five, nothing
     /// more than 1032 in this format.
     pub ratio: u64,
+    /// How many times larger all files together may be than the archive.
+    pub total_ratio: u64,
+    /// Size of all files together up to which that does not count \[bytes\].
+    pub small: u64,
 }
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { packed: 2 << 30, unpacked: 4 << 30, files: 10_000, ratio: 200 }
+        let (ratio, total_ratio, small) = (200, 20, 64 << 20);
+        Self { packed: 2 << 30, unpacked: 4 << 30, files: 10_000, ratio, total_ratio, small }
     }
 }
 
-/// From which size on the ratio counts \[bytes\].
+/// From which size on the ratio of a file counts \[bytes\].
 const SMALL: u64 = 1 << 20;
+
+impl Limits {
+    /// The largest size of a file that is packed in so many bytes.
+    pub(super) fn of_file(&self, packed: u64) -> u64 {
+        SMALL.max(self.ratio.saturating_mul(packed))
+    }
+
+    /// The largest size of all files of an archive of so many bytes.
+    pub(super) fn of_all(&self, packed: u64) -> u64 {
+        self.unpacked.min(self.small.max(self.total_ratio.saturating_mul(packed)))
+    }
+}
 
 /// An archive that was read: its files and their sums.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Unpacked {
     /// SHA-256 by name.
     pub sums: BTreeMap<String, String>,
-}
-
-/// A name of a file within an archive, or what is wrong with it.
-pub(super) fn checked_name(name: &[u8]) -> Result<&str, &'static str> {
-    let name = std::str::from_utf8(name).map_err(|_| "a name that is not UTF-8")?;
-    if name.contains('\\') {
-        return Err("a name with a backslash");
-    }
-    if name.starts_with('/') {
-        return Err("a name that begins at the root of the disk");
-    }
-    if name.contains(':') {
-        return Err("a name with a colon, as of a drive");
-    }
-    if name.chars().any(char::is_control) {
-        return Err("a name with control characters");
-    }
-    let mut parts = name.strip_suffix('/').unwrap_or(name).split('/');
-    if parts.clone().any(|part| part == "..") {
-        return Err("a name that leads out of its folder (..)");
-    }
-    if parts.clone().any(|part| part.is_empty() || part == "." || part.len() > 255)
-        || name.len() > 4096
-    {
-        return Err("a name with an empty, dotted or overlong part");
-    }
-    // What some systems cannot tell from another name, or take for a device.
-    if parts.any(|part| part.ends_with(['.', ' '])) {
-        return Err("a name with a dot or a blank at its end");
-    }
-    Ok(name)
 }
 
 /// Reads an archive into an empty folder.
@@ -108,7 +96,7 @@ pub fn unpack(archive: &Path, folder: &Path, limits: &Limits) -> Result<Unpacked
     if zip.has_duplicate_names() {
         return Err(reader.hostile("two files of the same name").into());
     }
-    let sums = reader.all(&mut zip)?;
+    let sums = reader.all(&mut zip, limits.of_all(metadata.len()))?;
     reader.compare(&sums)?;
     Ok(Unpacked { sums })
 }
@@ -149,10 +137,13 @@ impl Reader<'_> {
     }
 
     /// Reads every file; gives their sums.
-    fn all(&self, zip: &mut ZipArchive<File>) -> Result<BTreeMap<String, String>, Failure> {
+    fn all(
+        &self,
+        zip: &mut ZipArchive<File>,
+        mut left: u64,
+    ) -> Result<BTreeMap<String, String>, Failure> {
         let mut sums = BTreeMap::new();
-        let mut seen = std::collections::BTreeSet::new();
-        let mut left = self.limits.unpacked;
+        let mut names = Names::default();
         for index in 0..zip.len() {
             let mut file = zip.by_index(index).map_err(|error| self.damaged(&error.to_string()))?;
             let raw = file.name_raw().to_vec();
@@ -160,11 +151,7 @@ impl Reader<'_> {
             let name = checked_name(&raw)
                 .map_err(|what| self.hostile(&format!("{what}: \"{shown}\"")))?
                 .to_owned();
-            if !seen.insert(name.to_lowercase()) {
-                return Err(self
-                    .hostile(&format!("two files of the same name: \"{name}\""))
-                    .into());
-            }
+            names.add(&name).map_err(|what| self.hostile(&format!("{what}: \"{name}\"")))?;
             const KIND: u32 = 0o170_000;
             let kind = file.unix_mode().unwrap_or(0) & KIND;
             if file.is_symlink() || ![0, 0o100_000, 0o040_000].contains(&kind) {
@@ -188,8 +175,7 @@ impl Reader<'_> {
                     .hostile(&format!("\"{name}\", packed in another way than this program packs"))
                     .into());
             }
-            let by_ratio = SMALL.max(self.limits.ratio.saturating_mul(file.compressed_size()));
-            let most = left.min(by_ratio);
+            let most = left.min(self.limits.of_file(file.compressed_size()));
             let executable = file.unix_mode().is_some_and(|mode| mode & 0o111 != 0);
             let (length, sum) = self.one(&name, &mut file, most, executable)?;
             left -= length;

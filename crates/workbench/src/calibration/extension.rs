@@ -9,6 +9,7 @@ use super::store::{self, Stored};
 use crate::error::{Failure, InputError, Mistake};
 use crate::input::text_file::folder_of;
 use crate::output::CAMPAIGN;
+use crate::output::inputs::Inputs;
 use crate::plan::{ExecutorPlan, Plan, Planned};
 use crate::record::{self, Record};
 use crate::report::read_samples;
@@ -100,7 +101,9 @@ pub fn continued(from: &Path, samples: usize) -> Result<(Planned, PathBuf), Inpu
     }
     let record = record::read(from)?;
     let plan = extended(&folder, &record.plan, samples)?;
-    let planned = again(&Record { plan, ..record }, None, String::new());
+    // What was read for the run that is extended: its files may be others by now.
+    let inputs = Inputs::read(&folder)?;
+    let planned = Planned { inputs, ..again(&Record { plan, ..record }, None, String::new()) };
     Ok((planned.warned(), folder))
 }
 
@@ -116,7 +119,7 @@ pub(crate) fn again(record: &Record, path: Option<PathBuf>, text: String) -> Pla
         Some(_) => ExecutorPlan::Local { parallel: None },
         None => ExecutorPlan::Threads { threads: None },
     };
-    Planned { plan, executor, warnings, path, text }
+    Planned { plan, executor, warnings, path, text, inputs: None }
 }
 
 /// Holds the first samples of an extended run against those of the run in `earlier`, to the bit, and says so where they are

@@ -4,7 +4,6 @@ mod ahead;
 mod curves;
 mod extension;
 mod fingerprints;
-mod inputs;
 mod neck_growth;
 mod of_pair;
 mod other_kinetics;
@@ -18,7 +17,6 @@ mod store;
 
 pub(crate) use extension::again;
 pub use extension::continued;
-pub(crate) use inputs::of_plans as inputs_of;
 pub use run::{Finished, RunOptions, Timings, plan_of_run, resume, run, run_by};
 pub use sampling::Calibration;
 pub(crate) use sampling::sample;

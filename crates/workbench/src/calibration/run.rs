@@ -17,7 +17,6 @@ use smc_calib::Posterior;
 use super::ahead;
 use super::extension;
 use super::fingerprints::{self, Guard, Unchecked};
-use super::inputs;
 use super::sampling::{Calibration, Stages, failure, sample};
 use super::store::{self, Stored, refused};
 use super::{other_kinetics, record, sensitivity, stopped};
@@ -158,7 +157,7 @@ pub fn run(
     let staging = folder.stage()?;
     pool.install(|| {
         let write = |name: &str, bytes: &[u8]| staging.write(&out, name, bytes).map_err(make_room);
-        report::write_all(&record, &posterior, &inputs::of_planned(planned), &write, watch)
+        report::write_all(&record, &posterior, planned.inputs.as_ref(), &write, watch)
     })?;
     timings.report_seconds = reporting.elapsed().as_secs_f64();
     staging.write(&out, "timings.json", pretty(&timings)?.as_bytes()).map_err(make_room)?;
@@ -230,7 +229,7 @@ pub fn resume(
     }
     let damaged = damage.iter().any(|damage| damage.file.ends_with(fingerprints::FILE));
     let accepted = (options.accept_changes, damaged);
-    let changed = store::check_programs(dir, &mut campaign, &stored, accepted, &given_up)?;
+    let changed = store::check_programs(dir, &mut campaign, &mut stored, accepted, &given_up)?;
     if let Some(change) = changed {
         watch.note(&format!("{change}; the run goes on with it"));
     }
@@ -378,8 +377,7 @@ impl Driver<'_> {
                 ))
             })
         };
-        let inputs = inputs::of_stored(self.stored, self.campaign.spec());
-        report::write_all(&record, posterior, &inputs, &write, self.watch)?;
+        report::write_all(&record, posterior, self.stored.inputs.as_ref(), &write, self.watch)?;
         timings.report_seconds = begun.elapsed().as_secs_f64() - timings.inference_seconds;
         write("timings.json", pretty(&timings)?.as_bytes())?;
         if self.watch.stop().asked() {
@@ -427,6 +425,7 @@ impl Driver<'_> {
             warnings: Vec::new(),
             path: Some(self.stored.file.clone()),
             text: String::new(),
+            inputs: None,
         };
         match failure(&planned, error) {
             Failure::Run(error) => {

@@ -10,8 +10,9 @@ use serde_json::Value;
 use super::fingerprints::{self, Fingerprints};
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::given_up::{self, GivenUp};
-use crate::output::{CAMPAIGN, pretty};
-use crate::plan::{ExecutorPlan, ExperimentPlan, Plan, Planned, with_folder};
+use crate::output::inputs::Inputs;
+use crate::output::{CAMPAIGN, INPUTS, pretty};
+use crate::plan::{ExecutorPlan, ExperimentPlan, PROGRAM, Plan, Planned, with_folder};
 
 /// The file with the plan as it was understood, tables and all.
 const RESOLVED: &str = "resolved-plan.json";
@@ -30,6 +31,9 @@ pub(crate) struct Stored {
     pub(crate) executor: ExecutorPlan,
     /// Warnings on the input.
     pub(crate) warnings: Vec<String>,
+    /// What was read of its files, and the programs that its runs are made with; none where that was not noted.
+    #[serde(default)]
+    pub(crate) inputs: Option<Inputs>,
 }
 
 impl Stored {
@@ -39,12 +43,25 @@ impl Stored {
             InputError::new(path.display().to_string(), Mistake::Unreadable)
                 .found(format_args!("has no whole path: {error}"))
         })?;
-        Ok(Self {
+        let mut stored = Self {
             file,
             plan: planned.plan.clone(),
             executor: planned.executor.clone(),
             warnings: planned.warnings.clone(),
-        })
+            inputs: planned.inputs.clone(),
+        };
+        let spec = stored.spec()?;
+        stored.note_programs(&spec);
+        Ok(stored)
+    }
+
+    /// Notes the programs as they are now, in place of others.
+    fn note_programs(&mut self, spec: &CampaignSpec) {
+        let folder = self.folder().to_owned();
+        if let Some(inputs) = &mut self.inputs {
+            let files = fingerprints::files(spec, &folder).into_iter();
+            inputs.renew(PROGRAM, files.filter(|file| file.is_file()), &folder);
+        }
     }
 
     /// The files that go beside the runs.
@@ -113,8 +130,13 @@ pub(super) fn create(dir: &Path, planned: &Planned) -> Result<(Campaign, Stored)
     let runs = dir.join(CAMPAIGN);
     let has_begun = || runs.join("campaign.json").exists();
     let begun = has_begun();
+    // The plan of an archive and its files are in the folder itself.
+    let inputs = std::path::absolute(dir.join(INPUTS)).is_ok_and(|it| stored.file.starts_with(it));
     let is_ours = |entry: std::io::Result<std::fs::DirEntry>| {
-        entry.is_ok_and(|entry| entry.file_name() == CAMPAIGN && !begun)
+        entry.is_ok_and(|entry| {
+            let name = entry.file_name();
+            (name == CAMPAIGN && !begun) || (name == INPUTS && inputs)
+        })
     };
     let occupied = std::fs::read_dir(dir).is_ok_and(|mut entries| !entries.all(is_ours));
     if occupied {
@@ -289,7 +311,7 @@ pub(super) fn given_up(campaign: &Campaign) -> GivenUp {
 pub(super) fn check_programs(
     dir: &Path,
     campaign: &mut Campaign,
-    stored: &Stored,
+    stored: &mut Stored,
     (accept, damaged): (bool, bool),
     given_up: &dyn Fn(&Outcome) -> bool,
 ) -> Result<Option<String>, Failure> {
@@ -319,6 +341,8 @@ pub(super) fn check_programs(
     }
     let bytes = pretty(&now)?.into_bytes();
     campaign.replace_extra(fingerprints::FILE, &bytes).map_err(|error| refused(dir, error))?;
+    stored.note_programs(campaign.spec());
+    replace_plan(dir, campaign, stored)?;
     Ok(change)
 }
 

@@ -17,9 +17,9 @@ use dem_core::Kinetics;
 use smc_calib::{Noise, Parameter, Prior, PriorSpec, Problem, leave_one_out};
 
 use crate::calibration::Calibration;
-use crate::calibration::inputs_of;
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::input::material::Material;
+use crate::output::inputs::Inputs;
 use crate::output::page::FILE_NAME;
 use crate::output::{Published, RunFolder, pretty};
 use crate::pair::model::NeckGrowth;
@@ -38,7 +38,7 @@ pub use kept::{KeptModel, KeptModels};
 pub use noises::default_noises;
 
 /// The record of a comparison.
-pub const RECORD: &str = "compare.json";
+pub const RECORD: &str = crate::output::kinds::COMPARISON;
 
 /// The kinetics of every material or experiment, compared.
 pub struct Compared {
@@ -47,6 +47,7 @@ pub struct Compared {
     /// Draws of the models that matter, one file per experiment.
     pub kept: Vec<KeptModels>,
     figures: NamedFigures,
+    inputs: Option<Inputs>,
 }
 
 /// The plans of one experiment under one noise model, one per kinetics.
@@ -79,10 +80,9 @@ impl Compared {
                 columns(&subject, &noises, phi)
             })
             .collect::<Result<_, _>>()?;
-        let experiments = tables
-            .iter()
-            .filter_map(|table| table.first()?.plans.first())
-            .map(|planned| planned.plan.clone());
+        let first = || tables.iter().filter_map(|table| table.first()?.plans.first());
+        let inputs = Inputs::together(first().map(|planned| planned.inputs.as_ref()));
+        let experiments = first().map(|planned| planned.plan.clone());
         let mut report = Report {
             schema_version: SCHEMA_VERSION,
             plan: ReportPlan {
@@ -106,7 +106,7 @@ impl Compared {
             report.comparisons.push(comparison);
         }
         watch.end();
-        Ok(Self { report, kept, figures })
+        Ok(Self { report, kept, figures, inputs })
     }
 
     /// Writes the folder of the comparison.
@@ -122,9 +122,8 @@ impl Compared {
         write("compare.csv", render::csv(&self.report).as_bytes())?;
         let sums = kept::write(&self.kept, &write)?;
         let drawn = draw_all(&self.figures, Width::Column, &write)?;
-        let inputs = inputs_of(self.report.plan.experiments.iter());
-        inputs.write(&write)?;
-        let page = page::page(&self.report, &drawn, &inputs, &sums);
+        self.inputs.as_ref().map_or(Ok(()), |inputs| inputs.write(&write))?;
+        let page = page::page(&self.report, &drawn, self.inputs.as_ref(), &sums);
         write(FILE_NAME, page.html()?.as_bytes())?;
         Ok(staging.publish()?)
     }

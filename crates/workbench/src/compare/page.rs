@@ -10,7 +10,7 @@ use crate::output::page::{self, Drawn, Page, Part};
 use crate::plan::{noise_in_words, noise_option, prior_rows, shell_word};
 
 /// The report of a comparison: its record, its figures, the files that it was made of, and the sums of its own.
-pub(super) fn page(report: &Report, drawn: &[Drawn], inputs: &Inputs, sums: &str) -> Page {
+pub(super) fn page(report: &Report, drawn: &[Drawn], inputs: Option<&Inputs>, sums: &str) -> Page {
     let titles: Vec<&str> = report.comparisons.iter().map(|one| one.title.as_str()).collect();
     let version = env!("CARGO_PKG_VERSION");
     let mut page = Page {
@@ -136,10 +136,12 @@ fn checked(report: &Report) -> Part {
 }
 
 /// The command that makes it again.
-fn command(report: &Report, inputs: &Inputs) -> String {
+fn command(report: &Report, inputs: Option<&Inputs>) -> String {
     let mut words = vec!["calibrate compare".to_owned()];
     if let [plan] = &report.plan.experiments[..] {
-        let own = |role: &str| inputs.by_role(role).map(|file| shell_word(&file.name));
+        let own = |role: &str| {
+            inputs.and_then(|inputs| inputs.by_role(role)).map(|file| shell_word(&file.name))
+        };
         match own("experiment") {
             Some(file) => words.push(format!("--experiment {file}")),
             None => words.push(format!("--material {}", plan.name)),

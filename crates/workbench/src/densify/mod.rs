@@ -17,6 +17,7 @@ use figures::Width;
 use serde_json::json;
 
 use crate::error::{Failure, RunError};
+use crate::input::files_read::noted;
 use crate::input::scene_file::{self, SceneInput};
 use crate::number::significant;
 use crate::output::inputs::Inputs;
@@ -36,7 +37,7 @@ pub use report::{DensifyPlan, Report};
 pub use spread::{Share, Spread};
 
 /// The record of a densification.
-pub const DENSIFY_RECORD: &str = "densify.json";
+pub const DENSIFY_RECORD: &str = crate::output::kinds::DENSIFICATION;
 
 /// Options of a densification.
 #[derive(Debug, Clone, PartialEq)]
@@ -88,8 +89,10 @@ impl DensifyJob {
     ///
     /// [`Failure::Input`] for files that are wrong or do not go together.
     pub fn read(options: &DensifyOptions) -> Result<Self, Failure> {
-        let calibrated = PairDraws::read(&options.posterior)?;
-        let input = scene_file::read(&options.scene)?;
+        let files =
+            || Ok((PairDraws::read(&options.posterior)?, scene_file::read(&options.scene)?));
+        let (files, read) = noted(files);
+        let (calibrated, input) = files.map_err(|error: Failure| error)?;
         let target = agreement::target(options.target, &input)?;
         let posterior = &calibrated.record.plan;
         let kinetics = calibrated.pair.kinetics;
@@ -120,7 +123,7 @@ impl DensifyJob {
             advice: agreement::advice(&calibrated, &input),
             folder: RunFolder::prepare(&out, DENSIFY_RECORD)?,
             bed_plan: bed_plan.to_string(),
-            inputs: page::inputs(&options.posterior, &options.scene),
+            inputs: page::inputs(&options.posterior, &options.scene, &read),
             input,
             sintering,
             calibrated,

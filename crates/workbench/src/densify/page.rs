@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::curve::Target;
 use super::report::{Report, interval};
+use crate::input::files_read::FilesRead;
 use crate::input::text_file::folder_of;
 use crate::number::significant;
 use crate::output::inputs::Inputs;
@@ -16,10 +17,11 @@ const SCENE: &str = "scene";
 const POSTERIOR: &str = "posterior";
 
 /// The files that a densification is made of.
-pub(super) fn inputs(posterior: &Path, scene: &Path) -> Inputs {
+pub(super) fn inputs(posterior: &Path, scene: &Path, read: &FilesRead) -> Inputs {
     let posterior = record::locate(posterior);
     let draws = folder_of(&posterior).join("draws.csv");
-    Inputs::of([(SCENE, scene.to_owned()), (POSTERIOR, posterior), ("draws", draws)], None)
+    let files = [(SCENE, scene.to_owned()), (POSTERIOR, posterior), ("draws", draws)];
+    Inputs::of(files, None, read)
 }
 
 /// The report: the record, the scene in words, the figures and the files that it was made of.
@@ -53,7 +55,7 @@ pub(super) fn page(
     let errors = report.draws.iter().map(|draw| draw.error_estimate).fold(0.0, f64::max);
     page.checked.fact("Largest error of a/R of a bed", significant(errors, 2));
     page.repeat.listings.push(command(report, inputs));
-    page::provenance(&mut page.repeat, (&plan.version, Some(plan.seed)), inputs, "");
+    page::provenance(&mut page.repeat, (&plan.version, Some(plan.seed)), Some(inputs), "");
     page.show(drawn, |_| {
         format!("Bands of the {quantity} over time, and when it reaches {level}.")
     });

@@ -16,7 +16,7 @@ pub use plans::Difference;
 pub use text::text;
 
 /// The record of a comparison of two runs.
-pub const RECORD: &str = "diff.json";
+pub const RECORD: &str = crate::output::kinds::DIFFERENCE;
 
 impl Compared {
     /// Writes the folder of the comparison.

@@ -6,11 +6,13 @@ use figures::{MarginalsFigure, MarginalsParameter};
 use serde::Serialize;
 
 use super::plans::{self, Difference};
-use crate::error::Failure;
+use crate::error::{Failure, InputError};
+use crate::input::files_read::noted;
 use crate::input::text_file::folder_of;
-use crate::output::checksums;
+use crate::output::checksums::hex;
 use crate::output::inputs::Inputs;
-use crate::plan::Plan;
+use crate::output::on_one_line;
+use crate::plan::{ObservablePlan, Plan, shell_word};
 use crate::record::{self, Record};
 use crate::report::{NamedFigures, read_draws, symbol};
 
@@ -31,8 +33,8 @@ pub struct DiffPlan {
 pub struct Moved {
     /// Its name.
     pub name: String,
-    /// Its unit.
-    pub unit: String,
+    /// Its unit in each.
+    pub units: [String; 2],
     /// Posterior median of each, SI.
     pub median: [f64; 2],
     /// Equal-tailed 95 % interval of each, SI.
@@ -44,6 +46,8 @@ pub struct Moved {
     pub shift_se: Option<f64>,
     /// Standard deviation of the other over that of the first.
     pub widening: Option<f64>,
+    /// Why there is no such difference; none where there is one.
+    pub not_comparable: Option<String>,
 }
 
 /// Log evidences side by side.
@@ -78,6 +82,9 @@ pub struct Diff {
     pub only: [Vec<String>; 2],
     /// The evidence of each.
     pub evidence: EvidenceBeside,
+    /// The seed, where both runs have the same: their errors are not independent then, as the standard errors of differences take
+    /// them.
+    pub same_seed: Option<u64>,
     /// Whether each is to be trusted.
     pub trusted: [bool; 2],
     /// Reasons to be careful with the comparison.
@@ -98,18 +105,22 @@ pub struct Compared {
 ///
 /// [`Failure::Input`] for a run that cannot be read.
 pub fn compare(one: &Path, other: &Path) -> Result<Compared, Failure> {
-    let records = [record::read(one)?, record::read(other)?];
     let files = [record::locate(one), record::locate(other)];
-    let sha256 = [checksums::of_file(&files[0])?, checksums::of_file(&files[1])?];
-    let draws = [
-        read_draws(&records[0], folder_of(&files[0]))?,
-        read_draws(&records[1], folder_of(&files[1]))?,
-    ];
+    let run = |path: &Path, file: &Path| -> Result<_, InputError> {
+        let record = record::read(path)?;
+        let draws = read_draws(&record, folder_of(file))?;
+        Ok((record, draws))
+    };
+    let (runs, read) = noted(|| Ok([run(one, &files[0])?, run(other, &files[1])?]));
+    let [(a, of_a), (b, of_b)] = runs.map_err(|error: InputError| error)?;
+    let (records, draws) = ([a, b], [of_a, of_b]);
+    let sum = |file: &PathBuf| read.of(file).map_or_else(String::new, |(_, sum)| hex(&sum));
+    let sha256 = [sum(&files[0]), sum(&files[1])];
     let plan = DiffPlan { runs: [one.to_owned(), other.to_owned()], sha256 };
     let figure = figure(&records, &draws, &plan);
     let figures: NamedFigures = vec![("diff".to_owned(), Box::new(figure))];
     let roles = ["first posterior", "other posterior"];
-    let inputs = Inputs::of(roles.into_iter().zip(files), None);
+    let inputs = Inputs::of(roles.into_iter().zip(files), None, &read);
     Ok(Compared { diff: Diff::new(plan, &records), inputs, figures })
 }
 
@@ -126,10 +137,11 @@ impl Diff {
         let mut advice = Vec::new();
         for (run, trusted) in plan.runs.iter().zip(trusted) {
             if !trusted {
+                let run = run.display().to_string();
                 advice.push(format!(
                     "{} is not to be trusted as it stands: what it differs by may be its own error (calibrate inspect {})",
-                    run.display(),
-                    run.display()
+                    on_one_line(&run),
+                    shell_word(&run)
                 ));
             }
         }
@@ -140,6 +152,7 @@ impl Diff {
             parameters: moved(one, other),
             only: [only(one, other), only(other, one)],
             evidence: evidence(one, other),
+            same_seed: Some(one.plan.sampler.seed).filter(|seed| *seed == other.plan.sampler.seed),
             trusted,
             advice,
             plan,
@@ -149,24 +162,33 @@ impl Diff {
 
 fn moved(one: &Record, other: &Record) -> Vec<Moved> {
     let pairs = one.parameters.iter().filter_map(|summary| {
-        let same = |twin: &&smc_calib::ParameterSummary| {
-            twin.parameter.name == summary.parameter.name
-                && twin.parameter.unit == summary.parameter.unit
-        };
+        let same =
+            |twin: &&smc_calib::ParameterSummary| twin.parameter.name == summary.parameter.name;
         Some((summary, other.parameters.iter().find(same)?))
     });
     pairs
         .map(|(a, b)| {
             let (old, new) = (&a.in_coordinate, &b.in_coordinate);
-            let alike = (a.coordinate == b.coordinate && old.sd > 0.0).then_some(old.sd);
+            let (unit, other_unit) = (&a.parameter.unit, &b.parameter.unit);
+            let not_comparable = if unit != other_unit {
+                Some(format!("its units are not the same, {unit} and {other_unit}"))
+            } else if a.coordinate != b.coordinate {
+                Some("its priors have other coordinates".to_owned())
+            } else if old.sd > 0.0 {
+                None
+            } else {
+                Some("it does not vary in the first run".to_owned())
+            };
+            let alike = not_comparable.is_none().then_some(old.sd);
             Moved {
                 name: a.parameter.name.clone(),
-                unit: a.parameter.unit.clone(),
+                units: [unit.clone(), other_unit.clone()],
                 median: [a.in_si.median, b.in_si.median],
                 eti95: [a, b].map(|one| [one.in_si.eti95.lower, one.in_si.eti95.upper]),
                 shift_sd: alike.map(|sd| (new.mean - old.mean) / sd),
                 shift_se: alike.map(|sd| old.mean_se.hypot(new.mean_se) / sd),
                 widening: alike.map(|sd| new.sd / sd),
+                not_comparable,
             }
         })
         .collect()
@@ -179,6 +201,10 @@ fn other_data(one: &Plan, other: &Plan) -> Option<String> {
         match (ones.next(), others.next()) {
             (None, None) => return None,
             (Some((_, a)), Some((_, b))) => {
+                let units = |plan: &ObservablePlan| (plan.unit.clone(), plan.control_unit.clone());
+                if units(a) != units(b) {
+                    return Some(format!("the units of {} are not the same", a.name));
+                }
                 if (&a.control, &a.values) != (&b.control, &b.values) {
                     let (m, n) = (a.values.len(), b.values.len());
                     return Some(match m == n {
@@ -225,7 +251,9 @@ fn figure(records: &[Record; 2], draws: &[Vec<Vec<f64>>; 2], plan: &DiffPlan) ->
         }
         let column = |(record, draws): (&Record, &Vec<Vec<f64>>)| {
             let name = &summary.parameter.name;
-            let place = record.parameters.iter().position(|one| one.parameter.name == *name);
+            let place = record.parameters.iter().position(|one| {
+                one.parameter.name == *name && one.parameter.unit == summary.parameter.unit
+            });
             let column = place.and_then(|place| draws.get(place)).cloned().unwrap_or_default();
             column.iter().map(|value| summary.coordinate.of(*value)).collect()
         };
@@ -238,7 +266,7 @@ fn figure(records: &[Record; 2], draws: &[Vec<Vec<f64>>; 2], plan: &DiffPlan) ->
     }
     MarginalsFigure {
         title: "Marginal posteriors".to_owned(),
-        names: plan.runs.iter().map(|run| run.display().to_string()).collect(),
+        names: plan.runs.iter().map(|run| on_one_line(&run.display().to_string())).collect(),
         parameters,
     }
 }

@@ -3,6 +3,7 @@
 use super::numbers::{Diff, Moved};
 use crate::number::{digits_of, shown_unit, significant};
 use crate::output::inputs::Inputs;
+use crate::output::on_one_line;
 use crate::output::page::{self, Drawn, MOST_ROWS, Page};
 use crate::plan::shell_word;
 
@@ -19,20 +20,38 @@ fn value(moved: &Moved, place: usize) -> String {
     let eti95 = moved.eti95[place];
     let digits = digits_of(eti95);
     let [lower, upper] = eti95.map(|end| significant(end, digits));
-    format!("{} ({lower} .. {upper})", significant(moved.median[place], digits))
+    let median = significant(moved.median[place], digits);
+    let [one, other] = &moved.units;
+    // The same unit is named once, behind both.
+    let unit = if one == other { "" } else { shown_unit(&moved.units[place]) };
+    format!("{median} ({lower} .. {upper}) {unit}").trim_end().to_owned()
+}
+
+/// The unit that both have, as it is shown; empty where they have not.
+fn same_unit(moved: &Moved) -> &str {
+    let [one, other] = &moved.units;
+    if one == other { shown_unit(one) } else { "" }
+}
+
+/// The unit of a parameter, or both.
+fn unit(moved: &Moved) -> String {
+    let [one, other] = &moved.units;
+    if one == other { one.clone() } else { format!("{one}, {other}") }
 }
 
 /// The comparison as text.
 pub fn text(diff: &Diff) -> String {
-    let [one, other] = diff.plan.runs.each_ref().map(|run| run.display().to_string());
-    let mut text = format!("{one} ({}) and {other} ({})\n", diff.titles[0], diff.titles[1]);
+    let [one, other] = names(diff);
+    let titles = diff.titles.each_ref().map(|title| on_one_line(title));
+    let mut text = format!("{one} ({}) and {other} ({})\n", titles[0], titles[1]);
     match diff.plans.len() {
         0 => text.push_str("  plans: the same\n"),
         _ => text.push_str("  plans differ in\n"),
     }
     for field in diff.plans.iter().take(MOST_ROWS) {
-        let or_none =
-            |value: &Option<String>| value.clone().unwrap_or_else(|| "nothing".to_owned());
+        let or_none = |value: &Option<String>| {
+            value.as_deref().map_or_else(|| "nothing".to_owned(), on_one_line)
+        };
         let (was, is) = (or_none(&field.one), or_none(&field.other));
         text.push_str(&format!("    {}: {was} -> {is}\n", field.field));
     }
@@ -46,14 +65,15 @@ pub fn text(diff: &Diff) -> String {
                 with_se(moved.shift_sd, moved.shift_se),
                 significant(widening, 2)
             ),
-            _ => "its priors have other coordinates".to_owned(),
+            _ => moved.not_comparable.as_deref().map_or_else(String::new, on_one_line),
         };
         text.push_str(&format!(
-            "  {:<10} {} -> {} {}; {by}\n",
+            "  {:<10} {}; {by}\n",
             moved.name,
-            value(moved, 0),
-            value(moved, 1),
-            shown_unit(&moved.unit)
+            on_one_line(
+                format!("{} -> {} {}", value(moved, 0), value(moved, 1), same_unit(moved))
+                    .trim_end()
+            ),
         ));
     }
     for (run, names) in [&one, &other].into_iter().zip(&diff.only) {
@@ -62,10 +82,32 @@ pub fn text(diff: &Diff) -> String {
         }
     }
     text.push_str(&format!("  {}\n", evidence(diff)));
+    if let Some(words) = errors(diff) {
+        text.push_str(&format!("  errors: {words}\n"));
+    }
     for line in &diff.advice {
         text.push_str(&format!("  trust: {line}\n"));
     }
     text
+}
+
+/// The runs as they were named.
+fn names(diff: &Diff) -> [String; 2] {
+    diff.plan.runs.each_ref().map(|run| on_one_line(&run.display().to_string()))
+}
+
+/// What the standard errors of the differences leave out; none where they do not.
+fn errors(diff: &Diff) -> Option<String> {
+    let seed = diff.same_seed?;
+    let [one, other] = &diff.plan.sha256;
+    Some(if one == other {
+        "both are one result".to_owned()
+    } else {
+        format!(
+            "both runs have the seed {seed}, so that their errors are alike in part: those of the differences, which take them as \
+             independent, are as a rule too large; another --seed makes them independent"
+        )
+    })
 }
 
 fn evidence(diff: &Diff) -> String {
@@ -84,7 +126,7 @@ fn evidence(diff: &Diff) -> String {
 /// The report of the comparison.
 pub(super) fn page(diff: &Diff, drawn: &[Drawn], inputs: &Inputs) -> Page {
     let version = env!("CARGO_PKG_VERSION");
-    let [one, other] = diff.plan.runs.each_ref().map(|run| run.display().to_string());
+    let [one, other] = names(diff);
     let mut page = Page {
         title: format!("{one} and {other}"),
         kind: "Two calibrations side by side".to_owned(),
@@ -99,7 +141,7 @@ pub(super) fn page(diff: &Diff, drawn: &[Drawn], inputs: &Inputs) -> Page {
     page.data.fact(&other, &diff.titles[1]);
     let rows = diff.parameters.iter().map(|moved| {
         vec![
-            format!("{} [{}]", moved.name, moved.unit),
+            format!("{} [{}]", moved.name, unit(moved)),
             value(moved, 0),
             value(moved, 1),
             with_se(moved.shift_sd, moved.shift_se),
@@ -109,6 +151,9 @@ pub(super) fn page(diff: &Diff, drawn: &[Drawn], inputs: &Inputs) -> Page {
     let columns = ["parameter", &one, &other, "moves by [sd]", "times as wide"];
     page.answer.table("Parameters: median and 95 % interval", &columns, rows.collect());
     page.answer.fact("Evidence", evidence(diff));
+    if let Some(words) = errors(diff) {
+        page.answer.fact("Errors of the differences", words);
+    }
     let rows = diff.plans.iter().take(MOST_ROWS).map(|field| {
         let or_dash = |value: &Option<String>| value.clone().unwrap_or_else(|| "–".to_owned());
         vec![field.field.clone(), or_dash(&field.one), or_dash(&field.other)]
@@ -118,9 +163,9 @@ pub(super) fn page(diff: &Diff, drawn: &[Drawn], inputs: &Inputs) -> Page {
         page.checked
             .fact(run, if trusted { "to be trusted" } else { "not to be trusted as it stands" });
     }
-    let [one, other] = [one, other].map(|run| shell_word(&run));
+    let [one, other] = diff.plan.runs.each_ref().map(|run| shell_word(&run.display().to_string()));
     page.repeat.listings.push(format!("calibrate diff {one} {other}"));
-    page::provenance(&mut page.repeat, (version, None), inputs, "");
+    page::provenance(&mut page.repeat, (version, None), Some(inputs), "");
     page.show(drawn, |_| "Marginal posterior of each parameter under both runs.".to_owned());
     page
 }

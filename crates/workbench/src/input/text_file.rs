@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+use super::files_read;
 use crate::error::{InputError, Mistake};
 
 /// Largest file that is read \[bytes\]; a table of a million rows is a third of it.
@@ -56,6 +57,7 @@ fn bytes_of(path: &Path, largest: u64) -> Result<Vec<u8>, InputError> {
             .expected("an observation table or a description")
             .help("keep every n-th row: neck growth needs hundreds of points, not millions"));
     }
+    files_read::note(path, &bytes);
     Ok(bytes)
 }
 

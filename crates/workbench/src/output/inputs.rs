@@ -1,4 +1,5 @@
-//! `inputs.json`: the files that a run was made of, by name and SHA-256, as they were when its results were written.
+//! `inputs.json`: the files that a run was made of, by name and SHA-256 of what was read of them; of programs as they were when
+//! the run began.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -9,6 +10,7 @@ use sha2::{Digest as _, Sha256};
 use super::checksums::hex;
 use super::{WriteFile, pretty};
 use crate::error::{InputError, Mistake, RunError};
+use crate::input::files_read::FilesRead;
 use crate::input::text_file;
 
 /// Name of the file.
@@ -37,23 +39,50 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// Of files by their roles, where they can be read now. A file below `folder` is named from there on.
-    pub fn of(
+    /// Of files by their roles, as far as they were read. A file below `folder` is named from there on.
+    pub(crate) fn of(
         files: impl IntoIterator<Item = (&'static str, PathBuf)>,
         folder: Option<&Path>,
+        read: &FilesRead,
     ) -> Self {
         let mut inputs = Self::default();
         for (role, path) in files {
-            let name = folder.and_then(|folder| path.strip_prefix(folder).ok()).unwrap_or(&path);
-            let name = name.display().to_string();
-            if inputs.files.iter().any(|file| file.name == name) {
-                continue;
-            }
-            if let Ok((bytes, sha256)) = sum_of(&path) {
-                inputs.files.push(InputFile { role: role.to_owned(), name, bytes, sha256 });
+            if let Some((bytes, sum)) = read.of(&path) {
+                inputs.add(role, name_of(&path, folder), (bytes, hex(&sum)));
             }
         }
         inputs
+    }
+
+    /// Adds files of a role that are not read by this program, as they are now, in place of those of that role.
+    pub(crate) fn renew(
+        &mut self,
+        role: &'static str,
+        files: impl IntoIterator<Item = PathBuf>,
+        folder: &Path,
+    ) {
+        self.files.retain(|file| file.role != role);
+        for path in files {
+            if let Ok(sum) = sum_of(&path) {
+                self.add(role, name_of(&path, Some(folder)), sum);
+            }
+        }
+    }
+
+    /// Those of several runs together; none where those of one are not known.
+    pub(crate) fn together<'i>(all: impl IntoIterator<Item = Option<&'i Self>>) -> Option<Self> {
+        all.into_iter().try_fold(Self::default(), |mut together, one| {
+            for file in &one?.files {
+                together.add(&file.role, file.name.clone(), (file.bytes, file.sha256.clone()));
+            }
+            Some(together)
+        })
+    }
+
+    fn add(&mut self, role: &str, name: String, (bytes, sha256): (u64, String)) {
+        if self.files.iter().all(|file| file.name != name) {
+            self.files.push(InputFile { role: role.to_owned(), name, bytes, sha256 });
+        }
     }
 
     /// Writes `inputs.json`.
@@ -90,7 +119,12 @@ impl Inputs {
     }
 }
 
-/// Length and SHA-256 of a file.
+/// The name of a file, from the folder on where it is below.
+fn name_of(path: &Path, folder: Option<&Path>) -> String {
+    folder.and_then(|folder| path.strip_prefix(folder).ok()).unwrap_or(path).display().to_string()
+}
+
+/// Length and SHA-256 of a file as it is now.
 pub(crate) fn sum_of(path: &Path) -> io::Result<(u64, String)> {
     if !path.is_file() {
         return Err(io::ErrorKind::NotFound.into());
@@ -112,20 +146,35 @@ pub(crate) fn sum_of(path: &Path) -> io::Result<(u64, String)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::input::files_read::noted;
 
     #[test]
-    fn files_are_named_from_the_folder_of_the_plan_on_and_each_once() {
+    fn files_are_named_from_the_folder_of_the_plan_on_and_each_once_with_what_was_read_of_it() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let file = folder.path().join("a.csv");
         std::fs::write(&file, "abc").expect("written");
+        let (_, read) = noted(|| text_file::read(&file).expect("read"));
+        std::fs::write(&file, "written since").expect("written");
         let files = || [("measurements", file.clone()), ("again", file.clone())];
-        let missing = [("priors", folder.path().join("none.toml"))];
-        let inputs = Inputs::of(files().into_iter().chain(missing), Some(folder.path()));
+        let not_read = [("priors", folder.path().join("none.toml"))];
+        let of =
+            || Inputs::of(files().into_iter().chain(not_read.clone()), Some(folder.path()), &read);
+        let mut inputs = of();
         // NIST FIPS 180-4, example "abc".
         let sum = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
         let [one] = &inputs.files[..] else { panic!("{inputs:?}") };
         assert_eq!((one.name.as_str(), one.bytes, one.sha256.as_str()), ("a.csv", 3, sum));
         assert_eq!(inputs.by_role("measurements"), Some(one));
+        assert_eq!(Inputs::together([Some(&inputs), Some(&inputs)]), Some(inputs.clone()));
+        assert_eq!(Inputs::together([Some(&inputs), None]), None);
+        // A program is as it is now, and the one before it is no part of the run any more.
+        let program = folder.path().join("run.sh");
+        for text in ["one", "another"] {
+            std::fs::write(&program, text).expect("written");
+            inputs.renew("program", [program.clone()], folder.path());
+        }
+        let [_, run] = &inputs.files[..] else { panic!("{inputs:?}") };
+        assert_eq!((run.name.as_str(), run.bytes), ("run.sh", 7));
         let write = |name: &str, bytes: &[u8]| {
             std::fs::write(folder.path().join(name), bytes).map_err(RunError::new)
         };

@@ -7,6 +7,7 @@ pub(crate) mod date;
 mod exchange;
 mod file;
 pub mod inputs;
+pub mod kinds;
 pub mod page;
 mod run_folder;
 pub mod work_folder;
@@ -21,12 +22,22 @@ use crate::error::{InputError, Mistake, RunError};
 /// Folder of the runs of programs, in the folder of a calibration.
 pub const CAMPAIGN: &str = "campaign";
 
+/// Folder of the user's files, in an archive and in the folder of a run that was made of one.
+pub(crate) const INPUTS: &str = "inputs";
+
 /// A function that writes a file of a run: its name and its bytes.
 pub type WriteFile<'a> = dyn Fn(&str, &[u8]) -> Result<(), RunError> + Sync + 'a;
 
 /// Adds the remedy to an error of results that could not be written.
 pub fn make_room(error: RunError) -> RunError {
     error.help("make room on the disk, or choose another folder with --out")
+}
+
+/// A text on one line and without control characters, which could break a table or pass for something else on a terminal.
+pub fn on_one_line(text: &str) -> String {
+    let shown =
+        |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
+    text.chars().map(shown).collect()
 }
 
 /// JSON as it is written to files.

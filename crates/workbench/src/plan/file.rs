@@ -9,6 +9,7 @@ use super::command::command;
 use super::earlier::EarlierPosterior;
 use super::executor::executor;
 use super::input_files::check_places;
+use super::made_of;
 use super::observable::observable;
 use super::pair_file::{check_all_used, check_priors, check_radii, pair};
 use super::proposal::{Named, begin_from};
@@ -17,6 +18,7 @@ use super::template;
 use super::types::{ExecutorPlan, ExperimentPlan, Plan, Planned, SimulatorPlan, is_word};
 use crate::error::{InputError, Mistake};
 use crate::input::experiment::{checked_name, is_toml};
+use crate::input::files_read;
 use crate::input::prior_file;
 use crate::input::text_file::{self, folder_of};
 use crate::input::toml_fields::{At, Document, Fields};
@@ -24,12 +26,12 @@ use crate::input::toml_fields::{At, Document, Fields};
 impl Planned {
     /// Reads a plan file and the tables that it names.
     pub fn read(path: &Path) -> Result<Self, InputError> {
-        Self::parse(path, text_file::read(path)?)
+        Self::read_for(path, None)
     }
 
     /// As [`read`](Self::read), with the text of the file given. Tables are looked for beside `path`.
     pub fn parse(path: &Path, text: String) -> Result<Self, InputError> {
-        Self::parse_for(path, text, None)
+        Self::noted(path, || Self::parse_for(path, text, None))
     }
 
     /// As [`read`](Self::read), for a run that has begun from this earlier posterior: where the file names it as it did then, it is
@@ -38,7 +40,17 @@ impl Planned {
         path: &Path,
         kept: Option<&EarlierPosterior>,
     ) -> Result<Self, InputError> {
-        Self::parse_for(path, text_file::read(path)?, kept)
+        Self::noted(path, || Self::parse_for(path, text_file::read(path)?, kept))
+    }
+
+    /// Reads a plan, and notes what was read of its files.
+    fn noted(
+        path: &Path,
+        read: impl FnOnce() -> Result<Self, InputError>,
+    ) -> Result<Self, InputError> {
+        let (planned, files) = files_read::noted(read);
+        let planned = planned?;
+        Ok(Self { inputs: Some(made_of::inputs(Some(path), &planned.plan, &files)), ..planned })
     }
 
     fn parse_for(
@@ -59,7 +71,8 @@ impl Planned {
         let mut warnings = Vec::new();
         let (plan, executor) = read_plan(path, &document.top(), kept, &mut warnings)?;
         drop(document);
-        Ok(Self { plan, executor, warnings, path: Some(path.to_owned()), text }.warned())
+        let path = Some(path.to_owned());
+        Ok(Self { plan, executor, warnings, path, text, inputs: None }.warned())
     }
 }
 
@@ -73,6 +86,14 @@ fn read_plan(
         Some(At { value, line }) => checked_name(fields, value, line)?,
         None => path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into()),
     };
+    if name.contains(|c: char| c.is_control() || c == '\\') {
+        return Err(fields
+            .missing("name")
+            .expected(
+                "a name for the folder of the results: that of this file has other characters",
+            )
+            .help("name = \"my-run\""));
+    }
     let owned = |key| Ok::<_, InputError>(fields.text(key)?.map(|at| at.value.to_owned()));
     let title = owned("title")?.unwrap_or_else(|| name.clone());
     let (source, prior_source) = (owned("source")?, owned("prior_source")?);

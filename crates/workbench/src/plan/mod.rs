@@ -9,6 +9,7 @@ mod earlier;
 mod executor;
 mod file;
 mod input_files;
+mod made_of;
 mod observable;
 mod options;
 mod pair;
@@ -21,6 +22,7 @@ mod types;
 mod words;
 
 pub use earlier::EarlierPosterior;
+pub(crate) use made_of::{PLAN, PROGRAM};
 pub use options::command_line;
 pub(crate) use options::{noise_option, shell_word};
 pub use pair::{PairOptions, sampler_for};

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use dem_core::{Kinetics, PairScene, SolverKind, SolverSettings, choose_solver};
 use smc_calib::{FixedSigma, Noise, Settings};
 
+use super::made_of;
 use super::proposal::{Named, begin_from};
 use super::toml::toml;
 use super::types::{
@@ -15,6 +16,7 @@ use super::types::{
 use crate::error::{InputError, Mistake};
 use crate::input::columns::Columns;
 use crate::input::experiment::Experiment;
+use crate::input::files_read;
 use crate::input::material::Material;
 use crate::input::prior_file::PriorFile;
 use crate::pair::parameter::ParameterName;
@@ -80,6 +82,12 @@ impl Default for PairOptions {
 impl PairOptions {
     /// Reads and checks everything that the options name.
     pub fn plan(&self) -> Result<Planned, InputError> {
+        let (planned, files) = files_read::noted(|| self.read());
+        let planned = planned?;
+        Ok(Planned { inputs: Some(made_of::inputs(None, &planned.plan, &files)), ..planned })
+    }
+
+    fn read(&self) -> Result<Planned, InputError> {
         let experiment = self.read_experiment()?;
         let priors = match (&self.prior, experiment.material) {
             (Some(path), _) => PriorFile::read(path)?,
@@ -134,7 +142,7 @@ impl PairOptions {
         }
         let text = toml(&plan);
         let executor = ExecutorPlan::Threads { threads: None };
-        Ok(Planned { plan, executor, warnings, path: None, text }.warned())
+        Ok(Planned { plan, executor, warnings, path: None, text, inputs: None }.warned())
     }
 
     fn read_experiment(&self) -> Result<Experiment, InputError> {

@@ -17,6 +17,7 @@ use super::earlier::EarlierPosterior;
 use crate::careful::{self, Careful, Simulations};
 use crate::error::{InputError, Mistake};
 use crate::input::material::Material;
+use crate::output::inputs::Inputs;
 use crate::pair::parameter::ParameterName;
 
 /// A calibration: parameters, experiments, sampler.
@@ -191,6 +192,8 @@ pub struct Planned {
     pub path: Option<PathBuf>,
     /// The text of the plan file.
     pub text: String,
+    /// What was read of the files that the plan is made of; none where that was not noted.
+    pub inputs: Option<Inputs>,
 }
 
 impl Planned {
@@ -279,6 +282,11 @@ impl Plan {
         let observables = self.observables().map(|(_, observable)| &observable.name);
         let mut names = parameters.chain(experiments).chain(observables);
         names.find(|name| !is_word(name)).map(String::as_str)
+    }
+
+    /// Whether the name of the run can be that of a folder, on one line.
+    pub(crate) fn has_plain_name(&self) -> bool {
+        !self.name.contains(|c: char| c.is_control() || c == '/' || c == '\\') && self.name != ".."
     }
 
     /// The simulations that it asks for.

@@ -6,14 +6,15 @@ use serde::Deserialize;
 
 use super::Record;
 use crate::error::{InputError, Mistake};
-use crate::output::checksums;
+use crate::input::text_file::folder_of;
+use crate::output::{checksums, kinds};
 use crate::plan::Plan;
 
 /// Version of the layout of `posterior.json`; a reader refuses others.
 pub const SCHEMA_VERSION: u32 = 2;
 
 /// Name of the file in a run's folder.
-pub const FILE_NAME: &str = "posterior.json";
+pub const FILE_NAME: &str = crate::output::kinds::CALIBRATION;
 
 /// The file that a path means: itself, or the one in the folder that it names.
 pub fn locate(path: &Path) -> PathBuf {
@@ -42,6 +43,16 @@ pub fn read(path: &Path) -> Result<Record, InputError> {
                 .help(format_args!("to go on with it: calibrate --resume {name}")));
         }
     }
+    if let Some((record, kind)) = kinds::of(path).filter(|(record, _)| *record != FILE_NAME) {
+        let folder = if path.is_dir() { path } else { folder_of(path) };
+        let report = folder.join("report.html");
+        return Err(InputError::new(path.display().to_string(), Mistake::Conflict)
+            .found(format_args!("a {kind} ({record})"))
+            .expected("a calibration: a posterior.json, or the folder it is in")
+            .help_if(report.is_file().then(|| {
+                format!("{} is its report, with the command that makes it again", report.display())
+            })));
+    }
     checksums::read_as(&file, parse)
 }
 
@@ -69,6 +80,13 @@ pub fn parse(name: &str, text: &str) -> Result<Record, InputError> {
     }
     let record: Record =
         serde_json::from_str(text).map_err(|error| bad_json(name, text, &error))?;
+    if !record.plan.has_plain_name() {
+        return Err(InputError::new(name, Mistake::Damaged)
+            .in_field("plan.name")
+            .found(format_args!("{:?}", record.plan.name))
+            .expected("the name of a folder, without control characters")
+            .help("it was not written by this program; ask whoever sent it"));
+    }
     match record.plan.odd_name() {
         None => Ok(record),
         // Names go into those of files.

@@ -62,17 +62,17 @@ pub fn again(path: &Path) -> Result<String, Failure> {
     let unwritten = |_: &str, _: &[u8]| Ok(());
     let figures = pictures(&record, &samples, TimeScale::ByData);
     let drawn = draw_all(&figures, Width::Column, &unwritten)?;
-    let inputs = Inputs::read(folder)?.unwrap_or_default();
+    let inputs = Inputs::read(folder)?;
     let sums = folder.join(checksums::FILE_NAME);
     let sums = if sums.is_file() { text_file::read(&sums)? } else { String::new() };
-    Ok(of_calibration::page(&record, &drawn, &inputs, &sums).html()?)
+    Ok(of_calibration::page(&record, &drawn, inputs.as_ref(), &sums).html()?)
 }
 
 /// Writes everything of a finished run.
 pub(crate) fn write_all(
     record: &Record,
     posterior: &Posterior,
-    inputs: &Inputs,
+    inputs: Option<&Inputs>,
     write: &WriteFile<'_>,
     watch: &dyn Watch,
 ) -> Result<(), RunError> {
@@ -86,7 +86,7 @@ pub(crate) fn write_all(
     let (tables, drawn) =
         rayon::join(tables, || draw_watched(&figures, Width::Column, write, watch));
     let written = tables.and_then(|sums| {
-        inputs.write(write)?;
+        inputs.map_or(Ok(()), |inputs| inputs.write(write))?;
         write(
             page::FILE_NAME,
             of_calibration::page(record, &drawn?, inputs, &sums).html()?.as_bytes(),

@@ -8,12 +8,12 @@ use crate::number::{shown_unit, significant, with_error};
 use crate::output::inputs::Inputs;
 use crate::output::page::{self, Drawn, MOST_ROWS, Page, Part, Verdict};
 use crate::plan::{
-    ObservablePlan, SimulatorPlan, command_line, noise_in_words, prior_rows, shell_word,
+    ObservablePlan, PLAN, Plan, SimulatorPlan, command_line, noise_in_words, prior_rows, shell_word,
 };
 use crate::record::{ObservableRecord, Record};
 
 /// The report of a calibration: its record, its figures, the files that it was made of, and the sums of its own.
-pub(crate) fn page(record: &Record, drawn: &[Drawn], inputs: &Inputs, sums: &str) -> Page {
+pub(crate) fn page(record: &Record, drawn: &[Drawn], inputs: Option<&Inputs>, sums: &str) -> Page {
     let plan = &record.plan;
     let mut page = Page {
         title: plan.title.clone(),
@@ -279,11 +279,30 @@ fn residuals(plan: &ObservablePlan, found: &ObservableRecord) -> String {
     )
 }
 
-fn repeat(record: &Record, inputs: &Inputs, sums: &str) -> Part {
+/// The commands that make a result again, one to a line: that of its plan, and those that extended the run.
+fn commands(plan: &Plan, inputs: Option<&Inputs>) -> Option<String> {
+    let sampler = &plan.sampler;
+    let of_file = inputs.and_then(|inputs| inputs.by_role(PLAN)).map(|file| shell_word(&file.name));
+    let of_file = of_file.map(|file| format!("calibrate --plan {file}"));
+    let begun = || command_line(&Plan { sampler: sampler.as_begun(), ..plan.clone() });
+    let mut commands = of_file.or_else(begun)?;
+    let folder = shell_word(&format!("results/{}", plan.name));
+    let way = if plan.commands().next().is_some() { "--resume" } else { "--continue-from" };
+    let extended = sampler.earlier.iter().skip(1).chain([&sampler.samples]);
+    for samples in extended.take(sampler.earlier.len()) {
+        commands.push_str(&format!("\ncalibrate {way} {folder} --samples {samples}"));
+    }
+    Some(commands)
+}
+
+fn repeat(record: &Record, inputs: Option<&Inputs>, sums: &str) -> Part {
     let mut part = Part::default();
-    let of_file = inputs.by_role(page::PLAN).map(|file| shell_word(&file.name));
-    match of_file.map(|file| format!("calibrate --plan {file}")).or(command_line(&record.plan)) {
-        Some(command) => part.listings.push(command),
+    if let Some(first) = record.plan.sampler.earlier.first() {
+        let all = record.plan.sampler.samples;
+        part.say(format!("This run was extended, from {first} simulations to {all}."));
+    }
+    match commands(&record.plan, inputs) {
+        Some(commands) => part.listings.push(commands),
         None => part.say(
             "The whole plan, with data, priors and settings, is in posterior.json: calibrate archive packs it, calibrate reproduce \
              runs it again.",

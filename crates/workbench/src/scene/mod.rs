@@ -15,6 +15,7 @@ use figures::{BedFigure, Width};
 use serde_json::json;
 
 use crate::error::{Failure, RunError};
+use crate::input::files_read::noted;
 use crate::input::scene_file::{self, SceneInput};
 use crate::output::inputs::Inputs;
 use crate::output::page::{Drawn, FILE_NAME};
@@ -30,13 +31,14 @@ pub use record::{
 };
 
 /// The record of a scene that ran.
-pub const SCENE_RECORD: &str = "scene.json";
+pub const SCENE_RECORD: &str = crate::output::kinds::SCENE;
 
 /// A scene that was read, and the folder that its results go to.
 #[derive(Debug)]
 pub struct SceneJob {
     input: SceneInput,
     plan: ScenePlan,
+    inputs: Inputs,
     folder: RunFolder,
 }
 
@@ -59,7 +61,8 @@ impl SceneJob {
     ///
     /// [`Failure::Input`] for a scene that does not hold together or a folder that cannot be written.
     pub fn read(file: &Path, out: Option<PathBuf>, vtk: bool) -> Result<Self, Failure> {
-        let input = scene_file::read(file)?;
+        let (input, read) = noted(|| scene_file::read(file));
+        let input = input?;
         let out = out.unwrap_or_else(|| Path::new("results").join(input.folder_name()));
         let plan = ScenePlan {
             name: input.file.name.clone(),
@@ -67,7 +70,8 @@ impl SceneJob {
             vtk,
             version: env!("CARGO_PKG_VERSION").to_owned(),
         };
-        Ok(Self { input, plan, folder: RunFolder::prepare(&out, SCENE_RECORD)? })
+        let inputs = Inputs::of([(page::SCENE, file.to_owned())], None, &read);
+        Ok(Self { input, plan, inputs, folder: RunFolder::prepare(&out, SCENE_RECORD)? })
     }
 
     /// Plan of the scene, which decides the result.
@@ -150,9 +154,8 @@ impl SceneJob {
             })?;
             write(&format!("vtk/{name}"), &frame)?;
         }
-        let inputs = Inputs::of([(page::SCENE, PathBuf::from(&self.input.place))], None);
-        inputs.write(&write)?;
-        let page = page::page(record, &self.input.describe(), &drawn, &inputs);
+        self.inputs.write(&write)?;
+        let page = page::page(record, &self.input.describe(), &drawn, &self.inputs);
         write(FILE_NAME, page.html()?.as_bytes())?;
         write("timings.json", timings.as_bytes())?;
         if watch.stop().asked() {

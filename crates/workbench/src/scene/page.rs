@@ -62,7 +62,7 @@ pub(super) fn page(
     let file = inputs.by_role(SCENE).map_or("SCENE.toml", |file| &file.name);
     let vtk = if record.plan.vtk { " --vtk" } else { "" };
     page.repeat.listings.push(format!("calibrate scene {}{vtk}", shell_word(file)));
-    page::provenance(&mut page.repeat, (version, None), inputs, "");
+    page::provenance(&mut page.repeat, (version, None), Some(inputs), "");
     page.show(drawn, |name| {
         match name {
             "series" => "Density, coordination, contact ratios and forces over time.",

@@ -33,7 +33,7 @@ pub use calibrated::Calibrated;
 pub use record::Report;
 
 /// The record of a regenerated table.
-pub const RECORD: &str = "table3.json";
+pub const RECORD: &str = crate::output::kinds::TABLE3;
 
 /// The table, and the figures that belong to it.
 pub struct Table3 {

@@ -36,7 +36,7 @@ pub(super) fn page(report: &Report, drawn: &[Drawn]) -> Page {
     }
     let (samples, seed) = (report.plan.samples, report.plan.seed);
     page.repeat.listings.push(format!("calibrate table3 --samples {samples} --seed {seed}"));
-    page::provenance(&mut page.repeat, (version, Some(seed)), &Inputs::default(), "");
+    page::provenance(&mut page.repeat, (version, Some(seed)), Some(&Inputs::default()), "");
     page.show(drawn, |name| caption(name).to_owned());
     page
 }

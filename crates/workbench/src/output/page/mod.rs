@@ -151,14 +151,11 @@ impl Page {
     }
 }
 
-/// The role of a plan file among the files that a run was made of.
-pub(crate) const PLAN: &str = "plan";
-
 /// What a repetition must have alike, and how to see that the files are those: version, seed, SHA-256 of inputs and results.
 pub(crate) fn provenance(
     part: &mut Part,
     (version, seed): (&str, Option<u64>),
-    inputs: &Inputs,
+    inputs: Option<&Inputs>,
     sums: &str,
 ) {
     part.fact("Version", format!("calibrate {version}"));
@@ -168,16 +165,18 @@ pub(crate) fn provenance(
             format!("{seed}: the same seed gives the same bits, for any number of threads"),
         );
     }
-    let rows = inputs.files.iter().map(|file| {
+    let files = inputs.map_or(&[][..], |inputs| &inputs.files);
+    let rows = files.iter().map(|file| {
         let InputFile { role, name, bytes, sha256 } = file;
         vec![name.clone(), role.clone(), bytes.to_string(), sha256.clone()]
     });
     part.table("Input files", &["file", "role", "bytes", "SHA-256"], rows.collect());
-    if inputs.files.is_empty() {
-        part.fact(
-            "Input files",
-            "none noted: what was read is built into this version, or its files were not noted",
-        );
+    if files.is_empty() {
+        let none = match inputs {
+            Some(_) => "none: all that was read is built into this version",
+            None => "not noted: an earlier version began this run",
+        };
+        part.fact("Input files", none);
     }
     let rows = sums.lines().filter_map(|line| line.split_once("  "));
     let rows = rows.map(|(sum, name)| vec![name.to_owned(), sum.to_owned()]);
