@@ -100,15 +100,7 @@ fn an_input_that_has_changed_is_left_out_and_said() {
 #[test]
 fn programs_of_an_archive_are_run_after_a_yes_and_give_the_same_bits() {
     let sandbox = Sandbox::new();
-    fs::create_dir(sandbox.path().join("plans")).expect("a folder");
-    for name in ["impact.sh", "impact-force.txt", "impact-rebound.csv"] {
-        let from = root().join("experiments/external").join(name);
-        fs::copy(from, sandbox.path().join("plans").join(name)).expect(name);
-    }
-    let plan = fs::read_to_string(root().join("experiments/external/impact.toml")).expect("a plan");
-    let few = plan.replace("samples = 300", "samples = 40");
-    assert_ne!(plan, few, "the example has another number of samples");
-    sandbox.write("plans/impact.toml", few);
+    few_impacts(&sandbox, "plans", |plan| plan);
     sandbox.run("--plan plans/impact.toml --out run -q").succeeded();
     sandbox.run("archive run run.zip").succeeded();
     let before = sandbox.snapshot();
@@ -165,4 +157,125 @@ fn names_of_a_record_that_lead_elsewhere_are_refused() {
     fs::write(&record, much).expect("written");
     sandbox.run("archive run x.zip").succeeded();
     sandbox.run("reproduce x.zip").refused(&["x.zip, field plan.sampler.draws", "4096000000"]);
+}
+
+/// The example of a program in a folder, with few runs.
+fn few_impacts(sandbox: &Sandbox, folder: &str, change: impl Fn(String) -> String) {
+    for name in ["impact.sh", "impact-force.txt", "impact-rebound.csv"] {
+        let from = root().join("experiments/external").join(name);
+        sandbox.write(&format!("{folder}/{name}"), fs::read(from).expect(name));
+    }
+    let plan = fs::read_to_string(root().join("experiments/external/impact.toml")).expect("a plan");
+    let plan = change(plan.replace("samples = 300", "samples = 40"));
+    sandbox.write(&format!("{folder}/impact.toml"), plan);
+}
+
+#[test]
+fn what_is_packed_opens_whatever_lies_in_the_folder_of_the_run() {
+    let sandbox = Sandbox::new();
+    own_run(&sandbox);
+    for name in ["a:b.txt", "Notes.md", "notes.md", "Posterior.json", "end.", "tab\there", "r\\s"] {
+        sandbox.write(&format!("run/{name}"), "mine");
+    }
+    sandbox.write("run/zeros.bin", vec![0; 3 << 20]);
+    // Once more, with the archive itself in the folder.
+    let mut bytes = Vec::new();
+    for _ in 0..2 {
+        let ran = sandbox.run("archive run run/out.zip");
+        for words in
+            ["a:b.txt is not in it", "notes.md is not in it", "Posterior.json is not", "a colon"]
+        {
+            assert!(ran.succeeded().stderr.contains(words), "{words}: {}", ran.stderr);
+        }
+        assert!(!ran.stderr.contains('\t') && ran.stderr.contains("tab\\there"), "{}", ran.stderr);
+        bytes.push(fs::read(sandbox.path().join("run/out.zip")).expect("an archive"));
+    }
+    assert!(bytes[0] == bytes[1], "the archive is no part of itself");
+    let ran = sandbox.run("reproduce run/out.zip");
+    assert!(ran.succeeded().stdout.contains("same bits"), "{ran:#?}");
+}
+
+#[test]
+fn a_plan_with_files_above_its_folder_is_reproduced_kept_extended_and_packed_again() {
+    let sandbox = Sandbox::new();
+    few_impacts(&sandbox, "study/plans/deep", |plan| {
+        plan.replace("{plan_dir}/impact.sh", "{plan_dir}/../../common/impact.sh")
+            .replace("\"impact-force.txt\"", "\"../data/impact-force.txt\"")
+    });
+    for (from, to) in [("impact.sh", "common"), ("impact-force.txt", "plans/data")] {
+        let folder = sandbox.path().join("study").join(to);
+        fs::create_dir_all(&folder).expect("a folder");
+        let from_path = sandbox.path().join("study/plans/deep").join(from);
+        fs::rename(from_path, folder.join(from)).expect("moved");
+    }
+    sandbox.run("--plan study/plans/deep/impact.toml --out run -q").succeeded();
+    sandbox.run("archive run run.zip").succeeded();
+    for gone in ["study", "run"] {
+        let path = sandbox.path().join(gone);
+        fs::rename(path, sandbox.path().join(format!("{gone}-away"))).expect("moved");
+    }
+    let ran = sandbox.run("reproduce run.zip --yes --out kept");
+    assert!(ran.succeeded().stdout.contains("same bits"), "{ran:#?}");
+    assert_eq!(sandbox.posterior_bytes("kept"), sandbox.posterior_bytes("run-away"));
+    sandbox.run("archive kept kept.zip").succeeded();
+    sandbox.run("--resume kept --samples 60 -q").succeeded();
+    sandbox.run("archive kept more.zip").succeeded();
+    fs::rename(sandbox.path().join("kept"), sandbox.path().join("kept-away")).expect("moved");
+    for archive in ["kept.zip", "more.zip"] {
+        let ran = sandbox.run(&format!("reproduce {archive} --yes"));
+        assert!(ran.succeeded().stdout.contains("same bits"), "{ran:#?}");
+    }
+    sandbox.run("reproduce run.zip --yes --out study-away").refused(&["holds something already"]);
+}
+
+#[test]
+fn a_plan_that_names_a_file_of_this_machine_alone_is_not_packed() {
+    let sandbox = Sandbox::new();
+    let whole = sandbox.path().canonicalize().expect("a folder").join("tools/impact.sh");
+    few_impacts(&sandbox, "tools", |plan| {
+        plan.replace("{plan_dir}/impact.sh", &whole.display().to_string())
+    });
+    sandbox.run("--plan tools/impact.toml --out run -q").succeeded();
+    let ran = sandbox.run("archive run run.zip");
+    ran.refused(&["tools/impact.sh, which is on this machine alone", "{plan_dir}/run.sh"]);
+    assert!(!sandbox.path().join("run.zip").exists());
+}
+
+#[test]
+fn a_reproduction_that_fails_stays_where_its_remedies_name_it() {
+    let sandbox = Sandbox::new();
+    few_impacts(&sandbox, "plans", |plan| plan);
+    let flag = sandbox.path().join("licence");
+    sandbox.write("licence", "");
+    let script = fs::read_to_string(sandbox.path().join("plans/impact.sh")).expect("a script");
+    let asks = format!("set -eu\n[ -e '{}' ] || exit 7", flag.display());
+    sandbox.write("plans/impact.sh", script.replace("set -eu", &asks));
+    sandbox.run("--plan plans/impact.toml --out run -q").succeeded();
+    sandbox.run("archive run run.zip").succeeded();
+    fs::remove_file(&flag).expect("removed");
+    let ran = sandbox.run("reproduce run.zip --yes");
+    assert_eq!(ran.code, 1, "{ran:#?}");
+    let (_, rest) = ran.stderr.split_once("the run and its files are in ").expect("a place");
+    let (folder, _) = rest.split_once(": remove it").expect("its end");
+    sandbox.run_args(&["status", &format!("{folder}/again")]).succeeded();
+    let files = fs::read_dir(format!("{folder}/inputs")).expect("its files").count();
+    fs::remove_dir_all(folder).expect("removed");
+    assert_eq!(files, 4, "{ran:#?}");
+}
+
+#[test]
+fn a_result_that_differs_is_said_and_ends_with_exit_1() {
+    let sandbox = Sandbox::new();
+    own_run(&sandbox);
+    let mut record = sandbox.posterior("run");
+    let found = &mut record["parameters"][0]["in_coordinate"];
+    let moved = found["mean"].as_f64().expect("a mean") + found["sd"].as_f64().expect("an sd");
+    found["mean"] = moved.into();
+    sandbox.write("run/posterior.json", record.to_string() + "\n");
+    fs::remove_file(sandbox.path().join("run/SHA256SUMS")).expect("removed");
+    sandbox.run("archive run run.zip").succeeded();
+    let ran = sandbox.run("reproduce run.zip");
+    assert_eq!(ran.code, 1, "{ran:#?}");
+    assert!(ran.stdout.contains("DIFFERENT, by more than Monte Carlo error"), "{ran:#?}");
+    assert!(ran.stderr.contains("the results are not reproduced"), "{ran:#?}");
 }

@@ -94,3 +94,65 @@ fn what_cannot_be_compared_is_refused_with_a_remedy() {
     fs::write(&record, text).expect("written");
     sandbox.run("diff run run").refused(&["posterior.json", "SHA256SUMS", "damaged or edited"]);
 }
+
+#[test]
+fn units_that_differ_are_not_subtracted_and_a_seed_that_is_the_same_is_said() {
+    let sandbox = Sandbox::new();
+    let run = "--material ps --samples 512 --no-other-kinetics -q";
+    sandbox.run(&format!("{run} --out one")).succeeded();
+    sandbox.run(&format!("{run} --seed 2 --out other")).succeeded();
+    let ran = sandbox.run("diff one one");
+    assert!(ran.succeeded().stdout.contains("both are one result"), "{}", ran.stdout);
+    let ran = sandbox.run("diff one other");
+    assert!(!ran.succeeded().stdout.contains("seed 1,"), "exit 0 although they differ: {ran:#?}");
+    let mut record = sandbox.posterior("one");
+    let named = |one: &Value| one["name"] == "tau_s";
+    for one in record["plan"]["parameters"].as_array_mut().expect("a list") {
+        if named(one) {
+            one["unit"] = "ms".into();
+        }
+    }
+    for one in record["parameters"].as_array_mut().expect("a list") {
+        if named(&one["parameter"]) {
+            one["parameter"]["unit"] = "ms".into();
+        }
+    }
+    sandbox.write("milli/posterior.json", record.to_string() + "\n");
+    for name in ["draws.csv", "samples.csv"] {
+        let text = fs::read_to_string(sandbox.path().join("one").join(name)).expect(name);
+        sandbox.write(&format!("milli/{name}"), text);
+    }
+    let ran = sandbox.run("diff one milli --out d");
+    for words in [
+        " s -> ",
+        " ms; its units are not the same, s and ms",
+        "both runs have the seed 1, so that",
+    ] {
+        assert!(ran.succeeded().stdout.contains(words), "{words}: {}", ran.stdout);
+    }
+    let found = fs::read_to_string(sandbox.path().join("d/diff.json")).expect("diff.json");
+    let found: Value = serde_json::from_str(&found).expect("JSON");
+    let all = found["parameters"].as_array().expect("a list");
+    let tau = all.iter().find(|one| one["name"] == "tau_s").expect("tau_s");
+    assert!(tau["shift_sd"].is_null() && tau["widening"].is_null(), "{tau}");
+}
+
+#[test]
+fn odd_names_of_folders_stay_on_their_line_and_are_quoted_in_remedies() {
+    let sandbox = Sandbox::new();
+    let odd = "results/my\nrun $HOME";
+    for seed in ["1", "2"] {
+        let run = ["--material", "ps", "--samples", "64", "--seed", seed, "--out", odd, "-q"];
+        sandbox.run_args(&run).succeeded();
+    }
+    let ran = sandbox.run_args(&["diff", odd, odd]);
+    assert!(ran.succeeded().stdout.starts_with("results/my\\nrun $HOME ("), "{}", ran.stdout);
+    let remedy = r"(calibrate inspect $'results/my\012run $HOME')";
+    assert!(ran.stdout.contains(remedy), "{}", ran.stdout);
+    let listed = sandbox.run("runs");
+    let lines: Vec<&str> = listed.succeeded().stdout.lines().collect();
+    assert!(lines.iter().any(|line| line.starts_with("my\\nrun $HOME ")), "{lines:#?}");
+    sandbox.write("results/bad/posterior.json", "{");
+    let one = sandbox.run("runs results/bad");
+    assert!(one.succeeded().stdout.contains("\nresults/bad: damaged"), "{}", one.stdout);
+}

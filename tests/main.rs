@@ -16,6 +16,7 @@ mod diff;
 mod files;
 mod first_hour;
 mod guide;
+mod hostile;
 mod lammps;
 mod main_job;
 mod noise;

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use crate::sandbox::Sandbox;
+use crate::sandbox::{Sandbox, root};
 
 /// A text as a page writes it.
 fn escaped(text: &str) -> String {
@@ -81,4 +81,90 @@ fn a_report_of_what_is_no_calibration_or_damaged_is_refused() {
     let samples = sandbox.path().join("run/samples.csv");
     fs::write(&samples, fs::read_to_string(&samples).expect("read") + "1\n").expect("written");
     sandbox.run("report run").refused(&["samples.csv"]);
+}
+
+/// SHA-256 of an input of a run.
+fn sum_of(sandbox: &Sandbox, run: &str, role: &str) -> String {
+    let inputs = fs::read_to_string(sandbox.path().join(run).join("inputs.json"));
+    let inputs: serde_json::Value = serde_json::from_str(&inputs.expect("inputs")).expect("JSON");
+    let files = inputs["files"].as_array().expect("a list");
+    let file = files.iter().find(|file| file["role"] == role).expect(role);
+    file["sha256"].as_str().expect("a sum").to_owned()
+}
+
+#[test]
+fn an_extended_run_names_what_was_read_for_it_and_the_commands_that_made_it() {
+    let sandbox = Sandbox::new();
+    let table = "time_s,contact_ratio\n0.05,0.6\n0.1,0.8\n0.2,1.0\n0.5,1.05\n";
+    sandbox.write("my.csv", table);
+    let begin = "--material ps --experiment my.csv --samples 512 --seed 3";
+    sandbox.run(&format!("{begin} -q")).succeeded();
+    let before = sum_of(&sandbox, "results/my", "experiment");
+    sandbox.write("my.csv", table.replace("0.8", "0.9"));
+    sandbox.run("--continue-from results/my --samples 1024 -q").succeeded();
+    sandbox.run("--continue-from results/my --samples 2048 -q").succeeded();
+    assert_eq!(
+        sum_of(&sandbox, "results/my", "experiment"),
+        before,
+        "what was read, not what is there"
+    );
+    sandbox.write("my.csv", table);
+    sandbox.run("report results/my -q").succeeded();
+    let html = page(&sandbox, "results/my");
+    let commands = [
+        format!("calibrate {begin}"),
+        "calibrate --continue-from results/my --samples 1024".to_owned(),
+        "calibrate --continue-from results/my --samples 2048".to_owned(),
+    ];
+    assert!(html.contains(&escaped(&commands.join("\n"))), "{html}");
+    assert!(html.contains("This run was extended, from 512 simulations to 2048."));
+    // They make it again.
+    let other = Sandbox::new();
+    other.write("my.csv", table);
+    for command in &commands {
+        other.run(command.trim_start_matches("calibrate ")).succeeded();
+    }
+    assert_eq!(other.posterior_bytes("results/my"), sandbox.posterior_bytes("results/my"));
+}
+
+#[test]
+fn a_run_of_programs_names_the_files_that_it_began_with() {
+    let sandbox = Sandbox::new();
+    for name in ["impact.sh", "impact-force.txt", "impact-rebound.csv", "impact.toml"] {
+        let text = fs::read_to_string(root().join("experiments/external").join(name)).expect(name);
+        sandbox.write(name, text.replace("samples = 300", "samples = 40"));
+    }
+    sandbox.run("--plan impact.toml -q").succeeded();
+    let sums = |role| sum_of(&sandbox, "results/impact", role);
+    let before = [sums("measurements"), sums("plan")];
+    for name in ["impact-force.txt", "impact.toml"] {
+        let text = fs::read_to_string(sandbox.path().join(name)).expect(name);
+        sandbox.write(name, text + "# noted since\n");
+    }
+    sandbox.run("--resume results/impact --samples 60 -q").succeeded();
+    assert_eq!([sums("measurements"), sums("plan")], before);
+    let html = page(&sandbox, "results/impact");
+    let commands = "calibrate --plan impact.toml\ncalibrate --resume results/impact --samples 60";
+    assert!(html.contains(&escaped(commands)), "{html}");
+}
+
+#[test]
+fn other_kinds_of_run_are_named_with_the_report_that_they_have() {
+    let sandbox = Sandbox::new();
+    let pair = fs::read_to_string(root().join("experiments/scenes/pair.toml")).expect("a scene");
+    sandbox.write("pair.toml", pair.replace("duration_s = 8.0", "duration_s = 0.01"));
+    sandbox.run("scene pair.toml -q --out scene").succeeded();
+    for command in [
+        "report scene",
+        "archive scene x.zip",
+        "diff scene scene",
+        "inspect scene",
+        "report scene/scene.json",
+    ] {
+        sandbox.run(command).refused(&[
+            "a scene (scene.json)",
+            "a calibration",
+            "scene/report.html is",
+        ]);
+    }
 }

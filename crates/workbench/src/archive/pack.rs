@@ -300,3 +300,6 @@ fn openable(bytes: Vec<u8>, members: &[Member]) -> Zipped {
         Err(error) => Err(error.to_string().into()),
     }
 }
+
+#[cfg(test)]
+mod tests;

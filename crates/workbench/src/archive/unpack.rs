@@ -13,6 +13,7 @@ use super::names::{Names, checked_name};
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::output::INPUTS;
 use crate::output::checksums::hex;
+use crate::plan::shell_word;
 
 /// What an archive may ask of the machine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -82,7 +83,7 @@ pub fn unpack(archive: &Path, folder: &Path, limits: &Limits) -> Result<Unpacked
         return Err(InputError::new(&place, Mistake::Unreadable)
             .found("a folder")
             .expected("an archive that calibrate archive wrote")
-            .help(format_args!("to pack a run: calibrate archive {place} run.zip"))
+            .help(format_args!("to pack a run: calibrate archive {} run.zip", shell_word(&place)))
             .into());
     }
     let reader = Reader { place: &place, folder, limits };

@@ -9,6 +9,7 @@ mod of_pair;
 mod other_kinetics;
 mod record;
 mod run;
+mod same_plan;
 mod sampling;
 mod second_look;
 mod sensitivity;

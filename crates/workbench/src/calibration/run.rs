@@ -17,6 +17,7 @@ use smc_calib::Posterior;
 use super::ahead;
 use super::extension;
 use super::fingerprints::{self, Guard, Unchecked};
+use super::same_plan;
 use super::sampling::{Calibration, Stages, failure, sample};
 use super::store::{self, Stored, refused};
 use super::{other_kinetics, record, sensitivity, stopped};
@@ -270,11 +271,11 @@ pub fn resume(
 fn about_the_plan_file(dir: &Path, stored: &Stored, watch: &dyn Watch) {
     let Ok(now) = Planned::read_for(&stored.file, stored.plan.proposal.as_ref()) else { return };
     let file = stored.file.display();
-    if !store::same(&stored.plan, &now.plan) {
+    if !same_plan::same(&stored.plan, &now.plan) {
         watch.note(&format!(
             "{file} has changed since the run began; it goes on with the plan it began with"
         ));
-    } else if now.executor != stored.executor || store::limits_differ(&stored.plan, &now.plan) {
+    } else if now.executor != stored.executor || same_plan::limits_differ(&stored.plan, &now.plan) {
         watch.note(&format!(
             "[executor] or the limits on runs in {file} have changed; to use them: calibrate --resume {} --plan {file}",
             dir.display()

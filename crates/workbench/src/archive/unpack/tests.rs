@@ -136,6 +136,14 @@ fn two_files_of_one_name_are_refused() {
 }
 
 #[test]
+fn a_name_that_is_both_a_file_and_a_folder_is_refused() {
+    for (one, other) in [("results/a", "results/a/b"), ("results/a/b", "results/A")] {
+        let files = [(one, b"1".as_slice()), (other, b"2".as_slice())];
+        refused(&archive(&files, &files), "a name that is both a file and a folder");
+    }
+}
+
+#[test]
 fn bombs_are_refused_while_they_unfold() {
     let zeros = vec![0; 8 << 20];
     let bomb = [("results/zeros", zeros.as_slice())];
@@ -144,6 +152,16 @@ fn bombs_are_refused_while_they_unfold() {
     let place = Place::new(&archive(&GOOD, &GOOD));
     let error = place.unpack(&small).expect_err("too much").to_string();
     assert!(error.contains("unpacks to more than 15 bytes"), "{error}");
+    // Each file alone may be as large as it is; all together are too much for so small an archive.
+    let one = vec![0; 1 << 20];
+    let names: Vec<String> = (0..6).map(|number| format!("results/{number}")).collect();
+    let many: Vec<(&str, &[u8])> = names.iter().map(|name| (name.as_str(), &one[..])).collect();
+    let bytes = archive(&many, &many);
+    let limits = Limits { small: 4 << 20, ..Limits::default() };
+    assert!((bytes.len() as u64) < (4 << 20) / limits.total_ratio);
+    let error = Place::new(&bytes).unpack(&limits).expect_err("too much").to_string();
+    assert!(error.contains("\"results/3\", which unpacks to more than 1047"), "{error}");
+    assert!(Place::new(&bytes).unpack(&Limits::default()).is_ok(), "six MiB are little");
     for (limits, words) in [
         (Limits { files: 2, ..Limits::default() }, "too many files (the limit is 2)"),
         (Limits { packed: 100, ..Limits::default() }, "too large (the limit is 100)"),
