@@ -51,6 +51,7 @@ fn reports_of_all_kinds_are_right_in_a_browser() {
             format!("densify --posterior robust --scene {scenes} --contact-ratio 0.8 --draws 20"),
         ),
         ("table3", "table3 --samples 2048".to_owned()),
+        ("diff", "diff ps robust".to_owned()),
     ];
     let mut reports = Vec::new();
     for (name, arguments) in runs {

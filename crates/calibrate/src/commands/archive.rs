@@ -15,7 +15,7 @@ Examples:
   calibrate reproduce ps.zip
 
 Packs results and report, your files that the run was made of (tables, priors, plan, programs beside it), and a \
-description as RO-Crate 1.1 (ro-crate-metadata.json) with the SHA-256 of each. The same folder gives the same bytes.";
+description as RO-Crate 1.1 (ro-crate-metadata.json) with the SHA-256 of each. The same folder gives the same bytes. What is left out is said.";
 
 /// A calibration to pack.
 #[derive(Debug, Clone, PartialEq, Eq, clap::Args)]

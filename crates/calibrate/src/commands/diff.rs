@@ -15,7 +15,9 @@ Examples:
 
 Says what differs in the plans of two calibrations, what that did to each parameter (in standard deviations of the first, with the \
 Monte Carlo error) and to the evidence, which is compared for the same data alone. Writes diff.json, report.html and the figure \
-diff (.png, .svg) with the marginals of both.";
+diff (.png, .svg) with the marginals of both.
+
+Exit code 0 whether or not they differ, 2 for a run that cannot be read.";
 
 /// Two calibrations.
 #[derive(Debug, Clone, PartialEq, Eq, clap::Args)]

@@ -19,7 +19,9 @@ Examples:
 
 Says \"same bits\", \"same within Monte Carlo error: largest difference 0.02 sd\", or what differs (exit code 1): a mean or the \
 log evidence by more than four standard errors. An archive is read as if it came from a stranger: names that lead out of it, links, bombs and \
-damage are refused, and programs are run only after you have said so.";
+damage are refused, and programs are run only after you have said so.
+
+Exit code 0 for the same bits or the same within Monte Carlo error, 1 for what differs or is not known, 2 for an archive that is refused.";
 
 /// An archive to run again.
 #[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
@@ -33,7 +35,7 @@ pub(crate) struct ReproduceArgs {
     #[arg(long)]
     yes: bool,
 
-    /// Keep the new results in this folder [default: they are compared and removed]
+    /// Keep the new results in this folder, with the files of its programs [default: compared and removed]
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
 
