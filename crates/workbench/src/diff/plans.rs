@@ -80,12 +80,10 @@ fn shown(value: &Value, other: &Value) -> Option<String> {
             Some(format!("{} values, {} of them others", list.len(), list.len() - same))
         }
         (Value::Array(list), _) if list.len() > 3 => Some(format!("{} values", list.len())),
-        (Value::Object(fields), _) => Some(short(
-            fields
-                .get("kind")
-                .and_then(Value::as_str)
-                .map_or_else(|| value.to_string(), str::to_owned),
-        )),
+        // Fields of it are compared where both have it.
+        (Value::Object(fields), _) => {
+            Some(short(fields.get("kind").and_then(Value::as_str).unwrap_or("there").to_owned()))
+        }
         _ => Some(short(value.to_string())),
     }
 }
@@ -133,5 +131,6 @@ mod tests {
         let found = differences(&one, &other);
         assert_eq!(found.len(), 1, "{found:#?}");
         assert_eq!((found[0].field.as_str(), found[0].other.as_ref()), ("parameters.c1", None));
+        assert_eq!(found[0].one.as_deref(), Some("there"), "no JSON is shown");
     }
 }

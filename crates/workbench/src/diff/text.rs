@@ -1,7 +1,7 @@
 //! Two calibrations side by side as text, and as the sections of a report.
 
 use super::numbers::{Diff, Moved};
-use crate::number::{digits_of, shown_unit, significant};
+use crate::number::{digits_of, shown_unit, significant, with_error};
 use crate::output::inputs::Inputs;
 use crate::output::on_one_line;
 use crate::output::page::{self, Drawn, MOST_ROWS, Page};
@@ -10,7 +10,10 @@ use crate::plan::shell_word;
 /// A difference with its standard error.
 fn with_se(value: Option<f64>, error: Option<f64>) -> String {
     match (value, error) {
-        (Some(value), Some(error)) => format!("{value:+.2} ± {}", significant(error, 2)),
+        (Some(value), Some(error)) => {
+            let sign = if value.is_sign_negative() { "" } else { "+" };
+            format!("{sign}{} ± {}", with_error(value, error, 2), significant(error, 2))
+        }
         _ => "–".to_owned(),
     }
 }
