@@ -172,6 +172,30 @@ fn hostile(cases: u32, command: &str) {
 const PAIR: &str = "--material ps --samples 64 --noise robust -q --out good";
 
 #[test]
+fn a_record_with_a_shorter_list_is_refused_by_the_name_of_the_list() {
+    let sandbox = Sandbox::new();
+    sandbox.run(PAIR).succeeded();
+    let record = sandbox.posterior("good");
+    let parse = |record: &Value| workbench::record::parse("x", &(record.to_string() + "\n"));
+    assert!(parse(&record).is_ok());
+    for (list, field) in [
+        ("/map/theta", "map"),
+        ("/parameters", "parameters"),
+        ("/correlation/1", "correlation"),
+        ("/path/0/parameters", "path"),
+        ("/stages/0/sds", "stages"),
+        ("/experiments", "experiments"),
+        ("/experiments/0/observables/0/map", "observables"),
+        ("/experiments/0/neck_growth/curves/curve90/1", "curves"),
+    ] {
+        let mut record = record.clone();
+        record.pointer_mut(list).and_then(Value::as_array_mut).expect(list).pop();
+        let error = parse(&record).expect_err(list);
+        assert!(error.field.as_deref().is_some_and(|it| it.ends_with(field)), "{error}");
+    }
+}
+
+#[test]
 fn a_few_changed_records_are_read_or_refused_without_a_panic() {
     hostile(12, PAIR);
 }

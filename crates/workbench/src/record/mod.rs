@@ -6,6 +6,7 @@
 //! `crates/workbench/schema/posterior.schema.json`.
 
 mod doubt;
+mod lengths;
 mod neck_growth;
 mod read;
 mod sensitivity;

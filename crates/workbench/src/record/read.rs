@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use super::Record;
+use super::{Record, lengths};
 use crate::error::{InputError, Mistake};
 use crate::input::text_file::folder_of;
 use crate::output::{checksums, kinds};
@@ -88,7 +88,7 @@ pub fn parse(name: &str, text: &str) -> Result<Record, InputError> {
             .help("it was not written by this program; ask whoever sent it"));
     }
     match record.plan.odd_name() {
-        None => Ok(record),
+        None => lengths::check(name, &record).map(|()| record),
         // Names go into those of files.
         Some(odd) => Err(InputError::new(name, Mistake::Damaged)
             .in_field("plan")
