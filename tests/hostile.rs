@@ -183,7 +183,6 @@ fn a_record_with_a_shorter_list_is_refused_by_the_name_of_the_list() {
         ("/parameters", "parameters"),
         ("/correlation/1", "correlation"),
         ("/path/0/parameters", "path"),
-        ("/stages/0/sds", "stages"),
         ("/experiments", "experiments"),
         ("/experiments/0/observables/0/map", "observables"),
         ("/experiments/0/neck_growth/curves/curve90/1", "curves"),

@@ -22,7 +22,6 @@ fn wrong(record: &Record) -> Option<&'static str> {
     let (n, values) = (plan.parameters.len(), plan.observations());
     let square = |rows: &[Vec<f64>]| rows.len() == n && rows.iter().all(|row| row.len() == n);
     let names = plan.parameters.iter().map(|one| &one.name);
-    let of_stage = |stage: &smc_calib::StageRecord| stage.means.len() == n && stage.sds.len() == n;
     let experiments = plan.experiments.len() == record.experiments.len()
         && plan.experiments.iter().zip(&record.experiments).all(|(plan, found)| {
             plan.name == found.name && plan.observables.len() == found.observables.len()
@@ -35,7 +34,6 @@ fn wrong(record: &Record) -> Option<&'static str> {
         ("experiments", experiments),
         ("path", record.path.iter().all(|point| point.parameters.len() == n)),
         ("path", record.path.iter().all(|point| point.index < values)),
-        ("stages", record.stages.iter().all(of_stage)),
         ("curves", record.experiments.iter().all(curves)),
         ("observables", record.observables().all(|(plan, found)| observable(plan, found))),
     ];
