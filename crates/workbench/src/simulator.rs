@@ -6,7 +6,7 @@ use std::sync::{Mutex, PoisonError};
 use campaign::{Campaign, Event, Executor, ExecutorError, Feed, Outcome, Task};
 use smc_calib::{SimError, Simulator};
 
-use crate::error::InputError;
+use crate::error::{InputError, Mistake};
 use crate::given_up::Counting;
 use crate::pair::model::NeckGrowth;
 use crate::plan::{Plan, SimulatorPlan, run_number};
@@ -62,8 +62,17 @@ pub(crate) fn models(plan: &Plan) -> Result<Vec<Option<NeckGrowth>>, InputError>
                 NeckGrowth::new(pair, &plan.parameters, times.unwrap_or_default()).map(Some)
             }
             SimulatorPlan::Command(_) => Ok(None),
+            SimulatorPlan::Function { name } => Err(of_another_program(plan, name)),
         })
         .collect()
+}
+
+/// Refuses to call a function that this program does not have.
+pub(crate) fn of_another_program(plan: &Plan, name: &str) -> InputError {
+    InputError::new(&plan.name, Mistake::Conflict)
+        .found(format_args!("a run of {name}, a function of the program that calibrated it"))
+        .expected("a run of built-in simulators or of programs")
+        .help("calibrate once more in that program, or put the function behind a command in a plan file")
 }
 
 /// A cause of failure, with the name of its experiment where there are several.

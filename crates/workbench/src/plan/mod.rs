@@ -8,6 +8,7 @@ mod command;
 mod earlier;
 mod executor;
 mod file;
+mod function;
 mod input_files;
 mod observable;
 mod options;
@@ -21,6 +22,7 @@ mod types;
 mod words;
 
 pub use earlier::EarlierPosterior;
+pub use function::{FunctionOptions, Measured};
 pub use options::command_line;
 pub(crate) use options::{noise_option, shell_word};
 pub use pair::{PairOptions, sampler_for};

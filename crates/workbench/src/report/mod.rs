@@ -32,7 +32,7 @@ pub use drawing::{NamedFigures, draw_all};
 pub(crate) use pictures::symbol;
 pub use pictures::{TimeScale, fit, pictures};
 pub use samples::{
-    SampleColumns, parse_draws, parse_samples, read_draws, read_samples, read_sigma,
+    SIMULATED, SampleColumns, parse_draws, parse_samples, read_draws, read_samples, read_sigma,
 };
 pub use summary::{in_folder, json, text};
 pub use tables::{csv, markdown};

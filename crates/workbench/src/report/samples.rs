@@ -13,6 +13,9 @@ use crate::output::checksums;
 use crate::plan::ObservablePlan;
 use crate::record::Record;
 
+/// The file with the values that a function of the calling program gave, one row for each sample.
+pub const SIMULATED: &str = "simulated.csv";
+
 /// The weighted samples of a run: what figures need beside the record.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SampleColumns {

@@ -1,0 +1,184 @@
+//! Calibrations, and runs that are there.
+
+use std::path::PathBuf;
+
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+use smc_calib::Noise;
+use workbench::calibration::{self, Finished, RunOptions};
+use workbench::error::{Failure, InputError, Mistake};
+use workbench::init::InitOptions;
+use workbench::input::columns::Columns;
+use workbench::pair::draws::PairDraws;
+use workbench::plan::{FunctionOptions, PairOptions};
+use workbench::predict::Wanted;
+use workbench::{record, report};
+
+use crate::curves::{kinetics, named, solver};
+use crate::failures::{argument, failed, mistaken, raised};
+use crate::job::{bytes, drive, work};
+
+/// The folder of a run, and what became of an earlier one there.
+type Place = (PathBuf, Option<PathBuf>);
+
+fn place(finished: Finished) -> Place {
+    let kept = match finished.published {
+        workbench::output::Published::MovedAside { kept, .. } => Some(kept),
+        _ => None,
+    };
+    (finished.out, kept)
+}
+
+/// Calibrates a Python function. `plan` is the JSON of the parameters, measurements and settings, `function` as in
+/// [`drive`](crate::job::drive()).
+#[pyfunction]
+pub(crate) fn calibrate_function(
+    py: Python<'_>,
+    plan: &str,
+    run: (PathBuf, Option<usize>),
+    function: &Bound<'_, PyAny>,
+    progress: &Bound<'_, PyAny>,
+) -> PyResult<Place> {
+    let options: FunctionOptions = serde_json::from_str(plan).map_err(|error| {
+        mistaken(&InputError::new("calibrate", Mistake::WrongType).found(error))
+    })?;
+    let planned = options.plan().map_err(|error| mistaken(&error))?;
+    let shape = (planned.plan.parameters.len(), planned.plan.observations());
+    let options = RunOptions { out: Some(run.0), threads: run.1, ..RunOptions::default() };
+    let found = drive(py, (shape.0, shape.1, Some(function)), progress, |watching, asking| {
+        calibration::run_function(&planned, asking, &options, watching)
+    })?;
+    found.map(place).map_err(raised)
+}
+
+/// Options of a pair, by their names in Python.
+fn pair_options(given: &Bound<'_, PyDict>) -> PyResult<PairOptions> {
+    let mut options = PairOptions::default();
+    for (key, value) in given.iter() {
+        let key: String = key.extract()?;
+        match key.as_str() {
+            "material" => options.material = Some(named(&value.extract::<String>()?)?),
+            "experiment" => options.experiment = Some(value.extract()?),
+            "prior" => options.prior = Some(value.extract()?),
+            "window_s" => options.window_s = Some(value.extract()?),
+            "kinetics" => options.kinetics = kinetics(&value.extract::<String>()?)?,
+            "solver" => options.solver = solver(&value.extract::<String>()?)?,
+            "tolerance" => options.tolerance = value.extract()?,
+            "noise" => options.noise = noise(&value.extract::<String>()?)?,
+            "samples" => options.samples = value.extract()?,
+            "iterations" => options.iterations = Some(value.extract()?),
+            "ess" => options.ess = Some(value.extract()?),
+            "seed" => options.seed = value.extract()?,
+            other => return Err(argument(other, "unknown", "an option of the calibration")),
+        }
+    }
+    if !workbench::plan::SAMPLES.contains(&options.samples) {
+        let range = workbench::plan::SAMPLES;
+        let expected = format!("a whole number from {} to {}", range.start(), range.end());
+        return Err(argument("samples", options.samples, expected));
+    }
+    Ok(options)
+}
+
+fn noise(json: &str) -> PyResult<Noise> {
+    serde_json::from_str(json)
+        .map_err(|error| mistaken(&InputError::new("noise", Mistake::OutOfRange).found(error)))
+}
+
+/// Calibrates a pair of particles by the built-in simulator.
+#[pyfunction]
+pub(crate) fn calibrate_pair(
+    py: Python<'_>,
+    options: &Bound<'_, PyDict>,
+    run: (PathBuf, Option<usize>, bool),
+    progress: &Bound<'_, PyAny>,
+) -> PyResult<Place> {
+    let planned = pair_options(options)?.plan().map_err(|error| mistaken(&error))?;
+    let (out, threads, other_kinetics) = run;
+    let options = RunOptions {
+        out: Some(out),
+        threads,
+        without_other_kinetics: !other_kinetics,
+        ..RunOptions::default()
+    };
+    let found = work(py, progress, |watching| {
+        for warning in &planned.warnings {
+            workbench::watch::Watch::warn(watching, warning);
+        }
+        calibration::run(&planned, &options, watching)
+    })?;
+    found.map(place).map_err(raised)
+}
+
+/// What a run left: its record as JSON, the summary as text, samples and draws as columns of doubles.
+#[pyfunction]
+pub(crate) fn read(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
+    let read = || {
+        let record = record::read(&path)?;
+        let file = record::locate(&path);
+        let folder = file.parent().map(PathBuf::from).unwrap_or_default();
+        let samples = report::read_samples(&record, &folder)?;
+        let draws = report::read_draws(&record, &folder)?;
+        let sigma = report::read_sigma(&record, &folder)?;
+        Ok::<_, InputError>((record, folder, samples, draws, sigma))
+    };
+    let (record, folder, samples, draws, sigma) =
+        py.detach(read).map_err(|error| mistaken(&error))?;
+    let columns = |columns: &[Vec<f64>]| -> Vec<Bound<'_, PyBytes>> {
+        columns.iter().map(|column| bytes(py, column)).collect()
+    };
+    let found = PyDict::new(py);
+    let json = workbench::output::pretty(&record).map_err(|error| failed(&error))?;
+    found.set_item("record", json)?;
+    found.set_item("summary", report::text(&record, None, None))?;
+    found.set_item("folder", folder)?;
+    found.set_item("samples", columns(&samples.parameters))?;
+    found.set_item("weights", bytes(py, &samples.weights))?;
+    found.set_item("draws", columns(&draws))?;
+    found.set_item("sigma", sigma.as_deref().map(|sigma| bytes(py, sigma)))?;
+    Ok(found)
+}
+
+/// What a run of one pair predicts: as text, and as JSON.
+#[pyfunction]
+pub(crate) fn predict(
+    py: Python<'_>,
+    path: PathBuf,
+    targets: Vec<f64>,
+    after_s: Vec<f64>,
+    of: (Option<f64>, bool),
+) -> PyResult<(String, String)> {
+    let (radius_m, with_noise) = of;
+    let wanted = Wanted { targets, after_s, radius_m, with_noise };
+    let predicted = py.detach(|| {
+        let found = workbench::predict::predict(&PairDraws::read(&path)?, &wanted)?;
+        let json = workbench::output::pretty(&found).map_err(Failure::from)?;
+        Ok((found.text(), json))
+    });
+    predicted.map_err(raised)
+}
+
+/// Writes the files that a calibration of an own table needs beside it; gives what was found, and warnings.
+#[pyfunction]
+pub(crate) fn init(
+    table: PathBuf,
+    material: Option<String>,
+    powder: (Option<f64>, Option<f64>, Option<f64>, Option<f64>),
+    final_contact_ratio: Option<f64>,
+    overwrite: bool,
+) -> PyResult<(String, Vec<String>)> {
+    let (radius_m, youngs_modulus_pa, surface_tension_n_per_m, density_kg_per_m3) = powder;
+    let options = InitOptions {
+        table,
+        columns: Columns::default(),
+        material: material.as_deref().map(named).transpose()?,
+        radius_m,
+        youngs_modulus_pa,
+        surface_tension_n_per_m,
+        density_kg_per_m3,
+        final_contact_ratio,
+        overwrite,
+    };
+    let found = workbench::init::init(&options).map_err(raised)?;
+    Ok((found.text, found.warnings))
+}
