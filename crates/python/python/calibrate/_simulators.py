@@ -122,10 +122,15 @@ def cause_of(error: BaseException) -> str:
 
 
 class Failed:
-    """What became of a simulation that raised an exception, as a process can send it."""
+    """Why a simulation gave no values, in words that a process can send."""
 
-    def __init__(self, error: BaseException) -> None:
-        self.cause, self.text = cause_of(error), f"{type(error).__name__}: {error}"
+    def __init__(self, cause: str, text: str) -> None:
+        self.cause, self.text = cause, text
+
+    @classmethod
+    def by(cls, error: BaseException) -> Failed:
+        """By an exception."""
+        return cls(cause_of(error), f"{type(error).__name__}: {error}")
 
 
 _of_process: Called | None = None
@@ -143,7 +148,7 @@ def _one(values: list[float]) -> Any:
     try:
         return _of_process(values)
     except Exception as error:
-        return Failed(error)
+        return Failed.by(error)
 
 
 def _alone(called: Called, values: list[float], answer: Any) -> None:
@@ -203,7 +208,8 @@ class Processes:
             process.join()
             code = process.exitcode
             how = f"by signal {-code}" if code is not None and code < 0 else f"with exit code {code}"
-            return Failed(_Killed(f"its process ended {how}"))
+            cause = f"its process ended {how}"
+            return Failed(cause, cause)
         finally:
             if process.is_alive():
                 process.join(1.0)
@@ -221,10 +227,6 @@ class Processes:
         if not wait_for_it:
             for process in processes:
                 process.terminate()
-
-
-class _Killed(Exception):
-    """A process that ended in the midst of a simulation."""
 
 
 class Simulator:
@@ -265,7 +267,7 @@ class Simulator:
             return self.called(theta.tolist())
         except Exception as error:
             self.first_error = self.first_error or error
-            return Failed(error)
+            return Failed.by(error)
         finally:
             self.progress.advance()
 
@@ -285,7 +287,7 @@ class Simulator:
             self.first_error = self.first_error or error
             if len(sets) == 1:
                 self.progress.advance()
-                failed = Failed(error)
+                failed = Failed.by(error)
                 self._note(first, 0, sets, failed.cause, failed.text, failures)
                 return
             # Which sets of the batch cannot be simulated is found one by one.
