@@ -7,6 +7,7 @@ use pyo3::types::{PyBytes, PyDict};
 use smc_calib::Noise;
 use workbench::calibration::{self, Finished, RunOptions};
 use workbench::error::{Failure, InputError, Mistake};
+use workbench::export::{Attributes, Groups, Values, Variable};
 use workbench::init::InitOptions;
 use workbench::input::columns::Columns;
 use workbench::pair::draws::PairDraws;
@@ -137,6 +138,57 @@ pub(crate) fn read(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>>
     found.set_item("draws", columns(&draws))?;
     found.set_item("sigma", sigma.as_deref().map(|sigma| bytes(py, sigma)))?;
     Ok(found)
+}
+
+/// What a function gave for each sample of a run, row by row, NaN where it failed; none for runs of other simulators.
+#[pyfunction]
+pub(crate) fn simulated(py: Python<'_>, path: PathBuf) -> PyResult<Option<Bound<'_, PyBytes>>> {
+    let read = || {
+        let record = record::read(&path)?;
+        if record.plan.function().is_none() {
+            return Ok(None);
+        }
+        let rows = report::read_simulated(&record.plan, &path)?;
+        let failed = vec![f64::NAN; record.plan.observations()];
+        let values = rows.iter().flat_map(|row| row.as_ref().unwrap_or(&failed));
+        Ok::<_, InputError>(Some(values.copied().collect::<Vec<f64>>()))
+    };
+    let values = py.detach(read).map_err(|error| mistaken(&error))?;
+    Ok(values.map(|values| bytes(py, &values)))
+}
+
+/// The groups of a run as ArviZ names them: plain values, arrays as their shapes and bytes.
+#[pyfunction]
+pub(crate) fn groups(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
+    let read = py.detach(|| Groups::read(&path)).map_err(raised)?;
+    let variable = |variable: &Variable| -> PyResult<_> {
+        let (kind, values) = match &variable.values {
+            Values::Real(values) => ("float64", bytes(py, values)),
+            Values::Whole(values) => {
+                let values: Vec<u8> = values.iter().flat_map(|v| v.to_ne_bytes()).collect();
+                ("int64", PyBytes::new(py, &values))
+            }
+        };
+        let attributes = attributes(&variable.attributes);
+        Ok((&variable.name, &variable.dims, &variable.shape, kind, values, attributes)
+            .into_pyobject(py)?)
+    };
+    let all = |variables: &[Variable]| variables.iter().map(variable).collect::<PyResult<Vec<_>>>();
+    let groups = PyDict::new(py);
+    for group in &read.groups {
+        let given = (group.description, all(&group.coordinates)?, all(&group.variables)?);
+        groups.set_item(group.name, given)?;
+    }
+    let found = PyDict::new(py);
+    found.set_item("attributes", attributes(&read.attributes))?;
+    found.set_item("notes", &read.notes)?;
+    found.set_item("groups", groups)?;
+    Ok(found)
+}
+
+/// Attributes as JSON.
+fn attributes(attributes: &Attributes) -> String {
+    serde_json::Value::Object(attributes.clone()).to_string()
 }
 
 /// What a run of one pair predicts: as text, and as JSON.

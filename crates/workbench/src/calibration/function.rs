@@ -1,6 +1,5 @@
 //! A function of the calling program as the simulator of a plan: each parameter set is simulated once, and its values are kept.
 
-use std::fmt::Write as _;
 use std::sync::{Mutex, PoisonError};
 
 use smc_calib::{Posterior, SimError, Simulator};
@@ -8,7 +7,7 @@ use smc_calib::{Posterior, SimError, Simulator};
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::output::WriteFile;
 use crate::plan::Planned;
-use crate::report::SIMULATED;
+use crate::report::simulated;
 use crate::watch::Watch;
 
 /// A function with the values that it has given.
@@ -64,21 +63,10 @@ impl<'a> Called<'a> {
         write: &WriteFile<'_>,
     ) -> Result<(), RunError> {
         let plan = &self.planned.plan;
-        let names = plan.observables().flat_map(|(_, observable)| {
-            (0..observable.values.len()).map(|row| format!("{}[{row}]", observable.name))
-        });
-        let mut text = names.collect::<Vec<_>>().join(",");
         let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        for (row, sample) in kept.values.chunks_exact(plan.observations()).zip(&posterior.samples) {
-            for (place, value) in row.iter().enumerate() {
-                text.push(if place == 0 { '\n' } else { ',' });
-                if sample.log_likelihood.is_some() {
-                    let _ = write!(text, "{value:?}");
-                }
-            }
-        }
-        text.push('\n');
-        write(SIMULATED, text.as_bytes())
+        let rows = kept.values.chunks_exact(plan.observations()).zip(&posterior.samples);
+        let rows = rows.map(|(row, sample)| sample.log_likelihood.map(|_| row));
+        write(simulated::FILE, simulated::csv(plan, rows).as_bytes())
     }
 }
 
