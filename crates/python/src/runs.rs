@@ -120,7 +120,13 @@ pub(crate) fn read(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>>
         let folder = file.parent().map(PathBuf::from).unwrap_or_default();
         let samples = report::read_samples(&record, &folder)?;
         let draws = report::read_draws(&record, &folder)?;
-        let sigma = report::read_sigma(&record, &folder)?;
+        // One number for all values is what sigma is drawn of.
+        let mut found = record.observables();
+        let one = found.next().filter(|_| found.next().is_none());
+        let sigma = match one.and_then(|(_, found)| found.sigma) {
+            Some(_) => report::read_sigma(&record, &folder)?,
+            None => None,
+        };
         Ok::<_, InputError>((record, folder, samples, draws, sigma))
     };
     let (record, folder, samples, draws, sigma) =

@@ -70,7 +70,7 @@ def test_a_calibration_checks_its_arguments() -> None:
     refused(cal.InputMistake, ["observations y, field x[1]", "0 after 1"], observations=cal.Observations([1, 0], [1, 2], noise=cal.Inferred(1)))
     refused(cal.InputMistake, ["design", "a", "a, b"], design={"a": [1, 2]})
     refused(cal.InputMistake, ["design, field b[1]", "9"], design={"a": [0, 0], "b": [0, 9]})
-    refused(cal.InputMistake, ["per_point", "threads"][1:], threads=0)
+    refused(cal.InputMistake, ["threads", "0", "at least 1"], threads=0)
 
 
 def test_a_simulator_that_returns_the_wrong_shape_is_named_with_its_parameters() -> None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import tempfile
+import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -121,7 +123,7 @@ def calibrate(
         called.processes = Processes(called.called, processes)
     finished = False
     try:
-        run = _in_folder(out, plan["name"], shown, lambda folder: _calibrate.calibrate_function(json.dumps(plan), (folder, threads), called, shown))
+        run = _in_folder(out, plan["name"], shown, lambda folder: _calibrate.calibrate_function(json.dumps(plan), (folder, _whole("threads", threads, 1)), called, shown))
         finished = True
         return run
     except RunFailed as error:
@@ -145,20 +147,27 @@ def _in_folder(out: str | os.PathLike[str] | None, name: Any, shown: Progress, w
         if kept is not None:
             shown.note(f"the run that was in {out} is now in {kept}")
         return Run(folder)
-    temporary = tempfile.TemporaryDirectory(prefix="calibrate-")
-    folder, _ = work(Path(temporary.name) / str(name))
-    return Run(folder, keep=temporary)
+    temporary = tempfile.mkdtemp(prefix="calibrate-")
+    try:
+        folder, _ = work(Path(temporary) / str(name))
+        run = Run(folder)
+    except BaseException:
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise
+    # The folder goes with the run.
+    weakref.finalize(run, shutil.rmtree, temporary, ignore_errors=True)
+    return run
 
 
-def _whole(place: str, value: Any) -> int | None:
+def _whole(place: str, value: Any, least: int = 0) -> int | None:
     if value is None:
         return None
     try:
         number = int(value)
     except (TypeError, ValueError, OverflowError):
         raise mistake(place, repr(value), "a whole number") from None
-    if isinstance(value, bool) or number != value or number < 0:
-        raise mistake(place, repr(value), "a whole number of at least 0")
+    if isinstance(value, bool) or number != value or number < least:
+        raise mistake(place, repr(value), f"a whole number of at least {least}")
     return number
 
 
@@ -304,7 +313,7 @@ class Experiment:
         shown = Progress(progress)
         name = options.get("material") or Path(options["experiment"]).stem
         try:
-            return _in_folder(out, name, shown, lambda folder: _calibrate.calibrate_pair(options, (folder, threads, other_kinetics), shown))
+            return _in_folder(out, name, shown, lambda folder: _calibrate.calibrate_pair(options, (folder, _whole("threads", threads, 1), other_kinetics), shown))
         finally:
             shown.close()
 

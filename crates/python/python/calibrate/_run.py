@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -119,9 +118,8 @@ class Run:
     intervals of the summary are from these.
     """
 
-    def __init__(self, path: str | Path, keep: tempfile.TemporaryDirectory[str] | None = None) -> None:
+    def __init__(self, path: str | Path) -> None:
         found = _calibrate.read(Path(path))
-        self._temporary = keep
         #: Folder of the run, with everything that the command writes: tables, figures, ``report.html``.
         self.folder = Path(found["folder"])
         #: Contents of ``posterior.json``.

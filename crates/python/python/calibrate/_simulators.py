@@ -102,7 +102,10 @@ class Called:
         wanted = (width,) if rows is None else (rows, width)
         what = "one value for each observation" if rows is None else "a row for each parameter set, a column for each observation"
         try:
-            array = np.asarray(returned, dtype=np.float64)
+            # Nothing would become NaN.
+            array = np.asarray(() if returned is None else returned, dtype=np.float64)
+            if returned is None:
+                raise TypeError("nothing was returned")
         except (TypeError, ValueError) as error:
             found = f"{type(returned).__name__}, which is no array of numbers ({error})"
             raise mistake(place, found, f"{wanted}: {what}", None, SimulatorMistake) from None
