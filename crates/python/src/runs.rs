@@ -121,11 +121,10 @@ pub(crate) fn read(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>>
         let samples = report::read_samples(&record, &folder)?;
         let draws = report::read_draws(&record, &folder)?;
         // One number for all values is what sigma is drawn of.
-        let mut found = record.observables();
-        let one = found.next().filter(|_| found.next().is_none());
-        let sigma = match one.and_then(|(_, found)| found.sigma) {
-            Some(_) => report::read_sigma(&record, &folder)?,
-            None => None,
+        let found: Vec<_> = record.observables().map(|(_, found)| found.sigma.is_some()).collect();
+        let sigma = match found[..] {
+            [true] => report::read_sigma(&record, &folder)?,
+            _ => None,
         };
         Ok::<_, InputError>((record, folder, samples, draws, sigma))
     };
