@@ -105,7 +105,7 @@ fi
 quietly "$work/tests/bin/python" -m pip install --quiet arviz xarray netcdf4 || skip "arviz cannot be installed"
 quietly "$work/tests/bin/python" -m pip install --quiet grainlearning || skip "grainlearning cannot be installed"
 if [ $# = 0 ]; then
-    (cd crates/python && "$work/tests/bin/python" -m mypy --cache-dir "$work/mypy" --python-executable "$work/tests/bin/python")
-    "$work/tests/bin/python" -m mypy --strict --cache-dir "$work/mypy" crates/python/tests/typed.py
+    (cd crates/python && "$work/tests/bin/python" -m mypy --strict --cache-dir "$work/mypy" python/calibrate)
+    (cd "$work" && tests/bin/python -m mypy --strict --cache-dir mypy "$root/crates/python/tests/typed.py")
 fi
 (cd crates/python && "$work/tests/bin/python" -m pytest -p no:cacheprovider "$@")

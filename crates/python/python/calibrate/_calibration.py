@@ -325,7 +325,8 @@ class Material(Experiment):
         found = _calibrate.material(name)
         super().__init__(material=name)
         self.name, self.title = name, str(found["title"])
-        self.powder = Powder(*found["powder"], final_contact_ratio=found["final_contact_ratio"])
+        radius, modulus, tension, density = found["powder"]
+        self.powder = Powder(radius, modulus, tension, density, found["final_contact_ratio"])
         #: Measured times [s] and contact ratios a/R, shape (m,) each.
         self.time_s: FloatArray = np.frombuffer(found["time_s"])
         self.contact_ratio: FloatArray = np.frombuffer(found["contact_ratio"])

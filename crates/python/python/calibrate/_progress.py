@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 import warnings
+from importlib import import_module
 from typing import Any
 
 
@@ -80,7 +81,7 @@ class Progress:
 
 def _tqdm(total: int, what: str) -> Any:
     try:
-        from tqdm.auto import tqdm
+        tqdm = import_module("tqdm.auto").tqdm
     except ImportError:
         return None
     with warnings.catch_warnings():

@@ -94,23 +94,6 @@ class Figure:
     def __init__(self, png: Path) -> None:
         self.png, self.svg = png, png.with_suffix(".svg")
 
-    def to_arviz(self) -> Any:
-        """The run for ArviZ: a ``DataTree`` from ArviZ 1.0 on, ``InferenceData`` before. Needs arviz.
-
-        Groups posterior, prior, log_likelihood, posterior_predictive, observed_data, sample_stats. Its draws count alike, and
-        there are no more of them than the effective sample size; what there is of importance sampling (effective samples,
-        k-hat, evidence) are attributes.
-        """
-        return _arviz.to_arviz(self.folder)
-
-    def to_datatree(self) -> Any:
-        """The same groups as a ``DataTree``. Needs xarray."""
-        return _arviz.to_datatree(self.folder)
-
-    def to_netcdf(self, path: str | Path) -> Path:
-        """Writes the same groups as NetCDF, which ``xarray.open_datatree`` and ``arviz.from_netcdf`` read. Needs xarray and netCDF4."""
-        return _arviz.to_netcdf(self.folder, path)
-
     def save(self, path: str | Path) -> Path:
         """Copies it to a file that ends with .png or .svg."""
         path = Path(path)

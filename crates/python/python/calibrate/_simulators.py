@@ -202,7 +202,7 @@ class Processes:
 
     def _by_itself(self, values: FloatArray) -> Any:
         receive, send = self.context.Pipe(duplex=False)
-        process = self.context.Process(target=_alone, args=(self.called, values.tolist(), send))
+        process: Any = getattr(self.context, "Process")(target=_alone, args=(self.called, values.tolist(), send))
         process.start()
         send.close()
         try:
