@@ -42,5 +42,5 @@ def test_a_notebook_runs_and_shows_its_figures(name: str, tmp_path: Path) -> Non
     for now, then in zip(notebook.cells, committed.cells, strict=True):
         if now.cell_type == "code":
             words = [[output.get("text") or output.get("data", {}).get("text/plain") for output in cell.outputs] for cell in (now, then)]
-            assert words[0] == words[1], f"{name}: run UPDATE_NOTEBOOKS=1 crates/python/test.sh tests/test_notebooks.py\n{now.source}"
+            assert words[0] == words[1], f"{name}: run UPDATE_NOTEBOOKS=1 crates/python/test.sh -k notebook\n{now.source}"
             assert ["image/png" in o.get("data", {}) for o in now.outputs] == ["image/png" in o.get("data", {}) for o in then.outputs]
