@@ -148,8 +148,13 @@ def test_progress_is_shown_in_a_terminal_and_nowhere_else(monkeypatch: pytest.Mo
 
 
 def test_warnings_are_pythons_warnings(tmp_path: Path) -> None:
-    with pytest.warns(cal.CalibrationWarning, match="careful"):
-        cal.material("ps").calibrate(samples=64, kinetics="pokluda", window_s=(0.0, 1e-9 + 100.0), noise=cal.Fixed(0.05))
+    ps = cal.material("ps")
+    rows = "".join(f"{t!r},{ratio!r},0.03\n" for t, ratio in zip(ps.time_s.tolist(), ps.contact_ratio.tolist()))
+    (tmp_path / "neck.csv").write_text("time_s,contact_ratio,sigma\n" + rows)
+    cal.init(tmp_path / "neck.csv", radius_m=ps.powder.radius_m, material="ps")
+    own = cal.experiment(tmp_path / "neck.toml", prior=tmp_path / "neck-priors.toml")
+    with pytest.warns(cal.CalibrationWarning, match="unused-sigma"):
+        own.calibrate(samples=64)
 
 
 def test_other_threads_of_python_go_on_while_the_library_works() -> None:

@@ -146,6 +146,10 @@ def _begin(called: Called) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
+def _ready() -> None:
+    """Nothing: its process is there."""
+
+
 def _one(values: list[float]) -> Any:
     assert _of_process is not None
     try:
@@ -168,6 +172,14 @@ class Processes:
         self.context = multiprocessing.get_context(method)
         self.called, self.number = called, number
         self.pool: ProcessPoolExecutor | None = None
+        # Forked before the library has threads.
+        for future in [self._begun().submit(_ready) for _ in range(number)]:
+            future.result()
+
+    def _begun(self) -> ProcessPoolExecutor:
+        if self.pool is None:
+            self.pool = ProcessPoolExecutor(self.number, mp_context=self.context, initializer=_begin, initargs=(self.called,))
+        return self.pool
 
     def run(self, sets: FloatArray, progress: Progress) -> list[Any]:
         """What the function returned for each set, or why it did not."""
@@ -184,9 +196,8 @@ class Processes:
         return [found[row] for row in range(len(sets))]
 
     def _together(self, sets: FloatArray, found: dict[int, Any], progress: Progress) -> None:
-        if self.pool is None:
-            self.pool = ProcessPoolExecutor(self.number, mp_context=self.context, initializer=_begin, initargs=(self.called,))
-        asked: dict[Future[Any], int] = {self.pool.submit(_one, values.tolist()): row for row, values in enumerate(sets)}
+        pool = self._begun()
+        asked: dict[Future[Any], int] = {pool.submit(_one, values.tolist()): row for row, values in enumerate(sets)}
         open_ones = set(asked)
         broken: BrokenProcessPool | None = None
         while open_ones:

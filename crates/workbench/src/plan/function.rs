@@ -293,7 +293,7 @@ mod tests {
             .expect("a table");
         let text = "name = \"line\"\n[parameters]\na = { distribution = \"normal\", mean = 0.0, sd = 1.0 }\n\
             b = { distribution = \"uniform\", lower = -4.0, upper = 4.0 }\n[experiments.line.simulator]\n\
-            kind = \"command\"\nargv = [\"true\", \"{{a}}\", \"{{b}}\"]\n[experiments.line.observables.y]\ntable = \"line.csv\"\n\
+            kind = \"command\"\nargv = [\"true\", \"{a}\", \"{b}\"]\n[experiments.line.observables.y]\ntable = \"line.csv\"\n\
             control = \"t\"\nnoise = { kind = \"fixed\", sigma = 0.05 }\nresult = { file = \"o.csv\", control = \"t\", value = \"y\" }\n\
             [sampler]\nsamples = 48\nseed = 3\n";
         let path = folder.path().join("plan.toml");
@@ -305,18 +305,17 @@ mod tests {
         assert_eq!(own.groups().expect("groups"), of_file.groups().expect("groups"));
     }
 
+    type Change = dyn Fn(&mut FunctionOptions);
+
     #[test]
     fn what_cannot_be_calibrated_is_refused_by_its_argument() {
-        let refused = |change: &dyn Fn(&mut FunctionOptions)| {
+        let refused = |change: &Change| {
             let mut changed = options();
             change(&mut changed);
             changed.plan().expect_err("refused").to_string()
         };
-        for (words, change) in [
-            (
-                "samples: found 3",
-                &(|o: &mut FunctionOptions| o.samples = Some(3)) as &dyn Fn(&mut _),
-            ),
+        let cases: [(&str, &Change); 15] = [
+            ("samples: found 3", &|o| o.samples = Some(3)),
             ("ess: found 0", &|o| o.ess = Some(0.0)),
             ("iterations: found 0", &|o| o.iterations = Some(0)),
             ("batch: found 20000", &|o| o.batch = Some(20_000)),
@@ -341,7 +340,8 @@ mod tests {
             ("design, field b[1]: found 9", &|o| {
                 o.design = Some(vec![vec![0.0, 0.0], vec![0.0, 9.0]])
             }),
-        ] {
+        ];
+        for (words, change) in cases {
             let error = refused(change);
             assert!(error.contains(words), "{error}\n{words}");
         }

@@ -61,6 +61,7 @@ pub fn read_simulated(plan: &Plan, folder: &Path) -> Result<Vec<Option<Vec<f64>>
     };
     let rows: Vec<_> = text.lines().enumerate().skip(1).map(row).collect::<Result<_, _>>()?;
     match rows.len() {
+        found if !text.ends_with('\n') => Err(damaged(found + 1, "half a line".to_owned())),
         found if found == plan.budget() || (found > 0 && plan.sampler.ess_target.is_some()) => {
             Ok(rows)
         }
@@ -91,9 +92,10 @@ mod tests {
         assert_eq!(read(&text).expect("values"), rows);
         let (whole, _) = text.trim_end().rsplit_once('\n').expect("lines");
         for (damaged, words) in [
-            (whole.to_owned(), "15 samples of 16"),
-            (text[..text.len() - 20].to_owned(), "not "),
+            (format!("{whole}\n"), "15 samples of 16"),
+            (text[..text.len() - 9].to_owned(), "half a line"),
             (text.replacen("e-1", "f-1", 1), "line 2: not "),
+            (text.replacen("e-1,", "e-1", 1), "line 2: not "),
         ] {
             let error = read(&damaged).expect_err(words).to_string();
             assert!(
