@@ -166,7 +166,7 @@ pub(crate) fn simulated(py: Python<'_>, path: PathBuf) -> PyResult<Option<Bound<
 #[pyfunction]
 pub(crate) fn groups(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
     let read = py.detach(|| Groups::read(&path)).map_err(raised)?;
-    let variable = |variable: &Variable| -> PyResult<_> {
+    let variable = |variable: &Variable| {
         let (kind, values) = match &variable.values {
             Values::Real(values) => ("float64", bytes(py, values)),
             Values::Whole(values) => {
@@ -175,8 +175,8 @@ pub(crate) fn groups(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict
             }
         };
         let attributes = attributes(&variable.attributes);
-        Ok((&variable.name, &variable.dims, &variable.shape, kind, values, attributes)
-            .into_pyobject(py)?)
+        (&variable.name, &variable.dims, &variable.shape, kind, values, attributes)
+            .into_pyobject(py)
     };
     let all = |variables: &[Variable]| variables.iter().map(variable).collect::<PyResult<Vec<_>>>();
     let groups = PyDict::new(py);
