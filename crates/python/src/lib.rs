@@ -17,7 +17,9 @@ mod _calibrate {
     #[pymodule_export]
     use crate::failures::{InputMistake, RunFailed};
     #[pymodule_export]
-    use crate::runs::{calibrate_function, calibrate_pair, groups, init, predict, read, simulated};
+    use crate::runs::{
+        calibrate_function, calibrate_pair, export, groups, init, predict, read, simulated,
+    };
 
     #[pymodule_init]
     fn init_module(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -7,7 +7,7 @@ use pyo3::types::{PyBytes, PyDict};
 use smc_calib::Noise;
 use workbench::calibration::{self, Finished, RunOptions};
 use workbench::error::{Failure, InputError, Mistake};
-use workbench::export::{Attributes, Groups, Values, Variable};
+use workbench::export::{Attributes, Format, Groups, Values, Variable, export_posterior};
 use workbench::init::InitOptions;
 use workbench::input::columns::Columns;
 use workbench::pair::draws::PairDraws;
@@ -189,6 +189,26 @@ pub(crate) fn groups(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict
     found.set_item("notes", &read.notes)?;
     found.set_item("groups", groups)?;
     Ok(found)
+}
+
+/// Writes the posterior of a run in one of the formats of `calibrate export` into a folder; the file, or the folder of a store.
+#[pyfunction]
+pub(crate) fn export(
+    py: Python<'_>,
+    path: PathBuf,
+    format: &str,
+    out: PathBuf,
+) -> PyResult<PathBuf> {
+    let Some(wanted) = Format::ALL.into_iter().find(|known| known.name() == format) else {
+        let names = Format::ALL.map(Format::name).join(", ");
+        return Err(argument(
+            "format",
+            format_args!("\"{format}\""),
+            format_args!("one of {names}"),
+        ));
+    };
+    py.detach(|| export_posterior(&path, &[wanted], Some(&out))).map_err(raised)?;
+    Ok(out.join(wanted.file()))
 }
 
 /// Attributes as JSON.

@@ -43,6 +43,28 @@ def test_netcdf_reads_back_as_the_tree(line_run: cal.Run, tmp_path: Path) -> Non
     tree.close()
 
 
+def test_exports_are_those_of_the_command(line_run: cal.Run, run_command, tmp_path: Path) -> None:
+    saved = line_run.save(tmp_path / "line")
+    for name in ("idata-json", "stan-csv", "draws-csv", "zarr"):
+        own = line_run.export(name, tmp_path / "own")
+        run_command("export", saved, "--format", name, "--out", tmp_path / "theirs", cwd=tmp_path)
+        theirs = tmp_path / "theirs" / own.name
+        files = [own] if own.is_file() else sorted(path for path in own.rglob("*") if path.is_file())
+        assert files
+        for file in files:
+            assert file.read_bytes() == (theirs if own.is_file() else theirs / file.relative_to(own)).read_bytes(), file
+    tree = xarray.open_datatree(tmp_path / "own" / "posterior.zarr", engine="zarr") if _has("zarr") else None
+    assert tree is None or np.array_equal(tree["posterior"]["a"].values, line_run.to_datatree()["posterior"]["a"].values)
+    with pytest.raises(cal.InputMistake, match="stan-csv"):
+        line_run.export("stan", tmp_path)
+
+
+def _has(module: str) -> bool:
+    import importlib.util
+
+    return importlib.util.find_spec(module) is not None
+
+
 def test_a_run_of_tuned_noise_is_no_posterior_and_is_refused() -> None:
     from conftest import LINE, line, measured
 

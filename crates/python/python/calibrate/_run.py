@@ -255,6 +255,10 @@ class Run:
         """The same groups as a ``DataTree``. Needs xarray."""
         return _arviz.to_datatree(self.folder)
 
+    def export(self, format: str, out: str | Path) -> Path:
+        """Writes them into the folder ``out`` as ``calibrate export`` does: "zarr", "idata-json", "stan-csv" or "draws-csv"."""
+        return _calibrate.export(self.folder, format, Path(out))
+
     def to_netcdf(self, path: str | Path) -> Path:
         """Writes the same groups as NetCDF, which ``xarray.open_datatree`` and ``arviz.from_netcdf`` read. Needs xarray and netCDF4."""
         return _arviz.to_netcdf(self.folder, path)

@@ -1,6 +1,6 @@
 //! A posterior and what goes with it in no format: groups of named variables with dimensions, coordinates, attributes.
 
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use serde_json::{Map, Value};
 
 /// Attributes by name.
@@ -99,21 +99,23 @@ impl Group {
     pub fn variable(&self, name: &str) -> Option<&Variable> {
         self.variables.iter().find(|variable| variable.name == name)
     }
+
+    /// Number of draws; none where the group has none.
+    pub fn draws(&self) -> Option<usize> {
+        self.coordinates.iter().find(|one| one.name == "draw").map(|one| one.values.len())
+    }
+
+    /// Every observation of a group whose variables are by chain, draw and observation: its variable, and the places of its
+    /// values in all draws.
+    pub(super) fn by_observation(&self) -> impl Iterator<Item = (&Variable, Vec<usize>)> {
+        self.variables.iter().flat_map(|of| {
+            let width = of.shape.last().copied().unwrap_or(1);
+            (0..width).map(move |k| (of, (k..of.values.len()).step_by(width).collect()))
+        })
+    }
 }
 
 impl Variable {
-    /// Its columns where the first two dimensions are chain and draw: a name with the places in the other dimensions from 1
-    /// (`y.3`), and the values of all draws.
-    pub(super) fn columns(&self) -> impl Iterator<Item = (String, Vec<usize>)> {
-        let width: usize = self.shape.iter().skip(2).product();
-        let rows = self.values.len() / width.max(1);
-        let scalar = self.shape.len() <= 2;
-        (0..width).map(move |k| {
-            let name = if scalar { self.name.clone() } else { format!("{}.{}", self.name, k + 1) };
-            (name, (0..rows).map(|row| row * width + k).collect())
-        })
-    }
-
     /// One number per draw.
     pub(super) fn of_draws(name: String, values: Values, attributes: Attributes) -> Self {
         let shape = vec![1, values.len()];
@@ -124,6 +126,15 @@ impl Variable {
     pub(super) fn coordinate(name: &str, values: Values, attributes: Attributes) -> Self {
         let (dims, shape) = (vec![name.to_owned()], vec![values.len()]);
         Self { name: name.to_owned(), dims, shape, values, attributes }
+    }
+}
+
+/// A JSON object whose fields keep their order: that of the plan, in which readers then show them.
+pub(super) struct Ordered<T>(pub(super) Vec<(String, T)>);
+
+impl<T: Serialize> Serialize for Ordered<T> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(self.0.iter().map(|(name, value)| (name, value)))
     }
 }
 

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use campaign::{Contents, Outcome, Task};
 use smc_calib::{Likelihood, Posterior, Sample, Simulator as _};
 
+use super::files::FOLDER;
 use super::replay::{Replay, Simulated};
 use crate::calibration::{read_stored, refuse_older_layout, refused};
 use crate::error::{Failure, InputError, Mistake};
@@ -50,7 +51,7 @@ pub fn export(dir: &Path, out: Option<&Path>) -> Result<Exported, Failure> {
     let contents = campaign::contents(&dir.join(CAMPAIGN)).map_err(|error| refused(dir, error))?;
     let stored = read_stored(dir)?;
     let plan = &stored.plan;
-    let out = out.map_or_else(|| dir.join("export"), Path::to_owned);
+    let out = out.map_or_else(|| dir.join(FOLDER), Path::to_owned);
     fs::create_dir_all(&out).map_err(|error| {
         InputError::new("--out", Mistake::Unwritable)
             .found(format_args!("{} ({error})", out.display()))

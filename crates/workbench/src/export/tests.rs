@@ -1,8 +1,9 @@
-use smc_calib::Noise;
+use smc_calib::{Noise, Problem, leave_one_out, psis};
 
 use super::*;
 use crate::calibration::Calibration;
 use crate::input::material::Material;
+use crate::pair::model::NeckGrowth;
 use crate::plan::{PairOptions, Planned};
 use crate::watch::Unwatched;
 
@@ -37,6 +38,7 @@ fn check(noise: Noise) {
     assert_eq!(groups.notes, [""; 0]);
     let record = &found.record;
     let effective = record.trust.effective_samples;
+    check_likelihoods(&found, &groups);
     for summary in &record.parameters {
         let name = &summary.parameter.name;
         let drawn = reals(&groups, "posterior", name);
@@ -71,6 +73,45 @@ fn check(noise: Noise) {
     }
 }
 
+/// Holds lp against the log likelihoods of the samples, and the prediction of each observation by the others, as ArviZ
+/// computes it from the exported draws, against ours from all weighted samples.
+fn check_likelihoods(found: &Calibration, groups: &Groups) {
+    let Calibration { record, posterior } = found;
+    let plan = &record.plan;
+    let lp = reals(groups, "sample_stats", "lp");
+    for (lp, sample) in lp.iter().zip(reals(groups, "sample_stats", "sample")) {
+        let sample = &posterior.samples[sample as usize];
+        let prior = plan.parameters.iter().zip(&sample.theta);
+        let prior: f64 = prior.map(|(one, value)| one.prior.ln_density(*value)).sum();
+        let wanted = prior + sample.log_likelihood.expect("it was drawn");
+        assert!((lp - wanted).abs() < 1e-9 * wanted.abs(), "{lp} for {wanted}");
+    }
+    let model = NeckGrowth::of(plan).expect("a model");
+    let (_, measured) = plan.pair().expect("a pair");
+    let problem = Problem {
+        simulator: &model,
+        parameters: plan.parameters.clone(),
+        observations: measured.observations().expect("observations"),
+        noise: measured.noise.clone(),
+    };
+    let ours = leave_one_out(&problem, posterior).expect("computed").expect("a posterior");
+    let all = reals(groups, "log_likelihood", &measured.name);
+    let width = measured.values.len();
+    let mut difference = 0.0;
+    for point in &ours.points {
+        let column: Vec<f64> = all.iter().skip(point.index).step_by(width).copied().collect();
+        let ratios: Vec<f64> = column.iter().map(|ln| -ln).collect();
+        let smoothed = psis::smooth(&ratios);
+        let density: f64 = smoothed.weights.iter().zip(&column).map(|(w, ln)| w * ln.exp()).sum();
+        if smoothed.khat < 0.5 && point.khat < 0.5 {
+            difference += density.ln() - point.ln_density;
+        }
+    }
+    let draws = lp.len() as f64;
+    let error = 6.0 * (width as f64 / draws).sqrt() + 4.0 * ours.se;
+    assert!(difference.abs() < error.min(0.5 * ours.spread), "{difference} beyond {error}");
+}
+
 #[test]
 fn draws_of_independent_errors_are_those_of_the_record() {
     check(Noise::default());
@@ -84,4 +125,21 @@ fn draws_of_correlated_errors_are_those_of_the_record() {
 #[test]
 fn draws_of_errors_with_outliers_are_those_of_the_record() {
     check(Noise::robust());
+}
+
+#[test]
+fn units_are_not_taken_for_times_of_day_and_names_are_not_taken_twice() {
+    let text = |unit: &str| groups::units(unit).as_str().map(str::to_owned);
+    for (unit, written) in [
+        ("", "1"),
+        ("N", "N"),
+        ("Seconds", "s"),
+        ("hours", "h"),
+        ("days since 2000", "days_since_2000"),
+    ] {
+        assert_eq!(text(unit).as_deref(), Some(written));
+    }
+    let mut taken = vec!["draw".to_owned()];
+    let names = ["draw", "draw", "k"].map(|name| groups::free_name(name, &mut taken));
+    assert_eq!(names, ["draw_", "draw__", "k"]);
 }

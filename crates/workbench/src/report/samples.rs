@@ -337,7 +337,13 @@ fn complete(name: &str, found: usize, wanted: usize, what: &str) -> Result<(), I
 
 #[cfg(test)]
 mod tests {
+    use smc_calib::{FixedSigma, Noise};
+
     use super::*;
+    use crate::calibration::Calibration;
+    use crate::input::material::Material;
+    use crate::plan::PairOptions;
+    use crate::watch::Unwatched;
 
     const SAMPLES: &str =
         "x [N;m],z_x [1],log_likelihood,weight\n1e0,0.5,,0.25\n2e0,-1,-3.5,0.75\n";
@@ -347,6 +353,30 @@ mod tests {
         let samples = parse_samples("samples.csv", SAMPLES, 1).expect("samples");
         assert_eq!((samples.parameters, samples.weights), (vec![vec![1.0, 2.0]], vec![0.25, 0.75]));
         assert_eq!(parse_draws("draws.csv", SAMPLES, 2).expect("draws")[1], [0.5, -1.0]);
+    }
+
+    #[test]
+    fn draws_with_their_noise_read_back_to_the_same_bits() {
+        let correlated = Noise::Correlated { nu0: 4.0, s0: 0.05, scale: None, nodes: Some([4, 4]) };
+        let fixed = Noise::Fixed { sigma: FixedSigma::Relative(0.05) };
+        for noise in [Noise::default(), correlated, Noise::robust(), fixed] {
+            let material = Some(Material::Ps);
+            let options = PairOptions { material, samples: 128, noise, ..PairOptions::default() };
+            let mut planned = options.plan().expect("a plan");
+            planned.plan.sampler.draws = 100;
+            let found = Calibration::run(&planned, &Unwatched::default()).expect("a posterior");
+            let folder = tempfile::tempdir().expect("a folder");
+            let file = folder.path().join("draws.csv");
+            let text = draws_csv(&found.record, &found.posterior);
+            std::fs::write(&file, &text).expect("written");
+            let read = DrawColumns::read(&found.record, folder.path()).expect("draws");
+            assert_eq!(read, DrawColumns::of(&found.posterior, 1));
+            let last = found.posterior.draws.last().expect("a draw").sample;
+            let edited = text.trim_end().trim_end_matches(&last.to_string());
+            std::fs::write(&file, format!("{edited}1e9\n")).expect("written");
+            let error = DrawColumns::read(&found.record, folder.path()).expect_err("no sample");
+            assert_eq!(error.mistake, Mistake::Damaged, "{error}");
+        }
     }
 
     #[test]
