@@ -118,7 +118,7 @@ tested tests "$@"
 also() {
     step "$4 with $3, by $(version "$2")"
     if environment "$1" "$2" "$wheel" pytest "$3" netcdf4; then
-        tested "$1" -s "tests/$4"
+        tested "$1" "tests/$4"
     else
         skip "$3 cannot be installed by $(version "$2")"
     fi
