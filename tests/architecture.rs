@@ -13,7 +13,7 @@ use syn::visit::{self, Visit};
 use crate::sandbox::root;
 
 /// The crates of the workspace that each crate may use.
-const MAY_USE: [(&str, &[&str]); 8] = [
+const MAY_USE: [(&str, &[&str]); 9] = [
     ("dem-core", &[]),
     ("smc-calib", &[]),
     ("campaign", &[]),
@@ -21,6 +21,7 @@ const MAY_USE: [(&str, &[&str]); 8] = [
     ("guide", &[]),
     ("workbench", &["campaign", "dem-core", "figures", "smc-calib"]),
     ("calibrate", &["campaign", "dem-core", "figures", "smc-calib", "workbench"]),
+    ("python", &["campaign", "dem-core", "smc-calib", "workbench"]),
     ("studies", &["campaign", "dem-core", "figures", "smc-calib", "workbench"]),
 ];
 

@@ -13,6 +13,7 @@ mod compare;
 mod damage;
 mod determinism;
 mod diff;
+mod exports;
 mod files;
 mod first_hour;
 mod guide;

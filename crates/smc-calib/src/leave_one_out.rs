@@ -7,9 +7,8 @@
 //! says whether the answer can be trusted.
 
 use crate::joint::{JointLikelihood, JointProblem};
-use crate::normal::LN_SQRT_2PI;
 use crate::stream::{Purpose, stream};
-use crate::{CalibrateError, Posterior, Problem, SimError, psis};
+use crate::{CalibrateError, NoiseDraw, Posterior, Problem, SimError, psis};
 use rand_distr::{ChiSquared, Distribution};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -198,27 +197,20 @@ fn densities(
     }
     for (g, (part, range)) in likelihood.groups().enumerate() {
         let values = &mut values[range];
-        if part.has_shape() {
-            let rng = |_| stream(seed, Purpose::LeaveOneOut, g, s);
-            let drawn = part.draw_shapes((1, false), |_| Some(&*values), rng);
-            let left_out = drawn.and_then(|drawn| part.ln_left_out(drawn.draws.first()?, values));
-            let Some(left_out) = left_out else { return Ok(None) };
-            values.copy_from_slice(&left_out);
-            continue;
-        }
-        let drawn = part.inferred().and_then(|(nu0, sum0)| {
-            let chi_squared = ChiSquared::new(nu0 + values.len() as f64).ok()?;
-            let mut rng = stream(seed, Purpose::LeaveOneOut, g, s);
-            let sum = sum0 + part.sum_of_squares(values);
-            Some((sum / chi_squared.sample(&mut rng)).sqrt())
-        });
-        for (i, value) in values.iter_mut().enumerate() {
-            let Some(sigma) = drawn.or_else(|| part.fixed_sigma(i)) else {
-                return Ok(None);
-            };
-            let r = (part.values()[i] - *value) / sigma;
-            *value = -0.5 * r * r - sigma.ln() - LN_SQRT_2PI;
-        }
+        let rng = || stream(seed, Purpose::LeaveOneOut, g, s);
+        let drawn = if part.has_shape() {
+            let drawn = part.draw_shapes((1, false), |_| Some(&*values), |_| rng());
+            drawn.and_then(|drawn| drawn.draws.first().copied())
+        } else {
+            part.inferred().and_then(|(nu0, sum0)| {
+                let chi_squared = ChiSquared::new(nu0 + values.len() as f64).ok()?;
+                let sum = sum0 + part.sum_of_squares(values);
+                let sigma = (sum / chi_squared.sample(&mut rng())).sqrt();
+                Some(NoiseDraw { sigma, shape: None })
+            })
+        };
+        let Some(densities) = part.ln_pointwise(drawn.as_ref(), values) else { return Ok(None) };
+        values.copy_from_slice(&densities);
     }
     Ok(Some(values))
 }
@@ -226,6 +218,7 @@ fn densities(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::normal::LN_SQRT_2PI;
     use crate::quadrature::{QuadratureSettings, quadrature};
     use crate::{
         FixedSigma, FnSimulator, Noise, Observations, Parameter, Prior, PriorSpec, Settings,

@@ -411,14 +411,24 @@ mod tests {
             "5 draws are few for a 90 % interval: its ends are the extreme draws; take --draws 20 or more (see careful.md, \"few-draws\")"
         );
         let few = Concern::FewEffectiveSamples { ess: 31.2, wished: 400.0 };
-        let of_pair =
-            Simulations { number: 16_384, of_programs: false, of_file: false, extendable: true };
+        let of_pair = Simulations {
+            number: 16_384,
+            of_programs: false,
+            of_function: false,
+            of_file: false,
+            extendable: true,
+        };
         assert_eq!(
             concern(&few, of_pair),
             "only 31 effective samples: means and intervals are rough; run more simulations: calibrate --continue-from DIR --samples 32768 (see careful.md, \"few-effective-samples\")"
         );
-        let of_programs =
-            Simulations { number: 300, of_programs: true, of_file: true, extendable: true };
+        let of_programs = Simulations {
+            number: 300,
+            of_programs: true,
+            of_function: false,
+            of_file: true,
+            extendable: true,
+        };
         assert!(concern(&few, of_programs).contains("calibrate --resume DIR --samples 600"));
         let small = Simulations { number: 1000, ..of_pair };
         assert!(concern(&few, small).contains("--continue-from DIR --samples 16384"));
@@ -432,7 +442,13 @@ mod tests {
     #[test]
     fn a_reason_without_an_option_ends_with_its_remedy() {
         let many = Concern::ManyFailures { failed: 3, simulations: 9, commonest: "x".to_owned() };
-        let asked = Simulations { number: 9, of_programs: true, of_file: true, extendable: true };
+        let asked = Simulations {
+            number: 9,
+            of_programs: true,
+            of_function: false,
+            of_file: true,
+            extendable: true,
+        };
         let line = concern(&many, asked);
         assert!(
             line.ends_with("where the simulator works (see careful.md, \"many-failures\")"),

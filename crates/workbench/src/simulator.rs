@@ -6,7 +6,7 @@ use std::sync::{Mutex, PoisonError};
 use campaign::{Campaign, Event, Executor, ExecutorError, Feed, Outcome, Task};
 use smc_calib::{SimError, Simulator};
 
-use crate::error::InputError;
+use crate::error::{InputError, Mistake};
 use crate::given_up::Counting;
 use crate::pair::model::NeckGrowth;
 use crate::plan::{Plan, SimulatorPlan, run_number};
@@ -52,7 +52,7 @@ pub(crate) struct Experiments<'a> {
     failure: Mutex<Option<ExecutorError>>,
 }
 
-/// The built-in models of a plan, none in the places of programs.
+/// The built-in models of a plan, none in the places of programs and functions.
 pub(crate) fn models(plan: &Plan) -> Result<Vec<Option<NeckGrowth>>, InputError> {
     plan.experiments
         .iter()
@@ -61,9 +61,17 @@ pub(crate) fn models(plan: &Plan) -> Result<Vec<Option<NeckGrowth>>, InputError>
                 let times = experiment.observables.first().map(|o| o.control.clone());
                 NeckGrowth::new(pair, &plan.parameters, times.unwrap_or_default()).map(Some)
             }
-            SimulatorPlan::Command(_) => Ok(None),
+            SimulatorPlan::Command(_) | SimulatorPlan::Function { .. } => Ok(None),
         })
         .collect()
+}
+
+/// Refuses to call a function that this program does not have.
+fn of_another_program(plan: &Plan, name: &str) -> InputError {
+    InputError::new(&plan.name, Mistake::Conflict)
+        .found(format_args!("a run of {name}, a function of the program that calibrated it"))
+        .expected("a run of built-in simulators or of programs")
+        .help("calibrate once more in that program, or put the function behind a command in a plan file")
 }
 
 /// A cause of failure, with the name of its experiment where there are several.
@@ -151,6 +159,9 @@ impl<'a> Experiments<'a> {
         runner: Option<Runner<'a>>,
         watch: &'a dyn Watch,
     ) -> Result<Self, InputError> {
+        if let Some((_, name)) = plan.function() {
+            return Err(of_another_program(plan, name));
+        }
         Ok(Self {
             plan,
             models: models(plan)?,

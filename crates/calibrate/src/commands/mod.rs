@@ -157,7 +157,7 @@ enum Command {
     Runs(RunsArgs),
     /// Say how far the run of a plan is: done, running, failed by cause, time left
     Status(StatusArgs),
-    /// Write what the run of a plan has so far as tables, also while it runs
+    /// Write a posterior for ArviZ, R and Stan's readers; or what the run of a plan has so far as tables
     Export(ExportArgs),
     /// Make given runs of a plan; what a job on a cluster calls
     #[command(hide = true)]

@@ -5,6 +5,7 @@ use super::correlated::Correlated;
 use super::likelihood::{Kind, Likelihood};
 use super::robust::{self, OUTLIER_SHARE, OUTLIER_WIDTH};
 use super::rule::quantile_of_nodes;
+use crate::normal::LN_SQRT_2PI;
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, Gamma};
 use serde::{Deserialize, Serialize};
@@ -328,22 +329,41 @@ impl Likelihood {
         }
     }
 
-    /// `ln p(y_i | all other observations, theta, noise)` of every observation, for a drawn noise with a shape.
-    pub(crate) fn ln_left_out(&self, draw: &NoiseDraw, outputs: &[f64]) -> Option<Vec<f64>> {
+    /// `ln p(y_i | theta, noise)` of every observation, and where errors are correlated `ln p(y_i | all other observations,
+    /// theta, noise)`: what the prediction of each observation by the others is made of. `draw` is the noise drawn with theta;
+    /// noise that is known needs none. None for tuned noise, and for a draw that is missing or of another model.
+    pub fn ln_pointwise(&self, draw: Option<&NoiseDraw>, outputs: &[f64]) -> Option<Vec<f64>> {
         let residuals = self.residuals(outputs);
-        match (&self.kind, draw.shape?) {
-            (Kind::Correlated(model), NoiseShape::Correlated { length, white_share }) => {
+        let normal = |r: f64, sigma: f64| {
+            let r = r / sigma;
+            -0.5 * r * r - sigma.ln() - LN_SQRT_2PI
+        };
+        match &self.kind {
+            Kind::Inferred { .. } => {
+                let sigma = draw?.sigma;
+                Some(residuals.iter().map(|r| normal(*r, sigma)).collect())
+            }
+            Kind::Fixed { inverse_sigma, .. } => {
+                let each = residuals.iter().zip(inverse_sigma);
+                Some(each.map(|(r, inverse)| normal(*r, 1.0 / inverse)).collect())
+            }
+            Kind::Tuned => None,
+            Kind::Correlated(model) => {
+                let NoiseShape::Correlated { length, white_share } = draw?.shape? else {
+                    return None;
+                };
                 let given = model.given_others(&residuals, length, white_share);
+                let sigma = draw?.sigma;
                 let ln = |((mean, variance), r): ((f64, f64), &f64)| {
-                    let sd = draw.sigma * variance.sqrt();
+                    let sd = sigma * variance.sqrt();
                     crate::normal::ln_density((r - mean) / sd) - sd.ln()
                 };
                 Some(given.into_iter().zip(&residuals).map(ln).collect())
             }
-            (Kind::Robust(_), NoiseShape::Robust { .. }) => {
-                Some(residuals.iter().map(|r| robust::ln_density(*r, draw.sigma)).collect())
+            Kind::Robust(_) => {
+                let sigma = draw?.sigma;
+                Some(residuals.iter().map(|r| robust::ln_density(*r, sigma)).collect())
             }
-            _ => None,
         }
     }
 }

@@ -348,3 +348,43 @@ fn more_than_512_observations_can_have_correlated_and_robust_errors() {
         assert_eq!(posterior.path.len(), 520);
     }
 }
+
+#[test]
+fn pointwise_densities_are_those_of_the_drawn_noise_and_need_a_draw_of_their_model() {
+    let values = vec![0.3, 0.1, 0.6, 0.2];
+    let observations = Observations::new(vec![1.0, 2.0, 3.0, 4.0], values.clone()).expect("data");
+    let outputs = [0.2, 0.2, 0.5, 0.4];
+    let of = |noise: Noise| Likelihood::new(&noise, &observations).expect("a model");
+    let sigma = 0.13;
+    let draw = |shape| NoiseDraw { sigma, shape };
+    // Known noise: their sum is the joint density, with a draw or without.
+    let fixed = of(Noise::Fixed { sigma: FixedSigma::Absolute(sigma) });
+    let known = fixed.ln_pointwise(None, &outputs).expect("known");
+    assert!((known.iter().sum::<f64>() - fixed.ln_joint(&outputs)).abs() < 1e-12);
+    let inferred = of(Noise::default());
+    let drawn = inferred.ln_pointwise(Some(&draw(None)), &outputs).expect("drawn");
+    // Errors that are all white are independent.
+    let white = NoiseShape::Correlated { length: 0.1, white_share: 1.0 };
+    let correlated = of(Noise::correlated());
+    let alone = correlated.ln_pointwise(Some(&draw(Some(white))), &outputs).expect("drawn");
+    for ((known, drawn), alone) in known.iter().zip(&drawn).zip(&alone) {
+        assert!(
+            (known - drawn).abs() < 1e-12 && (known - alone).abs() < 1e-9,
+            "{known} {drawn} {alone}"
+        );
+    }
+    // Two observations of correlation rho: y_1 given y_2 is normal of mean rho r_2 and variance 1 - rho^2.
+    let two = Observations::new(vec![0.0, 1.0, 1e9], vec![0.3, 0.1, 0.0]).expect("data");
+    let noise =
+        Noise::Correlated { nu0: 4.0, s0: 0.05, scale: Some(DistanceScale::Linear), nodes: None };
+    let model = Likelihood::new(&noise, &two).expect("a model");
+    let shape = Some(NoiseShape::Correlated { length: 2.0, white_share: 0.25 });
+    let found = model.ln_pointwise(Some(&draw(shape)), &[0.0; 3]).expect("drawn");
+    let rho = 0.75 * (-0.5f64).exp();
+    let sd = sigma * (1.0 - rho * rho).sqrt();
+    let wanted = crate::normal::ln_density((0.3 - rho * 0.1) / sd) - sd.ln();
+    assert!((found[0] - wanted).abs() < 1e-9, "{} for {wanted}", found[0]);
+    assert_eq!(inferred.ln_pointwise(None, &outputs), None);
+    assert_eq!(correlated.ln_pointwise(Some(&draw(None)), &outputs), None);
+    assert_eq!(of(Noise::EssTarget { share: 0.2 }).ln_pointwise(Some(&draw(None)), &outputs), None);
+}

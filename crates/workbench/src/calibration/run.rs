@@ -6,103 +6,28 @@
 //! folder.
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 use campaign::slurm::Slurm;
 use campaign::{Campaign, Event, Executor, ExecutorError, Local, Outcome};
-use serde::Serialize;
-use smc_calib::Posterior;
+use smc_calib::{Posterior, Simulator};
 
-use super::ahead;
 use super::extension;
 use super::fingerprints::{self, Guard, Unchecked};
+use super::options::{Finished, RunOptions, Timings, folder_of};
 use super::same_plan;
-use super::sampling::{Calibration, Stages, failure, sample};
+use super::sampling::{Stages, failure, sample};
 use super::store::{self, Stored, refused};
-use super::{other_kinetics, record, sensitivity, stopped};
+use super::{ahead, in_process, record, sensitivity, stopped};
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::given_up::{self, Counting};
-use crate::output::{Published, RunFolder, Staging, make_room, pool, pretty};
+use crate::output::{Staging, pool, pretty};
 use crate::plan::{ExecutorPlan, Plan, Planned, sample_of};
 use crate::record::{FILE_NAME, Record};
 use crate::report;
 use crate::simulator::{Experiments, Runner};
-use crate::watch::{Unwatched, Watch};
-
-/// How a run is made; no part of its result.
-#[derive(Debug, Clone, Default)]
-pub struct RunOptions {
-    /// Folder of the results; `results/NAME` where there is none.
-    pub out: Option<PathBuf>,
-    /// Number of threads; the plan's, or all cores, where there is none.
-    pub threads: Option<usize>,
-    /// The program and arguments that make given runs of a campaign, for jobs on a cluster: `calibrate run-task`.
-    pub worker: Vec<String>,
-    /// Folder of the run in this process that this one extends: its samples are compared with the first ones of this.
-    pub extends: Option<PathBuf>,
-    /// On resuming: the number of samples that the run is extended to.
-    pub samples: Option<usize>,
-    /// On resuming: makes runs once more that failed by a cause, or with words on stderr, that contain this text; empty for
-    /// all failed runs.
-    pub retry_failed: Option<String>,
-    /// With `retry_failed`: keeps the runs that were placed while those had counted as failed, and uses all of them.
-    pub keep_placed: bool,
-    /// On resuming: goes on although the runs belong to another user, whose commands are run.
-    pub accept_owner: bool,
-    /// On resuming: goes on although a program, or a file that its command names, is not the one that the run began with.
-    pub accept_changes: bool,
-    /// Whether to leave out what other kinetics are worth.
-    pub without_other_kinetics: bool,
-}
-
-/// Durations. Apart from the record, whose bytes do not depend on them.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Timings {
-    /// Number of threads.
-    pub threads: usize,
-    /// From the first simulation to the posterior \[s\].
-    pub inference_seconds: f64,
-    /// Each stage \[s\].
-    pub stage_seconds: Vec<f64>,
-    /// What other kinetics are worth \[s\]; 0 where that is not looked at.
-    pub other_kinetics_seconds: f64,
-    /// Tables and figures \[s\].
-    pub report_seconds: f64,
-}
-
-/// A run that is done and written.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Finished {
-    /// Results.
-    pub record: Record,
-    /// Folder of the results.
-    pub out: PathBuf,
-    /// Fate of an earlier run in the folder.
-    pub published: Published,
-    /// How long it took.
-    pub timings: Timings,
-}
-
-/// Folder of a plan's run.
-fn folder_of(plan: &Plan, options: &RunOptions) -> PathBuf {
-    options.out.clone().unwrap_or_else(|| Path::new("results").join(&plan.name))
-}
-
-impl RunOptions {
-    /// Checks that a plan's run can be written, and gives its folder.
-    ///
-    /// # Errors
-    ///
-    /// [`InputError`] for a folder that is not there for the taking.
-    pub fn folder(&self, planned: &Planned) -> Result<PathBuf, InputError> {
-        let out = folder_of(&planned.plan, self);
-        if planned.plan.commands().next().is_none() {
-            RunFolder::prepare(&out, FILE_NAME)?;
-        }
-        Ok(out)
-    }
-}
+use crate::watch::Watch;
 
 /// Runs a plan and writes its results.
 ///
@@ -122,51 +47,22 @@ pub fn run(
         let driver = Driver { dir: &out, campaign: &campaign, stored: &stored, watch };
         return driver.drive(executor, options);
     }
-    let folder = RunFolder::prepare(&out, FILE_NAME)?;
-    let threads = match planned.executor {
-        ExecutorPlan::Threads { threads } => options.threads.or(threads),
-        _ => options.threads,
-    };
-    let pool = pool(threads)?;
-    let begun = Instant::now();
-    let mut stages = Stages::new(watch, None);
-    watch.steps(if options.without_other_kinetics { 4 } else { 5 });
-    let Calibration { mut record, posterior } = pool.install(|| {
-        let mut found = Calibration::in_process(planned, &mut stages)?;
-        let unwatched = Unwatched::default();
-        let experiments = Experiments::new(&planned.plan, None, &unwatched)?;
-        let Calibration { record, posterior } = &mut found;
-        watch.begin(0, 0, "with correlated errors");
-        sensitivity::add(&planned.plan, posterior, record, &experiments, watch)?;
-        Ok::<_, Failure>(found)
-    })?;
-    if let Some(earlier) = &options.extends {
-        extension::compare(earlier, &posterior, watch);
-    }
-    let mut timings = Timings {
-        threads: pool.current_num_threads(),
-        inference_seconds: begun.elapsed().as_secs_f64(),
-        stage_seconds: stages.seconds,
-        other_kinetics_seconds: 0.0,
-        report_seconds: 0.0,
-    };
-    if !options.without_other_kinetics {
-        pool.install(|| other_kinetics::add(&planned.plan, &posterior, &mut record, watch))?;
-        timings.other_kinetics_seconds = begun.elapsed().as_secs_f64() - timings.inference_seconds;
-    }
-    let reporting = Instant::now();
-    let staging = folder.stage()?;
-    pool.install(|| {
-        let write = |name: &str, bytes: &[u8]| staging.write(&out, name, bytes).map_err(make_room);
-        report::write_all(&record, &posterior, planned.inputs.as_ref(), &write, watch)
-    })?;
-    timings.report_seconds = reporting.elapsed().as_secs_f64();
-    staging.write(&out, "timings.json", pretty(&timings)?.as_bytes()).map_err(make_room)?;
-    if watch.stop().asked() {
-        return Err(Failure::Interrupted);
-    }
-    let published = staging.publish()?;
-    Ok(Finished { record, out, published, timings })
+    in_process::run(planned, None, options, watch)
+}
+
+/// Same as [`run`] for a plan that leaves its experiment to a function of the calling program. The function is called for the
+/// samples alone, through [`Simulator::simulate_batch`], once for each; what it gave is kept in the folder.
+///
+/// # Errors
+///
+/// [`Failure`] with the reason; nothing has been written then.
+pub fn run_function(
+    planned: &Planned,
+    function: &dyn Simulator,
+    options: &RunOptions,
+    watch: &dyn Watch,
+) -> Result<Finished, Failure> {
+    in_process::run(planned, Some(function), options, watch)
 }
 
 /// Same as [`run`] for a plan with programs, whose runs are made by this executor.

@@ -42,9 +42,19 @@ impl Calibration {
                 .expected("built-in simulators alone, where no folder is given for the runs")
                 .into());
         }
-        watch.begin(plan.budget() as u64, 0, "simulations");
         let experiments = Experiments::new(plan, None, watch)?;
-        let sampled = sample(plan, plan.groups()?, &experiments, stages);
+        Self::by(planned, &experiments, stages)
+    }
+
+    /// Calibrates by a simulator that needs no folder.
+    pub(super) fn by(
+        planned: &Planned,
+        simulator: &dyn Simulator,
+        stages: &mut Stages<'_>,
+    ) -> Result<Self, Failure> {
+        let (plan, watch) = (&planned.plan, stages.watch);
+        watch.begin(plan.budget() as u64, 0, "simulations");
+        let sampled = sample(plan, plan.groups()?, simulator, stages);
         watch.end();
         // What a break between stages leaves is no answer to the plan.
         if watch.stop().asked() {

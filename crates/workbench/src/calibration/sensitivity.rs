@@ -23,8 +23,8 @@ const MORE: usize = 4;
 /// Adds to a record the result under correlated errors. Nothing is added above [`Sensitivity::MOST_OBSERVATIONS`], where the residuals are
 /// no reason for it, or where the noise of those that are has no correlated counterpart.
 ///
-/// A built-in simulator is sampled again. Programs are not run: the run's own samples are weighted by the other likelihood,
-/// with their curves, which `simulator` has from the folder.
+/// A built-in simulator is sampled again. Programs are not run, and functions not called: the run's own samples are weighted by
+/// the other likelihood, with their curves, which `simulator` has from the folder or has kept.
 pub(super) fn add(
     plan: &Plan,
     posterior: &Posterior,
@@ -38,7 +38,8 @@ pub(super) fn add(
     let Some(groups) = correlated_groups(plan, &record.trust)? else { return Ok(()) };
     let noise = groups.iter().map(|group| group.noise.clone()).collect();
     let problem = JointProblem { simulator, parameters: plan.parameters.clone(), groups };
-    let again = plan.commands().next().is_none() && plan.design.is_none();
+    let own = plan.commands().next().is_some() || plan.function().is_some();
+    let again = !own && plan.design.is_none();
     // A second opinion that cannot be had is no reason to lose the first.
     record.sensitivity = if again {
         sampled(plan, posterior, &problem, noise, watch)
@@ -147,7 +148,7 @@ fn weighted(
 ) -> Option<Sensitivity> {
     let thetas: Vec<f64> = posterior.samples.iter().flat_map(|s| &s.theta).copied().collect();
     let mut curves = vec![0.0; posterior.samples.len() * problem.observations()];
-    // Every run has ended: they are answered from the folder.
+    // Every run has ended: they are answered from the folder, or from what was kept.
     let results = problem.simulator.simulate_batch(0, &thetas, &mut curves);
     let as_before = results
         .iter()

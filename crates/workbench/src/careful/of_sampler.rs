@@ -10,6 +10,8 @@ pub(crate) struct Simulations {
     pub(crate) number: usize,
     /// Whether each is a run of a program.
     pub(crate) of_programs: bool,
+    /// Whether each is a call of a function, which no file and no option asks for.
+    pub(crate) of_function: bool,
     /// Whether a plan file asks for them, not options.
     pub(crate) of_file: bool,
     /// Whether more of them can be made for the same run.
@@ -29,6 +31,9 @@ pub(crate) fn concern(concern: &Concern, asked: Simulations) -> String {
 fn option(concern: &Concern, asked: Simulations) -> Option<String> {
     let field =
         |option: &str, field: &str| Some(if asked.of_file { field } else { option }.to_owned());
+    if asked.of_function {
+        return argument(concern, asked);
+    }
     match concern {
         Concern::FewEffectiveSamples { .. }
         | Concern::HighKhat { .. }
@@ -53,6 +58,25 @@ fn option(concern: &Concern, asked: Simulations) -> Option<String> {
         }
         Concern::NotInformed { parameter, .. } | Concern::OrderOfMagnitude { parameter, .. } => {
             Some(format!("[{parameter}] of the priors"))
+        }
+        _ => None,
+    }
+}
+
+/// The argument of a program that calibrates its own function that does what the remedy of a concern says.
+fn argument(concern: &Concern, asked: Simulations) -> Option<String> {
+    match concern {
+        Concern::FewEffectiveSamples { .. }
+        | Concern::HighKhat { .. }
+        | Concern::EvidenceDisagrees { .. }
+        | Concern::BudgetTooSmall { .. } => Some(format!("samples={}", 2 * asked.number)),
+        alike if alike.is_alike() => Some("noise=Correlated(s0=ABOUT)".to_owned()),
+        Concern::NotAPosterior => Some("noise=Inferred(s0=ABOUT)".to_owned()),
+        Concern::AtPriorBound { parameter, bound, .. } => {
+            Some(format!("a bound beyond {bound:.3e} in the prior of {parameter}"))
+        }
+        Concern::NotInformed { parameter, .. } | Concern::OrderOfMagnitude { parameter, .. } => {
+            Some(format!("the prior of {parameter}"))
         }
         _ => None,
     }

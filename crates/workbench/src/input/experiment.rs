@@ -56,8 +56,8 @@ macro_rules! built_in {
     ($name:literal) => {
         BuiltIn {
             name: $name,
-            description: include_str!(concat!("../../../../experiments/", $name, ".toml")),
-            table: include_str!(concat!("../../../../experiments/", $name, ".csv")),
+            description: include_str!(concat!("../../built-in/", $name, ".toml")),
+            table: include_str!(concat!("../../built-in/", $name, ".csv")),
         }
     };
 }

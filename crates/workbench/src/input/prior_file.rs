@@ -48,9 +48,9 @@ impl PriorFile {
     /// The default priors of a material, compiled in and read by the same code as a user's.
     pub fn of_material(material: Material) -> Result<Self, InputError> {
         let text = match material {
-            Material::Ps => include_str!("../../../../priors/ps.toml"),
-            Material::Pa12 => include_str!("../../../../priors/pa12.toml"),
-            Material::Peek => include_str!("../../../../priors/peek.toml"),
+            Material::Ps => include_str!("../../built-in/prior-ps.toml"),
+            Material::Pa12 => include_str!("../../built-in/prior-pa12.toml"),
+            Material::Peek => include_str!("../../built-in/prior-peek.toml"),
         };
         Self::parse(&format!("built-in priors/{material}.toml"), text)
     }

@@ -45,6 +45,17 @@ impl ParameterName {
         }
     }
 
+    /// What it is, in a few words.
+    pub fn meaning(self) -> &'static str {
+        match self {
+            Self::C1 => "fluidity",
+            Self::TauS => "sintering time",
+            Self::DeltaC => "cut-off distance",
+            Self::Phi => "final contact ratio",
+            Self::T0 => "time of first contact in the clock of the table",
+        }
+    }
+
     /// The parameter of a name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|parameter| parameter.name() == name)

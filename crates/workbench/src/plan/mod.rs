@@ -8,6 +8,7 @@ mod command;
 mod earlier;
 mod executor;
 mod file;
+mod function;
 mod input_files;
 mod made_of;
 mod observable;
@@ -22,6 +23,7 @@ mod types;
 mod words;
 
 pub use earlier::EarlierPosterior;
+pub use function::{FunctionOptions, Measured};
 pub(crate) use made_of::{PLAN, PROGRAM};
 pub use options::command_line;
 pub(crate) use options::{noise_option, shell_word};

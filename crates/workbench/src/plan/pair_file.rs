@@ -194,7 +194,7 @@ pub(super) fn check_priors(
 fn pairs(experiments: &[ExperimentPlan]) -> impl Iterator<Item = (&ExperimentPlan, &PairPlan)> {
     experiments.iter().filter_map(|experiment| match &experiment.simulator {
         SimulatorPlan::Builtin(pair) => Some((experiment, pair)),
-        SimulatorPlan::Command(_) => None,
+        _ => None,
     })
 }
 
@@ -273,6 +273,6 @@ fn commands_name(folder: &Path, experiments: &[ExperimentPlan], parameter: &str)
             call.argv.iter().chain(call.environment.values()).any(names)
                 || templates_name(folder, &call.files, parameter)
         }
-        SimulatorPlan::Builtin(_) => false,
+        SimulatorPlan::Builtin(_) | SimulatorPlan::Function { .. } => false,
     })
 }

@@ -10,7 +10,7 @@ use crate::input::sample_table::SampleTable;
 use crate::input::toml_fields::{At, Fields};
 
 /// Number of parameter sets of a plan with commands, unless it says another.
-const COMMAND_SAMPLES: usize = 300;
+pub(super) const COMMAND_SAMPLES: usize = 300;
 /// The same of a plan with built-in simulators alone.
 const BUILTIN_SAMPLES: usize = 16_384;
 
@@ -145,7 +145,7 @@ fn design(table: &SampleTable, parameters: &[Parameter]) -> Result<Vec<Vec<f64>>
 /// # Formula
 ///
 /// 1e-12 times the larger of the bounds' distance, where it is finite, and the bound.
-fn onto_bound(value: f64, lower: f64, upper: f64) -> f64 {
+pub(super) fn onto_bound(value: f64, lower: f64, upper: f64) -> f64 {
     let width = if (upper - lower).is_finite() { upper - lower } else { 0.0 };
     let near = |bound: f64| (value - bound).abs() <= 1e-12 * width.max(bound.abs());
     if value < lower && near(lower) {

@@ -70,6 +70,11 @@ pub enum SimulatorPlan {
     Builtin(PairPlan),
     /// A program of the user's, run once per parameter set in a folder of its own.
     Command(Call),
+    /// A function of the program that uses this library: only that program can call it.
+    Function {
+        /// Name of the function.
+        name: String,
+    },
 }
 
 /// Neck growth of a pair of particles. All SI.
@@ -295,9 +300,11 @@ impl Plan {
         // Options name a file of priors.
         let of_file = of_programs || self.prior_source.is_none();
         let tuned = |noise: &Noise| matches!(noise, Noise::EssTarget { .. });
+        let of_function = self.function().is_some();
         let extendable = self.design.is_none()
+            && !of_function
             && !self.observables().any(|(_, observable)| tuned(&observable.noise));
-        Simulations { number: self.budget(), of_programs, of_file, extendable }
+        Simulations { number: self.budget(), of_programs, of_function, of_file, extendable }
     }
 
     /// Experiments that a program of the user's simulates, with their places among the experiments.
@@ -305,8 +312,16 @@ impl Plan {
         self.experiments.iter().enumerate().filter_map(|(place, experiment)| {
             match &experiment.simulator {
                 SimulatorPlan::Command(call) => Some((place, experiment, call)),
-                SimulatorPlan::Builtin(_) => None,
+                _ => None,
             }
+        })
+    }
+
+    /// The experiment that a function of the calling program simulates, and the name of the function.
+    pub fn function(&self) -> Option<(&ExperimentPlan, &str)> {
+        self.experiments.iter().find_map(|experiment| match &experiment.simulator {
+            SimulatorPlan::Function { name } => Some((experiment, name.as_str())),
+            _ => None,
         })
     }
 
@@ -314,7 +329,7 @@ impl Plan {
     pub(crate) fn calls_mut(&mut self) -> impl Iterator<Item = &mut Call> {
         self.experiments.iter_mut().filter_map(|experiment| match &mut experiment.simulator {
             SimulatorPlan::Command(call) => Some(call),
-            SimulatorPlan::Builtin(_) => None,
+            _ => None,
         })
     }
 
@@ -356,6 +371,9 @@ impl Plan {
         };
         match (&experiment.simulator, &experiment.observables[..]) {
             (SimulatorPlan::Builtin(pair), [observable]) => Ok((pair, observable)),
+            (SimulatorPlan::Function { name }, _) => {
+                Err(refused(format!("{}, which the function {name} simulates", experiment.name)))
+            }
             _ => Err(refused(format!("{}, which a program simulates", experiment.name))),
         }
     }

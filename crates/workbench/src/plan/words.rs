@@ -128,6 +128,7 @@ fn experiment_lines(experiment: &ExperimentPlan) -> Vec<String> {
                 lines.push(line);
             }
         }
+        SimulatorPlan::Function { name } => lines.push(format!("  function    {name}")),
     }
     for observable in &experiment.observables {
         let worker = matches!(&experiment.simulator, SimulatorPlan::Command(call) if call.worker);

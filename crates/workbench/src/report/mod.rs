@@ -6,6 +6,7 @@ mod noise;
 mod of_calibration;
 mod pictures;
 mod samples;
+pub(crate) mod simulated;
 mod summary;
 mod tables;
 
@@ -29,11 +30,13 @@ pub use crate::input::data_table::quoted;
 pub use details::{details, understood};
 pub(crate) use drawing::draw_watched;
 pub use drawing::{NamedFigures, draw_all};
+pub(crate) use noise::length_unit;
 pub(crate) use pictures::symbol;
 pub use pictures::{TimeScale, fit, pictures};
 pub use samples::{
-    SampleColumns, parse_draws, parse_samples, read_draws, read_samples, read_sigma,
+    DrawColumns, SampleColumns, parse_draws, parse_samples, read_draws, read_samples, read_sigma,
 };
+pub use simulated::read_simulated;
 pub use summary::{in_folder, json, text};
 pub use tables::{csv, markdown};
 

@@ -51,7 +51,7 @@ pub(super) fn noise_line(plan: &ObservablePlan, found: &ObservableRecord) -> Str
 }
 
 /// The unit of a correlation length.
-pub(super) fn length_unit(scale: DistanceScale, plan: &ObservablePlan) -> &str {
+pub(crate) fn length_unit(scale: DistanceScale, plan: &ObservablePlan) -> &str {
     match scale {
         DistanceScale::Log => "1",
         DistanceScale::Linear => or_one(&plan.control_unit),

@@ -89,6 +89,7 @@ fn asked(record: &Record) -> Part {
                 )
             }
             SimulatorPlan::Command(call) => format!("the program {}", call.argv.join(" ")),
+            SimulatorPlan::Function { name } => format!("the function {name}"),
         };
         part.fact(format!("Model of {}", experiment.name), words);
     }

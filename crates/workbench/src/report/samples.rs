@@ -4,14 +4,17 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use campaign::Format;
-use smc_calib::{NoiseShape, Parameter, ParameterSummary, Posterior, ShapeSummary};
+use smc_calib::{NoiseDraw, NoiseShape, Parameter, ParameterSummary, Posterior, ShapeSummary};
 
 use super::noise::{length_unit, or_one};
 use crate::error::{InputError, Mistake};
 use crate::input::data_table::{DataTable, quoted};
 use crate::output::checksums;
 use crate::plan::ObservablePlan;
-use crate::record::Record;
+use crate::record::{ObservableRecord, Record};
+
+/// Column of `draws.csv` with the number of the sample, from 0.
+const SAMPLE: &str = "sample";
 
 /// The weighted samples of a run: what figures need beside the record.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -32,6 +35,98 @@ impl SampleColumns {
             weights: samples.iter().map(|sample| sample.weight).collect(),
         }
     }
+}
+
+/// The equally weighted draws of a run, with the noise of each.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct DrawColumns {
+    /// One column per parameter \[SI\].
+    pub parameters: Vec<Vec<f64>>,
+    /// Noise of each observable in every draw; empty where it is stated row by row.
+    pub noise: Vec<Vec<NoiseDraw>>,
+    /// Place of the sample of each draw among all samples, from 0.
+    pub samples: Vec<usize>,
+}
+
+impl DrawColumns {
+    /// The draws of a posterior with so many observables.
+    pub fn of(posterior: &Posterior, observables: usize) -> Self {
+        let draws = &posterior.draws;
+        let column =
+            |d: usize| draws.iter().map(|draw| posterior.samples[draw.sample].theta[d]).collect();
+        let of_group = |g: usize| match posterior.groups.get(g) {
+            Some(group) => (0..draws.len()).map_while(|k| group.noise_draw(k)).collect(),
+            None => draws.iter().map_while(|draw| draw.noise()).collect(),
+        };
+        Self {
+            parameters: (0..posterior.parameters.len()).map(column).collect(),
+            noise: (0..observables).map(of_group).collect(),
+            samples: draws.iter().map(|draw| draw.sample).collect(),
+        }
+    }
+
+    /// Reads the draws beside a `posterior.json`.
+    ///
+    /// # Errors
+    ///
+    /// [`InputError`] for a file that is missing or cut off.
+    pub fn read(record: &Record, folder: &Path) -> Result<Self, InputError> {
+        checksums::read_as(&folder.join("draws.csv"), |name, text| {
+            let found: Vec<&ObservableRecord> =
+                record.observables().map(|(_, found)| found).collect();
+            let known = |titles: &Vec<String>, found: &ObservableRecord| {
+                if found.sigma.is_some() { titles.clone() } else { Vec::new() }
+            };
+            let titles = noise_titles(record);
+            let wanted: Vec<Vec<String>> =
+                titles.iter().zip(&found).map(|(titles, found)| known(titles, found)).collect();
+            let parameters = record.parameters.len();
+            let mut last: Vec<&str> = wanted.iter().flatten().map(String::as_str).collect();
+            last.push(SAMPLE);
+            let mut columns = columns(name, text, parameters, &last)?;
+            let samples = columns.pop().unwrap_or_default();
+            complete(name, samples.len(), record.plan.sampler.draws, "draws")?;
+            let mut rest = columns.split_off(parameters).into_iter();
+            let noise = wanted.iter().zip(&found).map(|(titles, found)| {
+                let own: Vec<Vec<f64>> = rest.by_ref().take(titles.len()).collect();
+                noise_of(&own, found.noise_shape.as_ref())
+            });
+            let noise = noise.collect();
+            let samples = places(name, &samples, record.counters.simulations)?;
+            Ok(Self { parameters: columns, noise, samples })
+        })
+    }
+}
+
+/// The noise of every draw, from its columns: sigma, and what else it has.
+fn noise_of(columns: &[Vec<f64>], shape: Option<&ShapeSummary>) -> Vec<NoiseDraw> {
+    let shape_of = |row: usize| match (shape?, columns) {
+        (ShapeSummary::Correlated { .. }, [_, length, white]) => {
+            Some(NoiseShape::Correlated { length: length[row], white_share: white[row] })
+        }
+        (ShapeSummary::Robust { outlier_share, outlier_width, .. }, _) => {
+            let (outlier_share, outlier_width) = (*outlier_share, *outlier_width);
+            Some(NoiseShape::Robust { outlier_share, outlier_width })
+        }
+        _ => None,
+    };
+    let sigmas = columns.first().into_iter().flatten().enumerate();
+    sigmas.map(|(row, sigma)| NoiseDraw { sigma: *sigma, shape: shape_of(row) }).collect()
+}
+
+/// Numbers of samples, which must be among so many.
+fn places(name: &str, numbers: &[f64], simulations: usize) -> Result<Vec<usize>, InputError> {
+    let place = |number: &f64| {
+        let there = number.fract() == 0.0 && (0.0..simulations as f64).contains(number);
+        there.then_some(*number as usize).ok_or_else(|| {
+            InputError::new(name, Mistake::Damaged)
+                .in_column(SAMPLE)
+                .found(number)
+                .expected(format_args!("a whole number below {simulations}"))
+                .help("the file was edited: run the calibration again")
+        })
+    };
+    numbers.iter().map(place).collect()
 }
 
 /// Every simulated sample with its weight: parameters in SI, normal scores, log likelihood (empty where the
@@ -58,28 +153,17 @@ pub(super) fn draws_csv(record: &Record, posterior: &Posterior) -> String {
     let mut text = header(&posterior.parameters);
     let with_sigma: Vec<_> =
         posterior.groups.iter().filter(|group| !group.sigma_draws.is_empty()).collect();
-    for group in &with_sigma {
-        let observable =
-            record.observables().find(|(_, found)| found.label == group.name).map(|(plan, _)| plan);
-        let unit = observable.map_or("", |plan| plan.unit.as_str());
-        text.push(',');
-        text.push_str(&quoted(&format!("sigma_{} [{}]", group.name, or_one(unit))));
-        for (column, unit) in shape_columns(group.noise_shape.as_ref(), observable) {
-            text.push(',');
-            text.push_str(&quoted(&format!("{column}_{} [{unit}]", group.name)));
-        }
-    }
     // One observable has the noise of the draw itself.
     let single = posterior.groups.is_empty();
-    if single {
-        text.push_str(",sigma [1]");
-        let observable = record.observables().next().map(|(plan, _)| plan);
-        for (column, unit) in shape_columns(posterior.noise_shape.as_ref(), observable) {
-            text.push(',');
-            text.push_str(&quoted(&format!("{column} [{unit}]")));
+    for (titles, (_, found)) in noise_titles(record).iter().zip(record.observables()) {
+        if single || with_sigma.iter().any(|group| group.name == found.label) {
+            titles.iter().for_each(|title| {
+                text.push(',');
+                text.push_str(&quoted(title));
+            });
         }
     }
-    text.push_str(",sample\n");
+    let _ = writeln!(text, ",{SAMPLE}");
     text.reserve(posterior.draws.len() * 150);
     for (place, draw) in posterior.draws.iter().enumerate() {
         let sample = &posterior.samples[draw.sample];
@@ -98,15 +182,28 @@ pub(super) fn draws_csv(record: &Record, posterior: &Posterior) -> String {
     text
 }
 
+/// The columns of the noise of each observable: sigma, and what else its model has.
+fn noise_titles(record: &Record) -> Vec<Vec<String>> {
+    let single = record.observables().count() == 1;
+    let titles = |(plan, found): (&ObservablePlan, &ObservableRecord)| {
+        let label = if single { String::new() } else { format!("_{}", found.label) };
+        // That of one observable has been called so from the first version on, whatever its unit.
+        let unit = if single { "1" } else { or_one(&plan.unit) };
+        let shape = shape_columns(found.noise_shape.as_ref(), plan);
+        let all = [("sigma", unit)].into_iter().chain(shape);
+        all.map(|(column, unit)| format!("{column}{label} [{unit}]")).collect()
+    };
+    record.observables().map(titles).collect()
+}
+
 /// Columns of what the noise has beside sigma, with their units: a correlation length is in the logarithm of the control
 /// variable, or in its unit.
 fn shape_columns<'a>(
     shape: Option<&ShapeSummary>,
-    observable: Option<&'a ObservablePlan>,
+    observable: &'a ObservablePlan,
 ) -> Vec<(&'static str, &'a str)> {
     let Some(ShapeSummary::Correlated { scale, .. }) = shape else { return Vec::new() };
-    let unit = observable.map_or("1", |plan| length_unit(*scale, plan));
-    vec![("correlation_length", unit), ("white_share", "1")]
+    vec![("correlation_length", length_unit(*scale, observable)), ("white_share", "1")]
 }
 
 fn shape_values(text: &mut String, shape: Option<NoiseShape>) {
@@ -173,7 +270,7 @@ pub fn read_sigma(record: &Record, folder: &Path) -> Result<Option<Vec<f64>>, In
         if !there {
             return Ok(None);
         }
-        Ok(columns(name, text, record.parameters.len(), Some(COLUMN))?.pop())
+        Ok(columns(name, text, record.parameters.len(), &[COLUMN])?.pop())
     })
 }
 
@@ -187,7 +284,7 @@ pub fn parse_samples(
     text: &str,
     parameters: usize,
 ) -> Result<SampleColumns, InputError> {
-    let mut columns = columns(name, text, parameters, Some("weight"))?;
+    let mut columns = columns(name, text, parameters, &["weight"])?;
     let weights = columns.pop().unwrap_or_default();
     Ok(SampleColumns { parameters: columns, weights })
 }
@@ -198,15 +295,15 @@ pub fn parse_samples(
 ///
 /// [`InputError`] with line and column for a file that is cut off or not a table of draws.
 pub fn parse_draws(name: &str, text: &str, parameters: usize) -> Result<Vec<Vec<f64>>, InputError> {
-    columns(name, text, parameters, None)
+    columns(name, text, parameters, &[])
 }
 
-/// The columns of the parameters, which come first, and one more by its name.
+/// The columns of the parameters, which come first, and more by their names.
 fn columns(
     name: &str,
     text: &str,
     parameters: usize,
-    last: Option<&str>,
+    last: &[&str],
 ) -> Result<Vec<Vec<f64>>, InputError> {
     let read = || {
         let table = DataTable::of_format(name, text, Format::Csv)?;
@@ -216,7 +313,8 @@ fn columns(
                 .found(format_args!("{} columns", table.columns().len()))
                 .expected(format_args!("one for each of {parameters} parameters")));
         }
-        let last = last.map(|column| table.place(column)).transpose()?;
+        let last: Vec<usize> =
+            last.iter().map(|column| table.place(column)).collect::<Result<_, _>>()?;
         let places: Vec<usize> = (0..parameters).chain(last).collect();
         table.columns_at(&places)
     };
@@ -239,7 +337,13 @@ fn complete(name: &str, found: usize, wanted: usize, what: &str) -> Result<(), I
 
 #[cfg(test)]
 mod tests {
+    use smc_calib::{FixedSigma, Noise};
+
     use super::*;
+    use crate::calibration::Calibration;
+    use crate::input::material::Material;
+    use crate::plan::PairOptions;
+    use crate::watch::Unwatched;
 
     const SAMPLES: &str =
         "x [N;m],z_x [1],log_likelihood,weight\n1e0,0.5,,0.25\n2e0,-1,-3.5,0.75\n";
@@ -249,6 +353,30 @@ mod tests {
         let samples = parse_samples("samples.csv", SAMPLES, 1).expect("samples");
         assert_eq!((samples.parameters, samples.weights), (vec![vec![1.0, 2.0]], vec![0.25, 0.75]));
         assert_eq!(parse_draws("draws.csv", SAMPLES, 2).expect("draws")[1], [0.5, -1.0]);
+    }
+
+    #[test]
+    fn draws_with_their_noise_read_back_to_the_same_bits() {
+        let correlated = Noise::Correlated { nu0: 4.0, s0: 0.05, scale: None, nodes: Some([4, 4]) };
+        let fixed = Noise::Fixed { sigma: FixedSigma::Relative(0.05) };
+        for noise in [Noise::default(), correlated, Noise::robust(), fixed] {
+            let material = Some(Material::Ps);
+            let options = PairOptions { material, samples: 128, noise, ..PairOptions::default() };
+            let mut planned = options.plan().expect("a plan");
+            planned.plan.sampler.draws = 100;
+            let found = Calibration::run(&planned, &Unwatched::default()).expect("a posterior");
+            let folder = tempfile::tempdir().expect("a folder");
+            let file = folder.path().join("draws.csv");
+            let text = draws_csv(&found.record, &found.posterior);
+            std::fs::write(&file, &text).expect("written");
+            let read = DrawColumns::read(&found.record, folder.path()).expect("draws");
+            assert_eq!(read, DrawColumns::of(&found.posterior, 1));
+            let last = found.posterior.draws.last().expect("a draw").sample;
+            let edited = text.trim_end().trim_end_matches(&last.to_string());
+            std::fs::write(&file, format!("{edited}1e9\n")).expect("written");
+            let error = DrawColumns::read(&found.record, folder.path()).expect_err("no sample");
+            assert_eq!(error.mistake, Mistake::Damaged, "{error}");
+        }
     }
 
     #[test]

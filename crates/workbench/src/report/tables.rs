@@ -150,7 +150,7 @@ pub fn markdown(record: &Record) -> String {
                 pair.kinetics,
                 significant(1e6 * pair.powder.radius_m, 3),
             ),
-            SimulatorPlan::Command(_) => {
+            SimulatorPlan::Command(_) | SimulatorPlan::Function { .. } => {
                 writeln!(text, "{}: {observations} observations.\n", experiment.name)
             }
         };

@@ -1,24 +1,22 @@
 //! Everything that the runs of programs have so far as tables, also while they run.
 
-use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::fs;
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use campaign::{Contents, Outcome, Task};
-use smc_calib::{Likelihood, Observer, Posterior, Sample, SimError, Simulator, StageRecord};
+use smc_calib::{Likelihood, Posterior, Sample, Simulator as _};
 
-use crate::calibration::{Stored, read_stored, refuse_older_layout, refused, sample};
+use super::files::FOLDER;
+use super::replay::{Replay, Simulated};
+use crate::calibration::{read_stored, refuse_older_layout, refused};
 use crate::error::{Failure, InputError, Mistake};
-use crate::given_up::{self, Counting, GivenUp};
+use crate::given_up;
 use crate::input::sample_table;
 use crate::output::{self, CAMPAIGN};
-use crate::pair::model::NeckGrowth;
-use crate::plan::{Plan, run_number, sample_of};
+use crate::plan::{Plan, sample_of};
 use crate::record::FILE_NAME;
 use crate::report::quoted;
-use crate::simulator::{cause, models, stored};
 
 /// Tables that were written.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -45,18 +43,21 @@ pub fn export(dir: &Path, out: Option<&Path>) -> Result<Exported, Failure> {
         return Err(InputError::new(name.to_string(), Mistake::Conflict)
             .found("a finished run that was computed in this program, without runs of others")
             .help(format_args!("all its samples with their weights are in {name}/samples.csv"))
+            .help(format_args!(
+                "its posterior for ArviZ or R: calibrate export {name} --format zarr"
+            ))
             .into());
     }
     let contents = campaign::contents(&dir.join(CAMPAIGN)).map_err(|error| refused(dir, error))?;
     let stored = read_stored(dir)?;
     let plan = &stored.plan;
-    let out = out.map_or_else(|| dir.join("export"), Path::to_owned);
+    let out = out.map_or_else(|| dir.join(FOLDER), Path::to_owned);
     fs::create_dir_all(&out).map_err(|error| {
         InputError::new("--out", Mistake::Unwritable)
             .found(format_args!("{} ({error})", out.display()))
             .expected("a folder for the tables")
     })?;
-    let replay = Replay::new(&stored, &contents, given_up::read(&dir.join(CAMPAIGN)))?;
+    let replay = Replay::new(plan, Some(&contents), given_up::read(&dir.join(CAMPAIGN)))?;
     let posterior = replay.posterior();
     let samples = samples(&replay, posterior.as_ref());
     let sets: Vec<&[f64]> = samples.iter().map(|sample| sample.theta).collect();
@@ -71,143 +72,6 @@ pub fn export(dir: &Path, out: Option<&Path>) -> Result<Exported, Failure> {
     }
     let weighted = samples.iter().filter(|sample| sample.judged.is_some()).count();
     Ok(Exported { out, samples: samples.len(), weighted, runs: contents.tasks.len() })
-}
-
-/// The sampler once more, answered from what is stored.
-struct Replay<'a> {
-    stored: &'a Stored,
-    models: Vec<Option<NeckGrowth>>,
-    tasks: HashMap<u64, &'a Task>,
-    outcomes: &'a HashMap<u64, Outcome>,
-    counting: Counting,
-}
-
-/// Fate of a sample.
-enum Simulated {
-    /// Its values.
-    Values(Vec<f64>),
-    /// Why it failed.
-    Failed(String),
-    /// Some of its runs have not ended.
-    Missing,
-}
-
-impl<'a> Replay<'a> {
-    fn new(stored: &'a Stored, contents: &'a Contents, given_up: GivenUp) -> Result<Self, Failure> {
-        Ok(Self {
-            stored,
-            models: models(&stored.plan)?,
-            tasks: contents.tasks.iter().map(|task| (task.number, task)).collect(),
-            outcomes: &contents.outcomes,
-            counting: Counting::new(given_up),
-        })
-    }
-
-    fn sample(&self, sample: usize, theta: &[f64]) -> Simulated {
-        let plan = &self.stored.plan;
-        let mut values = Vec::new();
-        let mut missing = false;
-        for (place, (model, experiment)) in self.models.iter().zip(&plan.experiments).enumerate() {
-            let found = match model {
-                Some(model) => {
-                    let mut own = vec![0.0; experiment.width()];
-                    let simulated = model.simulate(theta, &mut own);
-                    Some(
-                        simulated.map(|()| own).map_err(|error| {
-                            SimError::recoverable(cause(plan, place, error.cause()))
-                        }),
-                    )
-                }
-                None => {
-                    let number = run_number(plan, sample, place);
-                    match self.counting.cause(number) {
-                        Some(words) => Some(Err(SimError::recoverable(cause(plan, place, words)))),
-                        None => stored(plan, place, self.outcomes.get(&number).cloned()),
-                    }
-                }
-            };
-            match found {
-                Some(Ok(own)) => values.extend(own),
-                Some(Err(error)) => return Simulated::Failed(error.cause().to_owned()),
-                None => missing = true,
-            }
-        }
-        if missing { Simulated::Missing } else { Simulated::Values(values) }
-    }
-
-    /// The posterior of the stages that are complete; none before the first.
-    fn posterior(&self) -> Option<Posterior> {
-        let mut complete = StopAfter { stages: usize::MAX, seen: 0 };
-        let groups = self.stored.plan.groups().ok()?;
-        let all = sample(&self.stored.plan, groups.clone(), self, &mut complete);
-        if let Ok(posterior) = all {
-            return Some(posterior);
-        }
-        // From the beginning.
-        self.counting.reach(&self.stored.plan, 0);
-        let mut again = StopAfter { stages: complete.seen, seen: 0 };
-        if again.stages == 0 {
-            return None;
-        }
-        sample(&self.stored.plan, groups, self, &mut again).ok()
-    }
-}
-
-/// Ends a run after some stages.
-struct StopAfter {
-    stages: usize,
-    seen: usize,
-}
-
-impl Observer for StopAfter {
-    fn stage(&mut self, _: &StageRecord) -> ControlFlow<()> {
-        self.seen += 1;
-        if self.seen >= self.stages { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    }
-}
-
-impl Simulator for Replay<'_> {
-    fn parameters(&self) -> usize {
-        self.stored.plan.parameters.len()
-    }
-
-    fn observables(&self) -> usize {
-        self.stored.plan.observations()
-    }
-
-    fn revised(&self, samples: usize) -> Vec<usize> {
-        self.counting.reach(&self.stored.plan, samples)
-    }
-
-    fn will_revise(&self) -> bool {
-        self.counting.will_change()
-    }
-
-    fn simulate(&self, _: &[f64], _: &mut [f64]) -> Result<(), SimError> {
-        Err(SimError::fatal("only samples are stored"))
-    }
-
-    fn simulate_batch(
-        &self,
-        first: usize,
-        thetas: &[f64],
-        outputs: &mut [f64],
-    ) -> Vec<Result<(), SimError>> {
-        let (d, m) = (self.parameters(), self.observables());
-        thetas
-            .chunks_exact(d)
-            .zip(outputs.chunks_exact_mut(m))
-            .enumerate()
-            .map(|(row, (theta, out))| match self.sample(first + row, theta) {
-                Simulated::Values(values) => {
-                    out.copy_from_slice(&values);
-                    Ok(())
-                }
-                Simulated::Failed(cause) => Err(SimError::recoverable(cause)),
-                Simulated::Missing => Err(SimError::Interrupted),
-            })
-            .collect()
-    }
 }
 
 /// A sample so far.
@@ -229,8 +93,8 @@ fn samples<'a>(replay: &'a Replay<'_>, posterior: Option<&'a Posterior>) -> Vec<
     let known = samples.len();
     let mut later: Vec<(usize, &Task)> = replay
         .tasks
-        .values()
-        .map(|task| (sample_of(&replay.stored.plan, task.number).0, *task))
+        .iter()
+        .map(|task| (sample_of(replay.plan, task.number).0, task))
         .filter(|(sample, _)| *sample >= known)
         .collect();
     later.sort_by_key(|(sample, task)| (*sample, task.number));
