@@ -107,8 +107,8 @@ fn errors(diff: &Diff) -> Option<String> {
         "both are one result".to_owned()
     } else {
         format!(
-            "both runs have the seed {seed}, so that their errors are alike in part: those of the differences, which take them as \
-             independent, are as a rule too large; another --seed makes them independent"
+            "both runs have the seed {seed}, so that their errors may be alike: those of the differences take them as independent, and \
+             may be too large or too small; another --seed makes them independent"
         )
     })
 }
@@ -179,7 +179,7 @@ mod tests {
 
     #[test]
     fn differences_have_a_sign_and_their_standard_error() {
-        assert_eq!(with_se(Some(0.5), Some(0.012)), "+0.50 ± 0.012");
+        assert_eq!(with_se(Some(0.5), Some(0.012)), "+0.500 ± 0.012");
         assert_eq!(with_se(Some(-1.0), Some(0.1)), "-1.00 ± 0.10");
         assert_eq!(with_se(None, Some(0.1)), "–");
     }
