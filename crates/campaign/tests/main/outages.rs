@@ -84,7 +84,8 @@ fn an_outage_stops_the_driver_and_its_failures_can_be_given_up() {
     assert!(error.to_string().starts_with(&words), "{error}");
     assert!(error.to_string().ends_with("license server down"), "{error}");
     let stopped = campaign.missing(&tasks(200)).len() as u64;
-    assert_eq!(stopped, 190 - count);
+    // Runs that went on when it was noticed may have ended too before the driver stopped.
+    assert!((176..=190 - count).contains(&stopped), "{stopped} {count}");
     drop(campaign);
 
     fs::remove_file(down).unwrap();
