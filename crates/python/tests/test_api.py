@@ -56,7 +56,7 @@ def test_a_run_is_a_folder_that_the_command_reads_too(line_run: cal.Run, run_com
     assert set(line_run.figures) >= {"corner", "fit", "residuals", "recursion", "convergence"}
     for plot in (line_run.plot_fit, line_run.plot_residuals, line_run.plot_recursion, line_run.plot_convergence):
         assert plot().svg.is_file()
-    assert line_run.plot_fit().save(tmp_path / "fit.svg").read_text().startswith("<?xml") or True
+    assert line_run.plot_fit().save(tmp_path / "fit.svg").read_text().lstrip().startswith("<")
 
 
 def test_a_command_that_would_simulate_again_says_that_it_cannot_call_the_function(line_run: cal.Run, command: Path, tmp_path: Path) -> None:

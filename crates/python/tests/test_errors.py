@@ -226,3 +226,98 @@ def test_parameters_that_are_not_there_are_named(line_run: cal.Run) -> None:
     with pytest.raises(cal.InputMistake, match="function"):
         line_run.predict(0.9)
     assert Y.shape == T.shape
+
+
+def test_an_exit_is_a_failed_simulation_wherever_the_simulator_runs() -> None:
+    def leaves(a: float, b: float) -> object:
+        if a > 0.5:
+            sys.exit(3)
+        return line(a, b)
+
+    inline = cal.calibrate(leaves, LINE, measured(), samples=64)
+    pooled = cal.calibrate(leaves, LINE, measured(), samples=64, processes=2)
+    assert list(inline.failures) == list(pooled.failures) and "SystemExit" in next(iter(inline.failures))
+
+
+def test_what_a_pool_cannot_send_does_not_matter_where_the_values_are_right_and_is_refused_where_not() -> None:
+    observations = {"y": measured()}
+    run = cal.calibrate(lambda a, b: {"y": line(a, b), "more": lambda: 0}, LINE, observations, samples=32, processes=2)
+    assert not run.failures
+    refused(cal.SimulatorMistake, ["sample 0 (a=", "shape (3,)"], simulator=lambda a, b: np.zeros(3), processes=2)
+    refused(cal.SimulatorMistake, ["sample 0 (a=", "no array of numbers"], simulator=lambda a, b: (lambda: 0), processes=2)
+
+
+def test_the_words_of_an_exception_are_shortened_and_need_not_be_there() -> None:
+    class Mute(Exception):
+        def __str__(self) -> str:
+            raise ValueError("no words")
+
+    def mute(a: float, b: float) -> object:
+        raise Mute
+
+    def loud(a: float, b: float) -> object:
+        raise ValueError("x" * 1_000_000)
+
+    refused(cal.RunFailed, ["Mute: (its text cannot be had)"], simulator=mute)
+    assert len(refused(cal.RunFailed, ["ValueError: xxx"], simulator=loud)) < 5000
+
+
+@pytest.mark.parametrize("bad", [np.ma.masked_array(Y, T < T[2]), Y + 1j])
+def test_masked_and_complex_values_are_refused_and_not_cut_down(bad: object) -> None:
+    with pytest.raises(cal.InputMistake, match="Observations y"):
+        cal.Observations(T, bad, noise=cal.Inferred(1.0))  # type: ignore[arg-type]
+    refused(cal.SimulatorMistake, ["sample 0 (a="], simulator=lambda a, b: bad)
+    with pytest.raises(cal.InputMistake, match="StoredRuns outputs"):
+        cal.StoredRuns({"a": [1.0]}, bad)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("ess", float("nan")),
+        ("ess", "x"),
+        ("max_failed_share", "x"),
+        ("seed", None),
+        ("seed", 2**64),
+        ("samples", 1e30),
+        ("samples", "64"),
+        ("name", 3),
+        ("title", 3),
+        ("processes", 1.5),
+        ("design", [1, 2]),
+    ],
+)
+def test_an_argument_of_the_wrong_kind_is_named(name: str, value: object) -> None:
+    refused(cal.InputMistake, [f"{name}: found "], **{name: value})
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    assert cal.calibrate(line, LINE, measured(), samples=np.int64(64), ess=np.float32(20)).trust.ess > 0  # type: ignore[arg-type]
+
+
+def test_arguments_of_other_names_than_the_parameters_are_refused() -> None:
+    refused(cal.SimulatorMistake, ["signature (a, c)", "a, b by name"], simulator=lambda a, c: a)
+
+
+def test_what_neck_growth_and_predictions_are_given_is_checked() -> None:
+    given = {"c1": 2e-4, "tau_s": 0.07, "delta_c": 1.5e-7}
+    for more, words in [({"powder": "ps"}, "powder: found 'ps'"), ({"powder": cal.PS, "tolerance": 0}, "tolerance: found 0")]:
+        with pytest.raises(cal.InputMistake, match=words):
+            cal.neck_growth([0.01], **given, **more)  # type: ignore[arg-type]
+    assert np.array_equal(cal.neck_growth([0.01], **given, powder=cal.material("ps")), cal.neck_growth([0.01], **given, powder=cal.PS))  # type: ignore[arg-type]
+
+
+def test_a_figure_outlives_its_run() -> None:
+    import copy
+    import gc
+
+    figure = cal.calibrate(line, LINE, measured(), samples=64).plot_corner()
+    gc.collect()
+    assert figure._repr_png_().startswith(b"\x89PNG")
+    other = copy.copy(cal.calibrate(line, LINE, measured(), samples=64))
+    gc.collect()
+    assert other.plot_fit().svg.is_file()
+    folder = other.folder
+    del other
+    gc.collect()
+    assert not folder.exists()

@@ -16,9 +16,9 @@ import numpy as np
 
 from . import _calibrate
 from ._errors import RunFailed, mistake
-from ._priors import ArrayLike, FloatArray, Noise, Observations, Prior, row
+from ._priors import ArrayLike, FloatArray, Noise, Observations, Prior, numbers, real, row, word
 from ._progress import Progress
-from ._run import Run, Text
+from ._run import Run, Temporary, Text
 from ._simulators import Processes, Simulator, StoredRuns, name_of
 
 
@@ -87,6 +87,7 @@ def calibrate(
     if not isinstance(parameters, Mapping) or not parameters:
         raise mistake("parameters", repr(parameters), 'a mapping of names to priors, as {"k": LogUniform(1e2, 1e6)}')
     for parameter, prior in parameters.items():
+        word("names of parameters", parameter)
         if not isinstance(prior, Prior):
             raise mistake(f"parameters {parameter}", repr(prior), "a prior", f'{{"{parameter}": Uniform(LOWER, UPPER)}}')
     if isinstance(simulator, StoredRuns):
@@ -95,6 +96,9 @@ def calibrate(
         design = simulator.parameters
     elif not callable(simulator):
         raise mistake("simulator", repr(simulator), "a function of the parameters, or StoredRuns")
+    processes = _whole("processes", processes)
+    if seed is None:
+        raise mistake("seed", "None", "a whole number: the same seed gives the same bits")
     if processes is not None and (vectorized or processes < 1):
         found = f"{processes} beside vectorized=True" if vectorized else str(processes)
         raise mistake("processes", found, "a number of at least 1, of a function that takes one parameter set")
@@ -103,17 +107,17 @@ def calibrate(
         raise mistake("StoredRuns outputs", f"{simulator.outputs.shape[1]} columns", f"{sum(widths.values())}, one for each observation")
     function = name_of(simulator)
     plan = {
-        "name": name or function.strip("_") or "function",
-        "title": title,
+        "name": function.strip("_") or "function" if name is None else word("name", name),
+        "title": None if title is None else word("title", title),
         "function": function,
-        "parameters": [{"name": key, "unit": prior.unit, "prior": prior._spec()} for key, prior in parameters.items()],
+        "parameters": [{"name": key, "unit": word(f"unit of {key}", prior.unit), "prior": prior._spec()} for key, prior in parameters.items()],
         "observables": [one._spec(key) for key, one in named.items()],
         "samples": _whole("samples", samples),
         "iterations": _whole("iterations", iterations),
-        "ess": ess,
+        "ess": None if ess is None else real("ess", ess, 0.0),
         "seed": _whole("seed", seed),
         "batch": _whole("batch", batch),
-        "max_failed_share": max_failed_share,
+        "max_failed_share": None if max_failed_share is None else real("max_failed_share", max_failed_share),
         "design": None if design is None else _design(design, list(parameters)),
     }
     shown = Progress(progress)
@@ -154,9 +158,14 @@ def _in_folder(out: str | os.PathLike[str] | None, name: Any, shown: Progress, w
     except BaseException:
         shutil.rmtree(temporary, ignore_errors=True)
         raise
-    # The folder goes with the run.
-    weakref.finalize(run, shutil.rmtree, temporary, ignore_errors=True)
+    # The folder goes with the last of the run, its copies and its figures.
+    run._owner = owner = Temporary()
+    weakref.finalize(owner, shutil.rmtree, temporary, ignore_errors=True)
     return run
+
+
+#: Largest whole number that is passed on.
+_LARGEST = 2**63 - 1
 
 
 def _whole(place: str, value: Any, least: int = 0) -> int | None:
@@ -166,8 +175,8 @@ def _whole(place: str, value: Any, least: int = 0) -> int | None:
         number = int(value)
     except (TypeError, ValueError, OverflowError):
         raise mistake(place, repr(value), "a whole number") from None
-    if isinstance(value, bool) or number != value or number < least:
-        raise mistake(place, repr(value), f"a whole number of at least {least}")
+    if isinstance(value, (bool, str)) or number != value or not least <= number <= _LARGEST:
+        raise mistake(place, repr(value), f"a whole number of at least {least}, below 2^63")
     return number
 
 
@@ -177,14 +186,16 @@ def _named(observations: Any) -> dict[str, Observations]:
     if not isinstance(observations, Mapping) or not observations:
         raise mistake("observations", repr(observations), "Observations(x, y, noise=...), or a mapping of names to such")
     for name, one in observations.items():
+        word("names of observations", name)
         if not isinstance(one, Observations):
             raise mistake(f"observations {name}", repr(one), "Observations(x, y, noise=...)")
     return dict(observations)
 
 
-def _design(design: Mapping[str, Any], names: Sequence[str]) -> list[list[float]]:
-    if sorted(design) != sorted(names):
-        raise mistake("design", f"the parameters {', '.join(design)}", f"{', '.join(names)}")
+def _design(design: Any, names: Sequence[str]) -> list[list[float]]:
+    if not isinstance(design, Mapping) or set(design) != set(names):
+        found = f"the parameters {', '.join(map(str, design))}" if isinstance(design, Mapping) else type(design).__name__
+        raise mistake("design", found, f"a mapping of {', '.join(names)} to their values")
     columns = [row(f"design {name}", design[name]) for name in names]
     if len({len(column) for column in columns}) != 1:
         found = ", ".join(f"{len(column)} of {name}" for name, column in zip(names, columns))
@@ -223,7 +234,7 @@ def neck_growth(
     c1: float,
     tau_s: float,
     delta_c: float,
-    powder: Powder,
+    powder: Powder | Material,
     final_contact_ratio: float | None = None,
     kinetics: str = "three-stage",
     solver: str = "auto",
@@ -241,7 +252,7 @@ def neck_growth(
         Sintering time tau_s [s].
     delta_c : float
         Cut-off distance delta_c [m].
-    powder : Powder
+    powder : Powder or Material
         The particles: PS, PA12, PEEK or one of your own.
     final_contact_ratio : float
         Contact ratio phi at which growth ends; that of the powder if not given.
@@ -252,18 +263,21 @@ def neck_growth(
     -------
     array of the shape of ``t``: contact ratios a/R [1].
     """
-    from ._priors import numbers
-
     times = numbers("t", t)
     order = np.argsort(times, axis=None, kind="stable")
     given = {"c1": c1, "tau_s": tau_s, "delta_c": delta_c}
-    values = [float(numbers(name, value)) for name, value in given.items()]
-    phi = powder.final_contact_ratio if final_contact_ratio is None else final_contact_ratio
+    values = [real(name, value) for name, value in given.items()]
+    powder = powder.powder if isinstance(powder, Material) else powder
+    if not isinstance(powder, Powder):
+        raise mistake("powder", repr(powder), "a powder", "powder=calibrate.PS, PA12, PEEK or Powder(radius_m=.., ..)")
+    phi = powder.final_contact_ratio if final_contact_ratio is None else real("final_contact_ratio", final_contact_ratio)
+    tolerance = real("tolerance", tolerance, 0.0)
+    kinetics, solver = word("kinetics", kinetics), word("solver", solver)
     if times.size == 0:
         return np.empty_like(times)
     sorted_times = np.ascontiguousarray(times.ravel()[order])
     found = _calibrate.contact_ratios(
-        sorted_times.tobytes(), (values[0], values[1], values[2]), powder._constants(), float(phi), (kinetics, solver, float(tolerance))
+        sorted_times.tobytes(), (values[0], values[1], values[2]), powder._constants(), phi, (kinetics, solver, tolerance)
     )
     ratios = np.empty(times.size)
     ratios[order] = np.frombuffer(found)
@@ -300,16 +314,21 @@ class Experiment:
             "seed": _whole("seed", seed),
             "kinetics": kinetics,
             "solver": solver,
-            "tolerance": float(tolerance),
+            "tolerance": real("tolerance", tolerance, 0.0),
         }
         if noise is not None:
+            if not isinstance(noise, Noise):
+                raise mistake("noise", repr(noise), "a noise model, as Inferred(s0=0.05)")
             options["noise"] = json.dumps(noise._spec())
         if window_s is not None:
-            options["window_s"] = (float(window_s[0]), float(window_s[1]))
+            window = numbers("window_s", window_s)
+            if window.shape != (2,):
+                raise mistake("window_s", repr(window_s), "two times [s], its begin and its end")
+            options["window_s"] = (float(window[0]), float(window[1]))
         if iterations is not None:
             options["iterations"] = _whole("iterations", iterations)
         if ess is not None:
-            options["ess"] = float(ess)
+            options["ess"] = real("ess", ess, 0.0)
         shown = Progress(progress)
         name = options.get("material") or Path(options["experiment"]).stem
         try:

@@ -19,8 +19,10 @@ ArrayLike = Union[Sequence[float], npt.NDArray[Any], float]
 
 def numbers(place: str, given: Any) -> FloatArray:
     """The given numbers as an array of finite doubles; ``place`` names them in an error."""
+    if given is None:
+        raise mistake(place, "None", "a number")
     try:
-        array = np.asarray(given, dtype=np.float64)
+        array = doubles(given)
     except (TypeError, ValueError) as error:
         raise mistake(place, f"{_shown(given)}, which is no array of numbers ({error})", "numbers") from None
     if not np.all(np.isfinite(array)):
@@ -29,6 +31,30 @@ def numbers(place: str, given: Any) -> FloatArray:
         value = np.atleast_1d(array)[tuple(at)]
         raise mistake(f"{place}[{index}]" if array.ndim else place, value, "a finite number", "leave out what was not measured")
     return array
+
+
+def doubles(given: Any) -> FloatArray:
+    """An array of doubles of real numbers, none of them masked."""
+    if np.ma.is_masked(given):
+        raise ValueError("values are masked: leave them out, or fill them")
+    if np.iscomplexobj(given):
+        raise TypeError("complex numbers: give real and imaginary part, or the modulus")
+    return np.array(given, dtype=np.float64)
+
+
+def real(place: str, given: Any, above: float = -np.inf) -> float:
+    """One finite number above a bound."""
+    array = numbers(place, given)
+    if array.ndim != 0 or not array > above:
+        raise mistake(place, _shown(given), "a number" if above == -np.inf else f"a number above {above:g}")
+    return float(array)
+
+
+def word(place: str, given: Any) -> str:
+    """A text."""
+    if not isinstance(given, str):
+        raise mistake(place, _shown(given), "a text")
+    return given
 
 
 def row(place: str, given: Any) -> FloatArray:
@@ -157,7 +183,7 @@ class Inferred(Noise):
     nu0: float = 4.0
 
     def _spec(self) -> dict[str, Any]:
-        return {"kind": "inferred", "nu0": float(self.nu0), "s0": float(self.s0)}
+        return {"kind": "inferred", "nu0": real("nu0 of the noise", self.nu0), "s0": real("s0 of the noise", self.s0)}
 
 
 @dataclass(frozen=True)
@@ -174,7 +200,7 @@ class Correlated(Noise):
     def _spec(self) -> dict[str, Any]:
         if self.scale not in (None, "log", "linear"):
             raise mistake("Correlated scale", repr(self.scale), '"log", "linear" or None')
-        spec: dict[str, Any] = {"kind": "correlated", "nu0": float(self.nu0), "s0": float(self.s0)}
+        spec: dict[str, Any] = {"kind": "correlated", "nu0": real("nu0 of the noise", self.nu0), "s0": real("s0 of the noise", self.s0)}
         return {**spec, "scale": self.scale} if self.scale else spec
 
 
@@ -186,7 +212,7 @@ class Robust(Noise):
     nu0: float = 4.0
 
     def _spec(self) -> dict[str, Any]:
-        return {"kind": "robust", "nu0": float(self.nu0), "s0": float(self.s0)}
+        return {"kind": "robust", "nu0": real("nu0 of the noise", self.nu0), "s0": real("s0 of the noise", self.s0)}
 
 
 @dataclass(frozen=True)
@@ -207,7 +233,7 @@ class Relative(Noise):
     share: float
 
     def _spec(self) -> dict[str, Any]:
-        return {"kind": "fixed", "sigma": {"relative": float(self.share)}}
+        return {"kind": "fixed", "sigma": {"relative": real("share of Relative", self.share)}}
 
 
 @dataclass(frozen=True)
@@ -217,7 +243,7 @@ class EssTarget(Noise):
     share: float
 
     def _spec(self) -> dict[str, Any]:
-        return {"kind": "ess-target", "share": float(self.share)}
+        return {"kind": "ess-target", "share": real("share of EssTarget", self.share)}
 
 
 class Observations:
@@ -255,8 +281,10 @@ class Observations:
             raise mistake(f"{label} noise", _shown(noise), "a noise model", "noise=Inferred(s0=ABOUT), ABOUT the scatter in the unit of y")
         if self.x is not None and self.x.shape != self.y.shape:
             raise mistake(f"{label} x", f"{self.x.size} numbers", f"{self.y.size}, one for each value of y")
-        self.noise, self.name, self.unit = noise, name, unit
-        self.x_name, self.x_unit = x_name, x_unit
+        noise._spec()
+        self.noise, self.name = noise, None if name is None else word("Observations name", name)
+        self.unit = word(f"{label} unit", unit)
+        self.x_name, self.x_unit = word(f"{label} x_name", x_name), word(f"{label} x_unit", x_unit)
 
     def __len__(self) -> int:
         return int(self.y.size)

@@ -13,7 +13,7 @@ import numpy as np
 
 from . import _arviz, _calibrate
 from ._errors import mistake
-from ._priors import FloatArray
+from ._priors import FloatArray, numbers
 
 
 class Text(str):
@@ -88,11 +88,25 @@ class Marginal:
     unit: str
 
 
+def _not_negative(place: str, given: Any) -> list[float]:
+    array = np.atleast_1d(numbers(place, given))
+    if array.ndim != 1 or np.any(array < 0):
+        raise mistake(place, repr(given), "numbers of at least 0")
+    values: list[float] = array.tolist()
+    return values
+
+
+class Temporary:
+    """What keeps a temporary folder: it goes with the last that holds this."""
+
+
 class Figure:
     """A figure of a run. A notebook shows it; :attr:`png` and :attr:`svg` are its files."""
 
-    def __init__(self, png: Path) -> None:
+    def __init__(self, png: Path, owner: Temporary | None = None) -> None:
         self.png, self.svg = png, png.with_suffix(".svg")
+        # The files are there as long as the figure is.
+        self._owner = owner
 
     def save(self, path: str | Path) -> Path:
         """Copies it to a file that ends with .png or .svg."""
@@ -120,6 +134,7 @@ class Run:
 
     def __init__(self, path: str | Path) -> None:
         found = _calibrate.read(Path(path))
+        self._owner: Temporary | None = None
         #: Folder of the run, with everything that the command writes: tables, figures, ``report.html``.
         self.folder = Path(found["folder"])
         #: Contents of ``posterior.json``.
@@ -201,8 +216,8 @@ class Run:
 
         For runs of a pair of particles. ``radius_m`` is that of the particles that are predicted [m].
         """
-        targets = np.atleast_1d(np.asarray(contact_ratio, dtype=float)).tolist()
-        times = np.atleast_1d(np.asarray(after_s, dtype=float)).tolist()
+        targets = _not_negative("contact_ratio", contact_ratio)
+        times = _not_negative("after_s", after_s)
         text, found = _calibrate.predict(self.folder, targets, times, (radius_m, with_noise))
         return Prediction(json.loads(found), text)
 
@@ -211,7 +226,7 @@ class Run:
         if not path.is_file():
             there = ", ".join(self.figures) or "none"
             raise mistake("figure", repr(name), f"one of this run's: {there}")
-        return Figure(path)
+        return Figure(path, self._owner)
 
     @property
     def figures(self) -> list[str]:

@@ -15,10 +15,15 @@ from typing import Any
 import numpy as np
 
 from ._errors import SimulatorMistake, mistake
-from ._priors import FloatArray, numbers
+from ._priors import FloatArray, doubles, numbers
 from ._progress import Progress
 
 Function = Callable[..., Any]
+
+#: What a simulation may end by: all but Ctrl-C. Programs that were made for a shell end by ``sys.exit``.
+ENDS = (Exception, SystemExit, GeneratorExit)
+#: Longest text of an exception that is passed on.
+LONGEST = 500
 
 
 class StoredRuns:
@@ -34,7 +39,10 @@ class StoredRuns:
 
     def __init__(self, parameters: Mapping[str, Any], outputs: Any) -> None:
         self.parameters = {name: numbers(f"StoredRuns {name}", values) for name, values in parameters.items()}
-        self.outputs: FloatArray = np.asarray(outputs, dtype=np.float64)
+        try:
+            self.outputs: FloatArray = doubles(outputs)
+        except (TypeError, ValueError) as error:
+            raise mistake("StoredRuns outputs", f"{type(outputs).__name__}, which is no array of numbers ({error})", "(n, m): a row for each parameter set") from None
         if self.outputs.ndim != 2:
             raise mistake("StoredRuns outputs", f"an array of shape {self.outputs.shape}", "(n, m): a row for each parameter set")
         for name, values in self.parameters.items():
@@ -63,6 +71,11 @@ def takes_names(function: Function, names: Sequence[str]) -> bool:
         return True
     kinds = [p.kind for p in own.values()]
     if inspect.Parameter.VAR_KEYWORD in kinds or any(name in own for name in names):
+        try:
+            inspect.signature(function).bind(**dict.fromkeys(names))
+        except TypeError as error:
+            found = f"the signature {inspect.signature(function)} ({error})"
+            raise mistake(f"simulator {name_of(function)}", found, f"one that takes {', '.join(names)} by name", "give parameters and arguments the same names", SimulatorMistake) from None
         return True
     required = [p for p in own.values() if p.default is p.empty and p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
     if len(required) == 1:
@@ -103,7 +116,7 @@ class Called:
         what = "one value for each observation" if rows is None else "a row for each parameter set, a column for each observation"
         try:
             # Nothing would become NaN.
-            array = np.asarray(() if returned is None else returned, dtype=np.float64)
+            array = doubles(() if returned is None else returned)
             if returned is None:
                 raise TypeError("nothing was returned")
         except (TypeError, ValueError) as error:
@@ -133,7 +146,19 @@ class Failed:
     @classmethod
     def by(cls, error: BaseException) -> Failed:
         """By an exception."""
-        return cls(cause_of(error), f"{type(error).__name__}: {error}")
+        try:
+            text = str(error)
+        except Exception:
+            text = "(its text cannot be had)"
+        shown = text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+        return cls(cause_of(error), f"{type(error).__name__}: {shown}")
+
+
+class Unusable:
+    """What a function returned that is no array of the right shape: the words after its place."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
 
 
 _of_process: Called | None = None
@@ -153,9 +178,14 @@ def _ready() -> None:
 def _one(values: list[float]) -> Any:
     assert _of_process is not None
     try:
-        return _of_process(values)
-    except Exception as error:
+        returned = _of_process(values)
+    except ENDS as error:
         return Failed.by(error)
+    # Only numbers are sent: what else a function returns need not be fit for that.
+    try:
+        return _of_process.checked("", returned)
+    except SimulatorMistake as error:
+        return Unusable(str(error))
 
 
 def _alone(called: Called, values: list[float], answer: Any) -> None:
@@ -279,7 +309,7 @@ class Simulator:
         assert self.called is not None
         try:
             return self.called(theta.tolist())
-        except Exception as error:
+        except ENDS as error:
             self.first_error = self.first_error or error
             return Failed.by(error)
         finally:
@@ -290,6 +320,8 @@ class Simulator:
         for row, one in enumerate(returned):
             if isinstance(one, Failed):
                 self._note(first, row, sets, one.cause, one.text, failures)
+            elif isinstance(one, Unusable):
+                raise SimulatorMistake(f"{self._place(first, row, sets)}{one.text}")
             else:
                 values[row] = self.called.checked(self._place(first, row, sets), one)
 
@@ -297,7 +329,7 @@ class Simulator:
         assert self.called is not None
         try:
             returned = self.called(list(np.ascontiguousarray(sets.T)))
-        except Exception as error:
+        except ENDS as error:
             self.first_error = self.first_error or error
             if len(sets) == 1:
                 self.progress.advance()
