@@ -173,7 +173,7 @@ def test_other_threads_of_python_go_on_while_the_library_works() -> None:
     took = time.monotonic() - began
     done.set()
     thread.join()
-    assert max(np.diff(ticks)) < max(0.5, 0.5 * took), "the lock was held"
+    assert len(ticks) > 20 and max(np.diff(ticks)) < max(0.5, 0.5 * took), "the lock was held"
 
 
 def test_a_run_in_a_folder_that_holds_another_plan_moves_that_aside(tmp_path: Path) -> None:

@@ -68,6 +68,7 @@ def test_a_tutorial_of_regression_finds_the_truth_within_what_grainlearning_says
         for parameter, truth in (("a", 0.2), ("b", 5.0)):
             own = ours[parameter]
             print(f"\n{name} {parameter}: truth {truth}, GrainLearning {best[parameter]:.4g}, here {own.mean:.4g} +- {own.sd:.2g}", end="")
+            assert own.sd < 0.01 * truth and abs(own.mean - truth) < 0.01 * truth
             assert abs(best[parameter] - own.mean) < 0.1 * truth
 
 
