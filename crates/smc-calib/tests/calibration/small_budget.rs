@@ -29,6 +29,7 @@ fn errors(reference: &Reference, settings: &Settings, seeds: u64) -> [f64; 3] {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn a_hundred_simulations_find_narrow_posteriors_that_the_default_sampler_misses() {
     for d in [2, 3, 4] {
         let reference = reference::gaussian(d, 0.8, 0.1);
