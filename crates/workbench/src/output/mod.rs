@@ -49,15 +49,34 @@ pub fn pretty(value: &impl Serialize) -> Result<String, RunError> {
     Ok(text)
 }
 
-/// A pool of so many threads; of all cores where no number is given.
+/// Most threads of a pool per core: more do nothing but wait for each other, and results are the same for any number.
+const THREADS_PER_CORE: usize = 8;
+
+/// A pool of so many threads, at most 8 per core; of all cores where no number is given.
 ///
 /// # Errors
 ///
 /// [`InputError`] for more threads than the machine can start.
 pub fn pool(threads: Option<usize>) -> Result<rayon::ThreadPool, InputError> {
-    rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build().map_err(|error| {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let started = threads.map_or(0, |threads| threads.min(THREADS_PER_CORE * cores));
+    rayon::ThreadPoolBuilder::new().num_threads(started).build().map_err(|error| {
         InputError::new("--threads", Mistake::OutOfRange)
             .found(threads.map_or_else(|| "all cores".to_owned(), |n| n.to_string()))
             .expected(format_args!("as many threads as the machine can start ({error})"))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pool_has_the_threads_that_were_asked_for_but_at_most_eight_per_core() {
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        for asked in [1, 2, THREADS_PER_CORE * cores, THREADS_PER_CORE * cores + 1, usize::MAX] {
+            let pool = pool(Some(asked)).expect("starts");
+            assert_eq!(pool.current_num_threads(), asked.min(THREADS_PER_CORE * cores));
+        }
+    }
 }
