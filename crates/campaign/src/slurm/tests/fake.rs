@@ -232,7 +232,7 @@ impl Cluster {
     }
 
     pub(super) fn wait_for(&self, condition: impl Fn() -> bool) {
-        let deadline = Instant::now() + Duration::from_secs(20);
+        let deadline = Instant::now() + Duration::from_secs(60);
         while !condition() {
             if Instant::now() > deadline {
                 self.stop.detach();
