@@ -23,26 +23,23 @@ pub(crate) fn check_prior(name: &str, spec: &str) -> PyResult<(f64, f64)> {
     Ok(Prior::new(spec).map_err(|error| refused(&error))?.support())
 }
 
+/// A name that an argument does not know.
+fn unknown<const N: usize>(argument: &str, name: &str, names: [&'static str; N]) -> PyErr {
+    let error = InputError::new(argument, Mistake::UnknownName)
+        .found(format_args!("\"{name}\""))
+        .expected(format_args!("one of {}", names.join(", ")));
+    mistaken(&error.did_you_mean(name, names))
+}
+
 /// The built-in material of a name.
 pub(crate) fn named(name: &str) -> PyResult<Material> {
-    Material::from_name(name).ok_or_else(|| {
-        let names = Material::NAMES;
-        let error = InputError::new("material", Mistake::UnknownName)
-            .found(format_args!("\"{name}\""))
-            .expected(format_args!("one of {}", names.join(", ")));
-        mistaken(&error.did_you_mean(name, names))
-    })
+    Material::from_name(name).ok_or_else(|| unknown("material", name, Material::NAMES))
 }
 
 /// The kinetics of a name.
 pub(crate) fn kinetics(name: &str) -> PyResult<Kinetics> {
-    let names = Kinetics::ALL.map(Kinetics::name);
-    Kinetics::from_str(name).map_err(|_| {
-        let error = InputError::new("kinetics", Mistake::UnknownName)
-            .found(format_args!("\"{name}\""))
-            .expected(format_args!("one of {}", names.join(", ")));
-        mistaken(&error.did_you_mean(name, names))
-    })
+    Kinetics::from_str(name)
+        .map_err(|_| unknown("kinetics", name, Kinetics::ALL.map(Kinetics::name)))
 }
 
 /// The solver of a name; none for "auto".
