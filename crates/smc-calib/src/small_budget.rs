@@ -42,6 +42,16 @@ const NEAREST: usize = 4;
 /// Half the variance of a log likelihood up to which the process is believed: a standard deviation of two.
 const UNSURE: f64 = 2.0;
 
+/// Components of a proposal at most.
+const COMPONENTS: usize = 8;
+/// Every so many stages, a process through log likelihoods places samples where what it does not know weighs most: by f sd
+/// instead of f, with the log likelihood raised by so many standard deviations sd, within a bound, and with a floor below sd.
+/// The control variate leaves f times the process's error, which is what these samples make small.
+const HUNTS: usize = 3;
+const OPTIMISM: f64 = 2.0;
+const MOST_OPTIMISM: f64 = 6.0;
+const KNOWN: f64 = 0.1;
+
 /// A stand-in for the log likelihood.
 pub(crate) struct StandIn<'a> {
     target: &'a dyn Target,
@@ -53,6 +63,8 @@ pub(crate) struct StandIn<'a> {
     /// Power of the likelihood: its root mean square error, when each of the best samples is left out, is then
     /// [`ERROR`] at most.
     power: f64,
+    /// Whether the density that is placed by is that of what the process does not know, f sd, rather than f.
+    hunting: bool,
 }
 
 impl<'a> StandIn<'a> {
@@ -110,7 +122,7 @@ impl<'a> StandIn<'a> {
         } else {
             None
         };
-        Some(Self { target, process, outputs, failing, power })
+        Some(Self { target, process, outputs, failing, power, hunting: false })
     }
 
     /// Log likelihood, not flattened, lowered where the process does not know it: by what half its variance exceeds [`UNSURE`] by.
@@ -224,7 +236,13 @@ impl Target for StandIn<'_> {
             self.process.predict(z, &mut one);
             one[0]
         };
-        Ok(self.power * ln_l + self.ln_finished(z))
+        let sought = if self.hunting {
+            let sd = self.process.variance(z).sqrt() * self.process.units[0];
+            self.power * (ln_l + (OPTIMISM * sd).min(MOST_OPTIMISM)) + (sd.min(1.0) + KNOWN).ln()
+        } else {
+            self.power * ln_l
+        };
+        Ok(sought + self.ln_finished(z))
     }
 }
 
@@ -301,18 +319,20 @@ impl Sampler<'_> {
         }
         let n = self.pool.len();
         let covariance = match &self.searched {
-            Some((searched, rough)) if n > FEW && (n as f64) < GROWN * *searched as f64 => {
-                Covariance::Rough(rough)
+            Some((searched, known)) if n > FEW && (n as f64) < GROWN * *searched as f64 => {
+                Covariance::Known(known)
             }
             _ => Covariance::Search,
         };
-        let stand_in = StandIn::new(self.target, &self.pool, weights, 0..n, covariance)?;
-        if let (Covariance::Search, Some(rough)) = (covariance, &stand_in.process.rough) {
-            self.searched = Some((n, rough.clone()));
-        }
         let stage = self.stages();
+        let mut stand_in = StandIn::new(self.target, &self.pool, weights, 0..n, covariance)?;
+        if matches!(covariance, Covariance::Search) {
+            self.searched = Some((n, stand_in.process.searched.clone()));
+        }
+        stand_in.hunting = !stand_in.outputs && stage % HUNTS == 1;
         let settings = Settings {
             samples: EVALUATIONS,
+            max_components: COMPONENTS,
             iterations: 5,
             replicates: 1,
             seed: self.settings.seed ^ ((stage as u64) << 48),
