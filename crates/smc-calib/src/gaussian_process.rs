@@ -312,9 +312,8 @@ mod tests {
     #[test]
     fn values_of_a_smooth_function_are_met_closer_than_their_nuggets_and_better_between() {
         // Its values span ten nuggets.
-        let valley = |z: &[f64]| {
-            vec![-1e-3 * ((z[0] * z[0] - z[1]).powi(2) + 0.01 * (z[0] - 1.0).powi(2))]
-        };
+        let valley =
+            |z: &[f64]| vec![-1e-3 * ((z[0] * z[0] - z[1]).powi(2) + 0.01 * (z[0] - 1.0).powi(2))];
         let process = through(&points(60), 1, valley);
         assert!(process.kernel.nugget() < 0.2, "{:?}", process.kernel);
         for z in [[0.3, 0.2], [-0.7, 0.9], [1.2, 0.4]] {
