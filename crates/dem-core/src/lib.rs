@@ -11,6 +11,7 @@
 //! | the pair that is simulated | [`PairSpec`], [`PairScene`] |
 //! | its solvers | [`solvers`] |
 //! | beds of many particles | [`bed`] |
+//! | temperature histories and reduced time | [`heat`] |
 //! | densification in closed form: pairs, open pores, closed pores | [`densification`] |
 //! | Table 3 as printed and in SI | [`printed`] |
 //! | the paper's powders and numbers | [`paper`] |
@@ -39,6 +40,7 @@ pub mod bed;
 pub mod contact_law;
 pub mod densification;
 mod error;
+pub mod heat;
 pub mod kinetics;
 mod knee;
 pub mod lanes;

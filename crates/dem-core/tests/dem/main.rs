@@ -3,6 +3,7 @@
 mod bad_input;
 mod contact_law;
 mod convergence;
+mod heat;
 mod kinetics;
 mod names;
 mod paper_statements;
