@@ -101,7 +101,7 @@ pub(crate) fn contact_ratios<'py>(
     let (kinetics, forced, tolerance) = (kinetics(&model.0)?, solver(&model.1)?, model.2);
     let times_s = doubles(times_s);
     let (c1, tau_s, delta_c) = sintering;
-    let sintering = Sintering { c1, tau_s, delta_c };
+    let sintering = Sintering { c1, tau_s, delta_c, lambda: 0.0 };
     let computed = py.detach(|| {
         let kind = forced.unwrap_or_else(|| choose_solver(&scene, kinetics, tolerance).kind);
         let settings = SolverSettings { tolerance, ..SolverSettings::of(kind) };

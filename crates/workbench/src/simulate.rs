@@ -194,12 +194,13 @@ fn sintering(options: &CurveOptions, experiment: &Experiment) -> Result<Sinterin
             }
         }
         // Never looked at by these kinetics.
-        return Ok(Sintering { c1: f64::NAN, tau_s, delta_c: f64::NAN });
+        return Ok(Sintering { c1: f64::NAN, tau_s, delta_c: f64::NAN, lambda: 0.0 });
     }
     Ok(Sintering {
         c1: required("--c1", options.c1, "the fluidity [1/(Pa s)]")?,
         tau_s,
         delta_c: required("--delta-c", options.delta_c, "the cut-off distance [m]")?,
+        lambda: 0.0,
     })
 }
 

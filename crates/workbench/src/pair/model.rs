@@ -109,6 +109,7 @@ impl NeckGrowth {
             c1: value(ParameterName::C1),
             tau_s: value(ParameterName::TauS) * self.tau_s_factor,
             delta_c: value(ParameterName::DeltaC),
+            lambda: 0.0,
         }
     }
 

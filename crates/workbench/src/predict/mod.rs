@@ -237,7 +237,7 @@ pub fn predict(calibrated: &PairDraws, wanted: &Wanted) -> Result<Prediction, Fa
 
 /// The pair of every draw at a radius, with its sintering parameters there.
 fn draws(calibrated: &PairDraws, radius_m: f64) -> Result<Vec<Drawn>, InputError> {
-    let unused = Sintering { c1: 1.0, tau_s: 1.0, delta_c: 1.0 };
+    let unused = Sintering { c1: 1.0, tau_s: 1.0, delta_c: 1.0, lambda: 0.0 };
     (0..calibrated.len())
         .map(|row| {
             let scene = calibrated.pair_of(row, radius_m).map_err(carried)?;
