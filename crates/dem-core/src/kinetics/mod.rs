@@ -170,6 +170,12 @@ impl Kinetics {
         self == Self::Bellehumeur
     }
 
+    /// Whether two particles that keep their volume take for ever to become one: `2^(1/3)` is never reached.
+    #[must_use]
+    pub fn only_approaches_the_merged_pair(self) -> bool {
+        matches!(self, Self::Pokluda | Self::ThreeStagePokluda | Self::Bellehumeur)
+    }
+
     /// Whether C1 and delta_c can be told apart by the curve. In `regime-map` they enter only as the
     /// product `C1 delta_c^2`, so that a calibration can know the product but neither factor.
     #[must_use]
