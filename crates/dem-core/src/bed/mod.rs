@@ -50,6 +50,7 @@ mod engine;
 mod error;
 mod forces;
 mod friction;
+mod heated;
 mod material;
 mod measure;
 mod motion;

@@ -317,6 +317,7 @@ impl SceneFile {
             name: self.name.clone(),
             bed,
             growing,
+            heat: None,
             phases: self.phases.clone(),
             free_box: self.free_box(),
             when_necks_meet: self.sintering.as_ref().map(|s| s.when_necks_meet).unwrap_or_default(),

@@ -84,8 +84,10 @@ impl Bed {
         let mut step_s = report.next_step_s.unwrap_or_else(|| self.first_step_s(rate, &equal));
         let (mut strain_rate, mut fallen_m) = (0.0, 0.0);
         let mut balanced = self.clone();
-        while self.time_s < until_s {
-            let left_s = until_s - self.time_s;
+        // In the time of growth: a balance of forces knows no other.
+        let (mut now_s, last_s) = (self.growth_time_s(self.time_s), self.growth_time_s(until_s));
+        while now_s < last_s {
+            let left_s = last_s - now_s;
             let this_s = without_sliver(step_s, left_s);
             if report.steps + report.rejected >= settings.max_work {
                 let (max_work, time_s) = (settings.max_work, self.time_s);
@@ -99,7 +101,7 @@ impl Bed {
                 {
                     (error, mean_error, strain)
                 }
-                failed if this_s < 1e-12 * until_s => {
+                failed if this_s < 1e-12 * last_s => {
                     return Err(self
                         .cause(failed.err().unwrap_or(BedError::NoRest { time_s: self.time_s })));
                 }
@@ -118,7 +120,9 @@ impl Bed {
                     continue;
                 }
             };
-            self.time_s = if this_s == left_s { until_s } else { self.time_s + this_s };
+            now_s = if this_s == left_s { last_s } else { now_s + this_s };
+            self.time_s =
+                if this_s == left_s { until_s } else { self.time_of_growth_s(now_s, until_s) };
             report.steps += 1;
             report.mean_error += mean_error;
             report.squared_error += error * error;
@@ -131,6 +135,9 @@ impl Bed {
                 break;
             }
             balanced.clone_from(self);
+        }
+        if now_s >= last_s {
+            self.time_s = self.time_s.max(until_s);
         }
         report.balanced_at_s = Some(self.time_s);
         report.next_step_s = step_s.is_finite().then_some(step_s);
