@@ -31,7 +31,7 @@
 
 use std::marker::PhantomData;
 
-use super::heated::StepPace;
+use super::heat_clock::StepPace;
 use super::material::ContactConstants;
 use crate::kinetics::RateCoefficients;
 use crate::{Branch, ContactLaw, Kinetic};

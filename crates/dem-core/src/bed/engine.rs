@@ -15,7 +15,7 @@
 use super::contact::{LawConstants, Memory, Scheme};
 use super::error::{BedError, within};
 use super::friction::Slider;
-use super::heated::HeatClock;
+use super::heat_clock::HeatClock;
 use super::material::{ContactConstants, Friction, Growing, Material, effective_radius};
 use super::motion::WallList;
 use super::necks::NeckLaw;

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use super::contact::{Growth, LawConstants, Memory, Scheme};
 use super::friction::Slider;
-use super::heated::StepPace;
+use super::heat_clock::StepPace;
 use super::material::{ContactConstants, effective_radius};
 use super::necks::{NeckLaw, NeckSprings};
 use super::neighbours::{NeighbourList, image_of, index_of};

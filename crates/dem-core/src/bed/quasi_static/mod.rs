@@ -70,10 +70,7 @@ impl Bed {
         report: &mut QuasiStaticReport,
     ) -> Result<(), BedError> {
         self.check_quasi_static(settings)?;
-        self.particles.velocity_m_per_s.fill(ZERO);
-        self.particles.half_velocity.fill(ZERO);
-        self.stop_turning();
-        self.fastest = 0.0;
+        self.stop_motion();
         let rate = self.rate();
         let ends = settings.ends_where_necks_meet && rate.is_some();
         let equal = self.equal_constants()?;
@@ -136,9 +133,8 @@ impl Bed {
             }
             balanced.clone_from(self);
         }
-        if now_s >= last_s {
-            self.time_s = self.time_s.max(until_s);
-        }
+        // Time goes on where nothing grows.
+        self.time_s = if now_s < last_s { self.time_s } else { self.time_s.max(until_s) };
         report.balanced_at_s = Some(self.time_s);
         report.next_step_s = step_s.is_finite().then_some(step_s);
         self.particles.velocity_m_per_s.fill(ZERO);
@@ -148,8 +144,11 @@ impl Bed {
         Ok(())
     }
 
-    /// A balance of forces knows no springs of friction and necks, and no rotation but that within a step.
-    fn stop_turning(&mut self) {
+    /// A balance of forces knows no velocities, no springs of friction and necks, and no rotation but that within a step.
+    fn stop_motion(&mut self) {
+        self.particles.velocity_m_per_s.fill(ZERO);
+        self.particles.half_velocity.fill(ZERO);
+        self.fastest = 0.0;
         let (particles, pairs) = (&mut self.particles, &mut self.pairs);
         for values in [
             &mut particles.spin,
