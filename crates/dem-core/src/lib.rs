@@ -11,6 +11,7 @@
 //! | the pair that is simulated | [`PairSpec`], [`PairScene`] |
 //! | its solvers | [`solvers`] |
 //! | beds of many particles | [`bed`] |
+//! | temperature histories and reduced time | [`heat`] |
 //! | densification in closed form: pairs, open pores, closed pores | [`densification`] |
 //! | Table 3 as printed and in SI | [`printed`] |
 //! | the paper's powders and numbers | [`paper`] |
@@ -19,7 +20,7 @@
 //! use dem_core::{Kinetics, PairSpec, Sintering, SolverSettings, paper, simulate};
 //!
 //! let scene = PairSpec::new(paper::PA12, 2f64.cbrt()).build()?;
-//! let sintering = Sintering { c1: 2.4e-5, tau_s: 3.81, delta_c: 9.5e-8 };
+//! let sintering = Sintering { c1: 2.4e-5, tau_s: 3.81, delta_c: 9.5e-8, lambda: 0.0 };
 //! let times_s = [0.0, 0.5, 1.0, 2.0, 4.0, 8.0];
 //! let curve = simulate(&scene, Kinetics::ThreeStage, &sintering, &SolverSettings::default(), &times_s)?;
 //! assert!(curve.contact_ratio.is_sorted());
@@ -39,6 +40,7 @@ pub mod bed;
 pub mod contact_law;
 pub mod densification;
 mod error;
+pub mod heat;
 pub mod kinetics;
 mod knee;
 pub mod lanes;
@@ -52,11 +54,12 @@ pub mod solvers;
 pub use contact_law::{Branch, ContactLaw};
 pub use error::{SceneError, SolveError};
 pub use kinetics::{Kinetic, Kinetics};
-pub use knee::{Knee, knee, time_to_contact_ratio};
+pub use knee::{Knee, heated_time_to_contact_ratio, knee, time_to_contact_ratio};
 pub use powder::Powder;
 pub use scene::{Damping, PairScene, PairSpec};
 pub use sintering::Sintering;
 pub use solvers::{
-    Curve, PairSolver, QuasiStaticLag, SolveReport, SolverChoice, SolverKind, SolverSettings,
-    StopReason, choose_solver, contact_ratios, simulate, verlet_batch,
+    Curve, PairRun, PairSolver, QuasiStaticLag, SolveReport, SolverChoice, SolverKind,
+    SolverSettings, StopReason, choose_solver, contact_ratios, heated_contact_ratios, simulate,
+    simulate_heated, verlet_batch,
 };

@@ -70,7 +70,7 @@ impl OfPair<'_> {
                 ParameterName::C1 => si.c1,
                 ParameterName::TauS => si.tau_s,
                 ParameterName::DeltaC => si.delta_c,
-                ParameterName::Phi | ParameterName::T0 => return None,
+                ParameterName::Lambda | ParameterName::Phi | ParameterName::T0 => return None,
             };
             Some(100.0 * self.weighted(|theta| theta[place]).share_below(value))
         };

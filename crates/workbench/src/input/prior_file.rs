@@ -7,6 +7,7 @@
 //! | `[tau_s]` | required | sintering time | s |
 //! | `[c1]` | required by kinetics with stage 2 | fluidity C1 | 1/(Pa s) |
 //! | `[delta_c]` | required by kinetics with stage 2 | cut-off distance of the adhesive traction | m |
+//! | `[lambda]` | optional | relaxation time of the kinetics `bellehumeur`; from a thousandth of tau_s to ten times it where not given | s |
 //! | `[phi]` | optional | final contact ratio, calibrated instead of taken from the experiment | 1 |
 //! | `[t0]` | optional | time of first contact in the table's clock, calibrated instead of zero; may be negative | s |
 //!
@@ -41,7 +42,7 @@ pub struct PriorFile {
     /// The file, or `built-in`.
     pub file_name: String,
     /// Priors in the order of [`ParameterName::ALL`]; that of tau_s is always there.
-    priors: [Option<Prior>; 5],
+    priors: [Option<Prior>; 6],
 }
 
 impl PriorFile {
@@ -74,7 +75,7 @@ impl PriorFile {
         let fields = document.top();
         fields.text("title")?;
         fields.text("source")?;
-        let mut priors = [const { None }; 5];
+        let mut priors = [const { None }; 6];
         for (place, parameter) in priors.iter_mut().zip(ParameterName::ALL) {
             if let Some(table) = fields.table(parameter.name())? {
                 *place = Some(prior(parameter, &table)?);
@@ -92,7 +93,7 @@ impl PriorFile {
         self.priors[parameter as usize].as_ref()
     }
 
-    /// The parameters to calibrate under these kinetics, in the order c1, tau_s, delta_c, phi, t0.
+    /// The parameters to calibrate under these kinetics, in the order c1, tau_s, delta_c, lambda, phi, t0.
     ///
     /// # Errors
     ///
@@ -100,13 +101,15 @@ impl PriorFile {
     pub fn parameters(&self, kinetics: Kinetics) -> Result<Vec<Parameter>, InputError> {
         let used =
             ParameterName::ALL.into_iter().filter(|parameter| parameter.is_used_by(kinetics));
+        let given_or_default = |parameter: ParameterName| {
+            let default = || parameter.default_prior(self.get(ParameterName::TauS)?);
+            self.get(parameter).cloned().or_else(default)
+        };
         used.filter(|&parameter| !parameter.is_optional() || self.get(parameter).is_some())
-            .map(|parameter| match self.get(parameter) {
-                Some(prior) => {
-                    Ok(Parameter::new(parameter.name(), parameter.unit(), prior.clone()))
-                }
+            .map(|parameter| match given_or_default(parameter) {
+                Some(prior) => Ok(Parameter::new(parameter.name(), parameter.unit(), prior)),
                 None => Err(missing(&self.file_name, parameter).help(format_args!(
-                    "or choose kinetics without it: --kinetics frenkel or pokluda, not {kinetics}"
+                    "or choose kinetics without it: --kinetics frenkel, pokluda or bellehumeur, not {kinetics}"
                 ))),
             })
             .collect()
@@ -118,6 +121,7 @@ fn missing(file: &str, parameter: ParameterName) -> InputError {
         ParameterName::C1 => "lower = 1e-8, upper = 1e-2",
         ParameterName::TauS => "lower = 0.5, upper = 50.0",
         ParameterName::DeltaC => "lower = 1e-8, upper = 3e-6",
+        ParameterName::Lambda => "lower = 1e-3, upper = 10.0",
         ParameterName::Phi => "lower = 1.0, upper = 1.35",
         ParameterName::T0 => "lower = 0.01, upper = 10.0",
     };

@@ -20,7 +20,7 @@ pub struct NeckGrowth {
     /// Length of a parameter vector.
     parameters: usize,
     /// Place of each of the model's parameters in it, in the order of [`ParameterName::ALL`].
-    places: [Option<usize>; 5],
+    places: [Option<usize>; 6],
     /// Factor from the calibrated tau_s to that of this pair.
     tau_s_factor: f64,
     powder: Powder,
@@ -102,13 +102,14 @@ impl NeckGrowth {
         ParameterName::ALL.into_iter().find(|parameter| self.place(*parameter) == Some(place))
     }
 
-    /// Sintering parameters at a parameter vector; those that are not calibrated are 1.
+    /// Sintering parameters at a parameter vector; those that are not calibrated are 1, lambda 0.
     pub fn sintering(&self, theta: &[f64]) -> Sintering {
         let value = |name| self.place(name).map_or(1.0, |place| theta[place]);
         Sintering {
             c1: value(ParameterName::C1),
             tau_s: value(ParameterName::TauS) * self.tau_s_factor,
             delta_c: value(ParameterName::DeltaC),
+            lambda: self.place(ParameterName::Lambda).map_or(0.0, |place| theta[place]),
         }
     }
 
@@ -271,7 +272,7 @@ mod tests {
         let powder = dem_core::paper::PS;
         let model = NeckGrowth {
             parameters: 3,
-            places: [Some(0), Some(1), Some(2), None, None],
+            places: [Some(0), Some(1), Some(2), None, None, None],
             tau_s_factor: 1.0,
             powder,
             scene: PairSpec::new(powder, 1.08).build().expect("a scene"),
@@ -310,7 +311,7 @@ mod tests {
     fn phi_as_a_fourth_parameter_moves_the_plateau_and_nothing_before_it() {
         let model = NeckGrowth {
             parameters: 2,
-            places: [None, Some(0), None, Some(1), None],
+            places: [None, Some(0), None, None, Some(1), None],
             tau_s_factor: 1.0,
             powder: dem_core::paper::PS,
             scene: PairSpec::new(dem_core::paper::PS, 1.2).build().expect("a scene"),
@@ -333,7 +334,7 @@ mod tests {
         let scene = PairSpec::new(dem_core::paper::PA12, 1.26).build().expect("a scene");
         let from_contact = NeckGrowth {
             parameters: 4,
-            places: [Some(0), Some(1), Some(2), None, None],
+            places: [Some(0), Some(1), Some(2), None, None, None],
             tau_s_factor: 1.0,
             powder: dem_core::paper::PA12,
             kinetics: Kinetics::ThreeStage,
@@ -343,7 +344,7 @@ mod tests {
             scene,
         };
         let in_the_clock = NeckGrowth {
-            places: [Some(0), Some(1), Some(2), None, Some(3)],
+            places: [Some(0), Some(1), Some(2), None, None, Some(3)],
             times_s: vec![0.0, 1.0, 2.0, 2.5, 5.0],
             ..from_contact.clone()
         };

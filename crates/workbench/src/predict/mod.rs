@@ -208,7 +208,7 @@ pub fn predict(calibrated: &PairDraws, wanted: &Wanted) -> Result<Prediction, Fa
     let radius_m = wanted.radius_m.unwrap_or(calibrated_radius_m);
     let (sintering, after) = predicted(&draws(calibrated, radius_m)?, wanted)?;
     let mut advice = calibrated.advice.clone();
-    if kinetics == Kinetics::Pokluda || kinetics == Kinetics::ThreeStagePokluda {
+    if kinetics.only_approaches_the_merged_pair() {
         let limit = 2f64.cbrt();
         if wanted.targets.iter().any(|target| (target - limit).abs() < 1e-3) {
             advice.push(Careful::NeverReached { kinetics: kinetics.to_string() }.to_string());
@@ -237,7 +237,7 @@ pub fn predict(calibrated: &PairDraws, wanted: &Wanted) -> Result<Prediction, Fa
 
 /// The pair of every draw at a radius, with its sintering parameters there.
 fn draws(calibrated: &PairDraws, radius_m: f64) -> Result<Vec<Drawn>, InputError> {
-    let unused = Sintering { c1: 1.0, tau_s: 1.0, delta_c: 1.0 };
+    let unused = Sintering { c1: 1.0, tau_s: 1.0, delta_c: 1.0, lambda: 0.0 };
     (0..calibrated.len())
         .map(|row| {
             let scene = calibrated.pair_of(row, radius_m).map_err(carried)?;
