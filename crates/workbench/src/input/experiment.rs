@@ -62,16 +62,25 @@ macro_rules! built_in {
     };
 }
 
-const BUILT_IN: [BuiltIn; 4] = [
+const BUILT_IN: [BuiltIn; 6] = [
     built_in!("ps-r30"),
     built_in!("pa12-r32"),
     built_in!("pa12-r30"),
+    built_in!("pa12-r29-3"),
+    built_in!("pa12-r28-9"),
     built_in!("peek-450pf-r25"),
 ];
 
 /// Names of the built-in experiments.
-pub const BUILT_IN_NAMES: [&str; 4] =
-    [BUILT_IN[0].name, BUILT_IN[1].name, BUILT_IN[2].name, BUILT_IN[3].name];
+pub const BUILT_IN_NAMES: [&str; BUILT_IN.len()] = {
+    let mut names = [""; BUILT_IN.len()];
+    let mut place = 0;
+    while place < names.len() {
+        names[place] = BUILT_IN[place].name;
+        place += 1;
+    }
+    names
+};
 
 /// A checked experiment.
 #[derive(Debug, Clone, PartialEq)]

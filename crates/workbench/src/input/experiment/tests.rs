@@ -110,9 +110,13 @@ fn built_in_experiments_are_those_of_the_paper() {
         assert_eq!(experiment.observations(None).expect("all").len(), points);
         assert_eq!(experiment.final_contact_ratio, phi);
     }
-    let other_pair = Experiment::built_in("pa12-r30").expect("built in");
-    let transferred = 31.5e-6 * 30.4 / 32.1;
-    assert!((other_pair.powder.radius_m / transferred - 1.0).abs() < 1e-6);
+    for (name, measured_um) in [("pa12-r30", 30.4), ("pa12-r29-3", 29.3), ("pa12-r28-9", 28.8)] {
+        let other_pair = Experiment::built_in(name).expect("built in");
+        let transferred = 31.5e-6 * measured_um / 32.1;
+        assert!((other_pair.powder.radius_m / transferred - 1.0).abs() < 2e-6, "{name}");
+        let measured_m = other_pair.measured_radius_m.expect("a measured radius");
+        assert!((1e6 * measured_m / measured_um - 1.0).abs() < 1e-12, "{name}");
+    }
     let misspelt = Experiment::built_in("pa12-r23").expect_err("unknown");
     assert!(misspelt.to_string().contains("did you mean pa12-r32?"), "{misspelt}");
 }
