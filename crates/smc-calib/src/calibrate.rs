@@ -64,7 +64,7 @@ pub fn calibrate_joint(
         if enough && !sampler.target.will_revise() {
             refuse_failures(&sampler.pool, settings)?;
         }
-        let record = stage_record(&sampler, problem, tuned, last);
+        let record = stage_record(&sampler, &problem.coordinate(), tuned, last);
         // Stages that were placed meanwhile are still taken.
         let may_end = tuned.is_none() && settings.earlier.is_empty();
         if stop.is_none() && may_end && !stages.is_empty() && !last {
@@ -138,9 +138,10 @@ pub(crate) struct Staged {
     worst_mean_error: f64,
 }
 
+/// Record of the newest stage; `coordinate(j, z_j)` is what moments are taken of.
 pub(crate) fn stage_record(
     sampler: &Sampler<'_>,
-    problem: &JointProblem<'_>,
+    coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
     tuned: Option<f64>,
     last: bool,
 ) -> Staged {
@@ -169,13 +170,13 @@ pub(crate) fn stage_record(
         let estimator = Estimator::new(pool, raw, ln_scale, sampler.replicates);
         (record.log_evidence, record.log_evidence_se) = estimator.log_evidence();
         worst_mean_error = 0.0;
-        for (j, p) in problem.parameters.iter().enumerate() {
+        for j in 0..pool.d {
             let x: Vec<f64> = (0..pool.len())
                 .into_par_iter()
                 .with_min_len(256)
                 .map(|i| {
                     if estimator.weights[i] > 0.0 {
-                        p.prior.to_coordinate(p.prior.from_z(pool.z[i * pool.d + j]))
+                        coordinate(j, pool.z[i * pool.d + j])
                     } else {
                         0.0
                     }

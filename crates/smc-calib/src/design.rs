@@ -66,7 +66,7 @@ pub fn calibrate_design(
     let replicates: Vec<u32> = (0..sets.len()).map(|set| (set % groups) as u32).collect();
     sampler.simulate(Proposal::prior(d), &z, &replicates)?;
     refuse_failures(&sampler.pool, &settings)?;
-    let stages = vec![stage_record(&sampler, problem, None, true).record];
+    let stages = vec![stage_record(&sampler, &problem.coordinate(), None, true).record];
     // There is nothing left to stop.
     let _ = observer.stage(&stages[0]);
     let (raw, ln_scale) = final_weights(&sampler, None);

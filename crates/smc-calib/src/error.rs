@@ -54,6 +54,14 @@ pub enum CalibrateError {
         /// The problem with it.
         problem: String,
     },
+    /// A member of a population that cannot be used.
+    #[error("member {member} of the population: {problem}")]
+    Member {
+        /// Its name.
+        member: String,
+        /// The problem with it.
+        problem: String,
+    },
     /// The simulator said that it cannot run at all.
     #[error("the simulator cannot run, stopped after {simulations} simulations: {cause}")]
     Fatal {

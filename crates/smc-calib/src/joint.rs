@@ -68,6 +68,14 @@ impl JointProblem<'_> {
             .collect()
     }
 
+    /// What moments are taken of: the coordinate of a parameter at its normal score.
+    pub(crate) fn coordinate(&self) -> impl Fn(usize, f64) -> f64 + Sync + '_ {
+        |j, z| {
+            let prior = &self.parameters[j].prior;
+            prior.to_coordinate(prior.from_z(z))
+        }
+    }
+
     /// Control values of all observations, group after group.
     pub(crate) fn control(&self) -> Vec<f64> {
         self.groups.iter().flat_map(|g| g.observations.control().iter().copied()).collect()

@@ -29,6 +29,7 @@ mod observations;
 mod parts;
 mod path;
 mod pool;
+pub mod population;
 mod posterior;
 mod predictive;
 mod prior;

@@ -29,6 +29,8 @@ pub(crate) enum Purpose {
     Failures = 19,
     /// Scrambling of the nets that a surrogate is integrated with.
     Surrogate = 8,
+    /// The next member of a population.
+    NextMember = 20,
 }
 
 /// The stream of `seed` for one purpose, stage and index (sample or sub-net, below 2^40).

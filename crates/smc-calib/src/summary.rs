@@ -120,7 +120,7 @@ pub(crate) fn summarise(
 }
 
 /// An effective sample size of n simulations.
-fn of_size(importance: f64, n: usize) -> EffectiveSampleSize {
+pub(crate) fn of_size(importance: f64, n: usize) -> EffectiveSampleSize {
     EffectiveSampleSize { importance, per_simulation: importance / n as f64 }
 }
 
@@ -136,11 +136,7 @@ fn estimator(
         let estimator = Estimator::new(&sampler.pool, raw.to_vec(), ln_scale, sampler.replicates);
         return (estimator, Evidence { agree: true, ..Evidence::default() });
     }
-    let coordinate = |j: usize, z: f64| {
-        let prior = &problem.parameters[j].prior;
-        prior.to_coordinate(prior.from_z(z))
-    };
-    estimate(sampler, raw, ln_scale, &coordinate, finishing)
+    estimate(sampler, raw, ln_scale, &problem.coordinate(), finishing)
 }
 
 /// The chosen samples with the noise that was drawn for each.
@@ -154,14 +150,14 @@ fn draws(chosen: &[usize], noise: Option<&GroupNoise>) -> Vec<Draw> {
 }
 
 /// One parameter of all samples.
-struct Columns<'a> {
-    z: &'a [f64],
-    theta: &'a [f64],
-    coordinate: &'a [f64],
+pub(crate) struct Columns<'a> {
+    pub z: &'a [f64],
+    pub theta: &'a [f64],
+    pub coordinate: &'a [f64],
 }
 
 /// Summary of the samples of one parameter, with the k-hat of its moments by the weights `judged`; the MAP is filled in later.
-fn parameter_summary(
+pub(crate) fn parameter_summary(
     p: &Parameter,
     of: &Columns<'_>,
     judged: &[f64],
@@ -191,7 +187,7 @@ fn parameter_summary(
 }
 
 /// Pareto shape of the tail of some values, and the share of their sum that it has where it is heavy.
-fn tail(values: &[f64]) -> (f64, f64) {
+pub(crate) fn tail(values: &[f64]) -> (f64, f64) {
     let khat = psis::khat(values);
     (khat, if khat_holds(khat) { 0.0 } else { psis::tail_share(values) })
 }
@@ -289,7 +285,7 @@ fn columns(
 }
 
 /// Correlation matrix of weighted columns.
-fn correlation(columns: &[Vec<f64>], e: &Estimator) -> Vec<Vec<f64>> {
+pub(crate) fn correlation(columns: &[Vec<f64>], e: &Estimator) -> Vec<Vec<f64>> {
     let d = columns.len();
     let means: Vec<f64> = columns.iter().map(|x| e.mean(|i| x[i])).collect();
     let mut c = vec![vec![0.0; d]; d];
@@ -317,7 +313,7 @@ fn correlation(columns: &[Vec<f64>], e: &Estimator) -> Vec<Vec<f64>> {
 }
 
 /// Systematic resampling: the sample of each draw.
-fn chosen(estimator: &Estimator, settings: &Settings) -> Vec<usize> {
+pub(crate) fn chosen(estimator: &Estimator, settings: &Settings) -> Vec<usize> {
     let count = settings.draws;
     if count == 0 {
         return Vec::new();
