@@ -103,6 +103,24 @@ pub(crate) fn surface_tension(text: &str) -> Result<f64, String> {
     constant(Constant::SurfaceTension, text)
 }
 
+/// A prior of a spread in decades, or NAME=VALUE.
+pub(crate) fn spread(text: &str) -> Result<(Option<String>, f64), String> {
+    let (name, value) = match text.split_once('=') {
+        Some((name, value)) => (Some(name.trim().to_owned()), value),
+        None => (None, text),
+    };
+    // Of a parameter that is not logarithmic it is in the unit of that.
+    let most = if name.is_some() { f64::INFINITY } else { 10.0 };
+    let value = positive(value)?;
+    if value <= most { Ok((name, value)) } else { Err("expected at most 10 decades".to_owned()) }
+}
+
+/// The parameter of an LKJ prior.
+pub(crate) fn eta(text: &str) -> Result<f64, String> {
+    let value = positive(text)?;
+    if value <= 1000.0 { Ok(value) } else { Err("expected at most 1000".to_owned()) }
+}
+
 /// Density \[kg/m3\].
 pub(crate) fn solid_density(text: &str) -> Result<f64, String> {
     constant(Constant::Density, text)

@@ -47,6 +47,8 @@ pub(crate) enum Study {
     Specialists(SpecialistsArgs),
     /// What is an earlier posterior worth as the first proposal, right or wrong? (20 minutes)
     Proposal(ProposalArgs),
+    /// Does a population of pairs predict the next one? Four PA12 pairs, each left out in turn (2 minutes)
+    Population,
     /// Prints the exact posterior of a material, or what one run of the sampler finds, as JSON (1 second)
     Exact(ExactArgs),
     /// What do mass scaling and the quasi-static mode cost in accuracy for a bed? (30 seconds)

@@ -14,6 +14,7 @@ mod noise;
 mod overhead;
 mod pair;
 mod paths;
+mod population;
 mod proposal;
 mod quantile;
 mod report;
@@ -65,6 +66,7 @@ fn run(Args { out, study }: &Args) -> Result<(), Failure> {
         Study::SmallBudget(args) => small_budget::run(args, out),
         Study::Budgets(args) => budgets::run(args, out),
         Study::Specialists(args) => specialists::run(args, out),
+        Study::Population => population::run(out),
         Study::Proposal(args) => proposal::run(args, out),
         Study::Exact(args) => exact::run(args),
         Study::BedAccuracy(args) => bed::accuracy::run(args, out),

@@ -16,6 +16,7 @@ pub mod number;
 pub mod output;
 pub mod pair;
 pub mod plan;
+pub mod population;
 pub mod predict;
 pub mod record;
 pub mod report;

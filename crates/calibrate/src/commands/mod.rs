@@ -11,6 +11,7 @@ mod export;
 mod init;
 mod inspect;
 mod plot;
+mod population;
 mod predict;
 mod report;
 mod reproduce;
@@ -36,6 +37,7 @@ use export::ExportArgs;
 use init::InitArgs;
 use inspect::InspectArgs;
 use plot::PlotArgs;
+use population::PopulationArgs;
 use predict::PredictArgs;
 use report::ReportArgs;
 use reproduce::ReproduceArgs;
@@ -143,6 +145,8 @@ enum Command {
     Table3(Table3Args),
     /// Read experiment, prior or posterior files and say what is wrong with them, without running
     Check(CheckArgs),
+    /// How much calibrated pairs differ, and the next pair: a population of finished runs
+    Population(PopulationArgs),
     /// Predict sintering times of a pair from a saved posterior, with their intervals
     Predict(PredictArgs),
     /// Run a powder bed for draws of a posterior: density over time, time to a target density
@@ -180,6 +184,7 @@ pub(crate) fn dispatch(args: &Args) -> Result<(), Failure> {
         Some(Command::Compare(args)) => compare::run(args),
         Some(Command::Table3(args)) => table3::run(args),
         Some(Command::Check(args)) => check::run(args),
+        Some(Command::Population(args)) => population::run(args),
         Some(Command::Predict(args)) => predict::run(args),
         Some(Command::Densify(args)) => densify::run(args),
         Some(Command::Scene(args)) => scene::run(args),

@@ -85,6 +85,7 @@ pub fn reproduce(
         ..error
     };
     let archived = record::read(&results).map_err(of_archive)?;
+    calibration::refuse_population(&archived, &place)?;
     check(&place, &archived)?;
     let commands: Vec<String> = archived.plan.commands().map(|(_, _, call)| asked(call)).collect();
     if !commands.is_empty() && !allow(&commands)? {

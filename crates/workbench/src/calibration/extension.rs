@@ -100,11 +100,23 @@ pub fn continued(from: &Path, samples: usize) -> Result<(Planned, PathBuf), Inpu
             .help(format_args!("extend it: calibrate --resume {name} --samples {more}")));
     }
     let record = record::read(from)?;
+    refuse_population(&record, &folder.display().to_string())?;
     let plan = extended(&folder, &record.plan, samples)?;
     // What was read for the run that is extended: its files may be others by now.
     let inputs = Inputs::read(&folder)?;
     let planned = Planned { inputs, ..again(&Record { plan, ..record }, None, String::new()) };
     Ok((planned.warned(), folder))
+}
+
+/// Refuses a population, which no plan makes again.
+pub(crate) fn refuse_population(record: &Record, name: &str) -> Result<(), InputError> {
+    match &record.plan.population {
+        None => Ok(()),
+        Some(_) => Err(InputError::new(name, Mistake::Conflict)
+            .found("a population of several calibrations")
+            .expected("a calibration")
+            .help("run it again from its members: calibrate population RUN RUN ...")),
+    }
 }
 
 /// The plan of a record for another run by this version, with the plan file that it came from, where its programs' files

@@ -19,10 +19,10 @@ mod sensitivity;
 mod stopped;
 mod store;
 
-pub(crate) use extension::again;
 pub use extension::continued;
+pub(crate) use extension::{again, refuse_population};
 pub use options::{Finished, RunOptions, Timings};
 pub use run::{plan_of_run, resume, run, run_by, run_function};
 pub use sampling::Calibration;
-pub(crate) use sampling::sample;
+pub(crate) use sampling::{Stages, sample};
 pub(crate) use store::{Stored, read_stored, refuse_older_layout, refused};

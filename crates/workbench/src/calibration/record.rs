@@ -63,6 +63,7 @@ pub(super) fn record(
         failing: posterior.failing.clone(),
         stop: posterior.stop,
         sensitivity: None,
+        population: None,
         advice,
         counters: posterior.counters,
     })

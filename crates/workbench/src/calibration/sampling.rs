@@ -110,7 +110,7 @@ pub(super) fn failure(planned: &Planned, error: CalibrateError) -> Failure {
 }
 
 /// Passes the sampler's stages on, with the time that each took, and keeps them beside the runs of programs.
-pub(super) struct Stages<'a> {
+pub(crate) struct Stages<'a> {
     watch: &'a dyn Watch,
     campaign: Option<&'a Campaign>,
     last: Instant,
@@ -122,7 +122,7 @@ pub(super) struct Stages<'a> {
 }
 
 impl<'a> Stages<'a> {
-    pub(super) fn new(watch: &'a dyn Watch, campaign: Option<&'a Campaign>) -> Self {
+    pub(crate) fn new(watch: &'a dyn Watch, campaign: Option<&'a Campaign>) -> Self {
         Self {
             watch,
             campaign,

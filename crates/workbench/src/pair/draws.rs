@@ -5,11 +5,11 @@ use std::path::Path;
 use dem_core::{PairScene, PairSpec, Powder, SceneError, Sintering};
 
 use crate::careful::Careful;
-use crate::error::Failure;
+use crate::error::{Failure, InputError, Mistake};
 use crate::pair::model::NeckGrowth;
 use crate::pair::parameter::ParameterName;
 use crate::plan::PairPlan;
-use crate::record::{self, Record};
+use crate::record::{self, PopulationRecord, Record};
 use crate::report::{read_draws, read_sigma};
 use smc_calib::ShapeSummary;
 
@@ -39,20 +39,24 @@ impl PairDraws {
     /// [`Failure::Input`] for files that are missing, damaged or not of one pair.
     pub fn read(path: &Path) -> Result<Self, Failure> {
         let record = record::read(path)?;
-        let pair = record.pair()?.plan.clone();
+        let pair = match &record.population {
+            None => record.pair()?.plan.clone(),
+            Some(population) => next_pair(path, population)?,
+        };
         let file = record::locate(path);
         let folder = file.parent().unwrap_or(Path::new("."));
         let columns = read_draws(&record, folder).map_err(|error| {
             error.help("draws.csv is written beside posterior.json: name the folder of a run")
         })?;
-        let found = record.pair()?.found;
-        let sigma = match found.sigma {
+        // How a next pair would be measured no population says.
+        let found = record.pair().ok().map(|pair| pair.found);
+        let sigma = match found.and_then(|found| found.sigma) {
             Some(_) => read_sigma(&record, folder)?,
             None => None,
         };
-        let outliers = match found.noise_shape {
+        let outliers = match found.and_then(|found| found.noise_shape.as_ref()) {
             Some(ShapeSummary::Robust { outlier_share, outlier_width, .. }) => {
-                Some([outlier_share, outlier_width])
+                Some([*outlier_share, *outlier_width])
             }
             _ => None,
         };
@@ -61,7 +65,7 @@ impl PairDraws {
             advice.insert(0, Careful::TunedDraws.to_string());
         }
         Ok(Self {
-            model: NeckGrowth::of(&record.plan)?,
+            model: NeckGrowth::new(&pair, &record.plan.parameters, Vec::new())?,
             record,
             pair,
             columns,
@@ -110,4 +114,14 @@ impl PairDraws {
         let phi = self.value(ParameterName::Phi, row).unwrap_or(self.pair.final_contact_ratio);
         PairSpec::new(Powder { radius_m, ..self.pair.powder }, phi).build()
     }
+}
+
+/// The next pair of a population.
+fn next_pair(path: &Path, population: &PopulationRecord) -> Result<PairPlan, InputError> {
+    let next = population.next.as_ref().map(|next| next.pair.clone());
+    next.ok_or_else(|| {
+        InputError::new(path.display().to_string(), Mistake::Conflict)
+            .found("a population of runs that are not of one pair of particles each")
+            .expected("a population of pairs: calibrate population results/pa12-r32 ...")
+    })
 }

@@ -137,6 +137,7 @@ fn read_plan(
         sampler: settings,
         design,
         proposal: None,
+        population: None,
         version,
     };
     if let (Some(At { value: from, line }), Some(table)) = (proposal, &sampler_table) {

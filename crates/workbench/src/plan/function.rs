@@ -99,6 +99,7 @@ impl FunctionOptions {
             sampler,
             design,
             proposal: None,
+            population: None,
             version: env!("CARGO_PKG_VERSION").to_owned(),
         };
         let executor = ExecutorPlan::Threads { threads: None };

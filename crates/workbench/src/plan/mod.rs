@@ -15,6 +15,7 @@ mod observable;
 mod options;
 mod pair;
 mod pair_file;
+mod population;
 mod proposal;
 mod sampler;
 mod template;
@@ -28,6 +29,7 @@ pub(crate) use made_of::{PLAN, PROGRAM};
 pub use options::command_line;
 pub(crate) use options::{noise_option, shell_word};
 pub use pair::{PairOptions, sampler_for};
+pub use population::{PopulationPlan, PopulationRun};
 pub(crate) use template::with_folder;
 pub use types::{
     Design, ExecutorPlan, ExperimentPlan, ObservablePlan, PairPlan, Plan, Planned, SAMPLES,

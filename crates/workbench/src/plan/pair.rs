@@ -132,6 +132,7 @@ impl PairOptions {
             sampler: self.sampler(),
             design: None,
             proposal: None,
+            population: None,
             version: env!("CARGO_PKG_VERSION").to_owned(),
         };
         let mut warnings = experiment.warnings();

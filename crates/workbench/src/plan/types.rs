@@ -14,6 +14,7 @@ use smc_calib::{
 };
 
 use super::earlier::EarlierPosterior;
+use super::population::PopulationPlan;
 use crate::careful::{self, Careful, Simulations};
 use crate::error::{InputError, Mistake};
 use crate::input::material::Material;
@@ -44,6 +45,9 @@ pub struct Plan {
     /// The earlier posterior that the first samples are drawn from; without it they are drawn from the prior.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub proposal: Option<EarlierPosterior>,
+    /// The runs and the hyperpriors of a population; none for a calibration.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub population: Option<PopulationPlan>,
     /// Version of this program.
     pub version: String,
 }

@@ -34,10 +34,38 @@ fn wrong(record: &Record) -> Option<&'static str> {
         ("experiments", experiments),
         ("path", record.path.iter().all(|point| point.parameters.len() == n)),
         ("path", record.path.iter().all(|point| point.index < values)),
+        ("population", population(record)),
         ("curves", record.experiments.iter().all(curves)),
         ("observables", record.observables().all(|(plan, found)| observable(plan, found))),
     ];
     checks.into_iter().find(|(_, holds)| !holds).map(|(field, _)| field)
+}
+
+fn population(record: &Record) -> bool {
+    let (plan, found) = match (&record.plan.population, &record.population) {
+        (None, None) => return true,
+        (Some(plan), Some(found)) => (plan, found),
+        _ => return false,
+    };
+    let n = record.plan.parameters.len();
+    let of_members = found.members.iter().all(|member| {
+        let lengths = [member.outside.len(), member.alone.len(), member.shrunk.len()];
+        lengths == [n; 3]
+    });
+    let of_next = found.next.as_ref().is_none_or(|next| {
+        let points = next.time_s.len();
+        let band = |band: &[Vec<f64>; 2]| band.iter().all(|end| end.len() == points);
+        next.control.len() == next.values.len()
+            && next.median.len() == points
+            && band(&next.curve50)
+            && band(&next.curve90)
+    });
+    n > 0
+        && found.mean.len() == n
+        && found.spread.len() == n
+        && found.members.len() == plan.runs.len()
+        && of_members
+        && of_next
 }
 
 fn observable(plan: &ObservablePlan, found: &ObservableRecord) -> bool {

@@ -8,6 +8,7 @@
 mod doubt;
 mod lengths;
 mod neck_growth;
+mod population;
 mod read;
 mod sensitivity;
 
@@ -23,6 +24,7 @@ pub use neck_growth::{
     Curves, Derived, Fit, KneeSummary, NeckGrowthRecord, OtherKinetics, PaperComparison,
     PrintedParameter, ProductSummary,
 };
+pub use population::{Marginal, MemberRecord, NextPair, PopulationRecord};
 pub(crate) use read::is_reported;
 pub use read::{FILE_NAME, SCHEMA_VERSION, locate, parse, read};
 pub use sensitivity::{Method, Sensitivity, SensitivityOf};
@@ -73,6 +75,9 @@ pub struct Record {
     /// The result under correlated errors, where the residuals are alike and the noise model has them independent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensitivity: Option<Sensitivity>,
+    /// The population, where the result is that of several runs; its parameters are those of the next member.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub population: Option<PopulationRecord>,
     /// Reasons to be careful in plain words: warnings on the input, doubts of its clock and priors, and the concerns of
     /// `trust`.
     pub advice: Vec<String>,

@@ -5,6 +5,7 @@ mod drawing;
 mod noise;
 mod of_calibration;
 mod pictures;
+mod population;
 mod samples;
 pub(crate) mod simulated;
 mod summary;
@@ -33,6 +34,7 @@ pub use drawing::{NamedFigures, draw_all};
 pub(crate) use noise::length_unit;
 pub(crate) use pictures::symbol;
 pub use pictures::{TimeScale, fit, pictures};
+pub use population::csv as population_csv;
 pub use samples::{
     DrawColumns, SampleColumns, parse_draws, parse_samples, read_draws, read_samples, read_sigma,
 };

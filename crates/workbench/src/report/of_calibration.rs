@@ -17,7 +17,10 @@ pub(crate) fn page(record: &Record, drawn: &[Drawn], inputs: Option<&Inputs>, su
     let plan = &record.plan;
     let mut page = Page {
         title: plan.title.clone(),
-        kind: "Calibration".to_owned(),
+        kind: match record.population {
+            Some(_) => "Population of calibrations".to_owned(),
+            None => "Calibration".to_owned(),
+        },
         version: plan.version.clone(),
         verdict: Some(verdict(record)),
         summary: text(record, None, None),
@@ -61,6 +64,9 @@ fn caption(name: &str) -> &'static str {
             "How the sampler got there: evidence, effective samples and weights, stage by stage."
         }
         "failures" => "Where in the parameter's range simulations failed.",
+        "pairs" => "Each member by its own measurements alone, and the next one.",
+        "shrunk" => "Each member as one of the population, and the next one.",
+        "next" => "All measurements, and the bands of the next pair.",
         name if name.starts_with("fit") => "Measurements, and the bands of the posterior.",
         _ => "Measured minus best curve: what the model leaves over.",
     }
@@ -70,6 +76,16 @@ fn asked(record: &Record) -> Part {
     let plan = &record.plan;
     let mut part = Part::default();
     let names = plan.parameter_names().join(", ");
+    if let Some(population) = &plan.population {
+        part.say(format!(
+            "How much do {names} differ between members, and what will the next one have?"
+        ));
+        for run in &population.runs {
+            part.fact(format!("Member {}", run.name), &run.run);
+        }
+        part.fact("Evaluations", record.counters.simulations.to_string());
+        return part;
+    }
     part.say(format!(
         "Which values of {names} explain {} measured values, and how sure is that?",
         plan.observations()
@@ -165,6 +181,15 @@ fn rows(record: &Record) -> Part {
 
 fn answer(record: &Record) -> Part {
     let mut part = Part::default();
+    if let Some(population) = &record.population {
+        let (columns, rows) = super::population::cells(record, population);
+        part.table(
+            "Mean and spread of the population, its members and the next one",
+            &columns,
+            rows,
+        );
+        return part;
+    }
     let (columns, rows) = posterior_cells(record);
     part.table("Posterior of the parameters and of the noise", &columns, rows);
     let (columns, rows) = observable_cells(record);

@@ -7,6 +7,7 @@ use figures::{
 use smc_calib::{BandPoint, Coordinate, Parameter, PathParameter};
 
 use super::drawing::NamedFigures;
+use super::population;
 use super::samples::SampleColumns;
 use super::summary::{neck_growth, paper_place};
 use crate::pair::parameter::ParameterName;
@@ -42,6 +43,14 @@ impl TimeScale {
 /// The figures by name of file: `corner`, `recursion`, `convergence`, `failures` where simulations failed, and for every observable with two points or more
 /// `fit` and `residuals`, with its label behind where there are several.
 pub fn pictures(record: &Record, samples: &SampleColumns, scale: TimeScale) -> NamedFigures {
+    if let Some(population) = &record.population {
+        let mut figures: NamedFigures = vec![
+            ("corner".to_owned(), Box::new(corner(record, samples))),
+            ("convergence".to_owned(), Box::new(convergence(record))),
+        ];
+        figures.extend(population::figures(record, population, samples, scale));
+        return figures;
+    }
     let mut figures: NamedFigures = vec![
         ("corner".to_owned(), Box::new(corner(record, samples))),
         ("recursion".to_owned(), Box::new(recursion(record, scale))),

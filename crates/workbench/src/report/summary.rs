@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use smc_calib::{Concern, ParameterSummary};
 
 use super::noise::{beside, noise_line};
+use super::population;
 use crate::error::RunError;
 use crate::number::{digits_of, percentile, shown_unit, significant};
 use crate::output::pretty;
@@ -39,7 +40,10 @@ pub(super) fn neck_growth(record: &Record) -> Option<&NeckGrowthRecord> {
 
 /// The summary as text, about ten lines. `seconds` is how long the inference took, where it has just run.
 pub fn text(record: &Record, seconds: Option<f64>, out: Option<&Path>) -> String {
-    let mut text = headline(record, seconds);
+    let mut text = match &record.population {
+        Some(population) => population::headline(record, population),
+        None => headline(record, seconds),
+    };
     if !record.is_posterior {
         text.push_str("  NOT A POSTERIOR: noise tuned to a wished-for sample size\n");
     }
@@ -58,6 +62,9 @@ pub fn text(record: &Record, seconds: Option<f64>, out: Option<&Path>) -> String
     }
     if let Some(neck) = neck {
         text.push_str(&table3_lines(neck));
+    }
+    if let Some(population) = &record.population {
+        text.push_str(&population::lines(record, population, width));
     }
     for (plan, found) in record.observables() {
         text.push_str(&fit_line(plan, found, neck));
@@ -82,11 +89,11 @@ pub fn text(record: &Record, seconds: Option<f64>, out: Option<&Path>) -> String
         let _ = writeln!(text, "  careful: {line}");
     }
     if let Some(out) = out {
-        let _ = writeln!(
-            text,
-            "  files: {}/ (posterior.json, table.md, samples.csv, draws.csv, corner.png, fit*.png, ...)",
-            out.display()
-        );
+        let figures = match record.population {
+            Some(_) => "population.csv, draws.csv, pairs.png, shrunk.png, ...",
+            None => "samples.csv, draws.csv, corner.png, fit*.png, ...",
+        };
+        let _ = writeln!(text, "  files: {}/ (posterior.json, table.md, {figures})", out.display());
         return in_folder(&text, out);
     }
     text
@@ -289,7 +296,7 @@ pub fn json(record: &Record, out: Option<&Path>) -> Result<String, RunError> {
             "other_kinetics": neck.other_kinetics,
         })
     });
-    pretty(&json!({
+    let mut summary = json!({
         "name": record.plan.name,
         "is_posterior": record.is_posterior,
         "trusted": record.trusted(),
@@ -304,5 +311,9 @@ pub fn json(record: &Record, out: Option<&Path>) -> Result<String, RunError> {
         "sensitivity": record.sensitivity,
         "advice": record.advice,
         "out": out.map(|path| path.display().to_string()),
-    }))
+    });
+    if let Some(population) = &record.population {
+        summary["population"] = json!(population);
+    }
+    pretty(&summary)
 }
