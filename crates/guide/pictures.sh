@@ -14,3 +14,10 @@ for figure in fit corner recursion convergence; do
     cp "$scratch/peek/$figure.svg" "$pictures/peek-$figure.svg"
 done
 cp "$scratch/pa12/residuals.svg" "$pictures/pa12-residuals.svg"
+for pair in r32 r30 r29-3 r28-9; do
+    cargo run --quiet -p calibrate -- -e "pa12-$pair" --noise correlated --quiet --out "$scratch/pa12-$pair"
+done
+cargo run --quiet -p calibrate -- population "$scratch"/pa12-r{32,30,29-3,28-9} --quiet --out "$scratch/population"
+for figure in pairs next; do
+    cp "$scratch/population/$figure.svg" "$pictures/population-$figure.svg"
+done

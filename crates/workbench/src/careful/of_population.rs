@@ -14,12 +14,12 @@ use crate::number::significant;
 pub(crate) enum OfPopulation {
     /// Too few members to learn their spread from.
     FewMembers { members: usize, fewest: usize },
-    /// A member whose likelihood rests on too few of its samples.
-    FewMemberSamples { member: String, effective: f64, fitted: f64, fewest: f64 },
-    /// A population that reaches beyond what a member's prior allowed.
-    BeyondMemberPrior { member: String, parameter: String, share: f64 },
-    /// A member whose own result is not to be trusted.
-    UntrustedMember { member: String },
+    /// Members whose likelihood rests on too few of their samples; the fewest, and the largest share of the fitted density.
+    FewMemberSamples { members: Vec<String>, effective: f64, fitted: f64, fewest: f64 },
+    /// A population that reaches beyond what the priors of some members allowed; the largest share.
+    BeyondMemberPrior { members: Vec<String>, parameter: String, share: f64 },
+    /// Members whose own result is not to be trusted.
+    UntrustedMember { members: Vec<String> },
 }
 
 impl OfPopulation {
@@ -28,17 +28,20 @@ impl OfPopulation {
             Self::FewMembers { members, fewest } => format!(
                 "{members} members are fewer than {fewest}: how far they spread is hardly measured, and the next one's interval is mostly what was assumed of the spread"
             ),
-            Self::FewMemberSamples { member, effective, fitted, fewest } => format!(
-                "{member}: its likelihood rests on {} effective samples (5 % of the posterior have fewer), below {fewest:.0}, as the population is narrow beside it: a fitted density stood in for {} % of the posterior",
+            Self::FewMemberSamples { members, effective, fitted, fewest } => format!(
+                "{}: the population is narrow beside what a member's own data say: its likelihood rests on {} effective samples or more in 95 % of the posterior, below {fewest:.0}, and a fitted density stood in for up to {} %",
+                members.join(", "),
                 significant(*effective, 2),
                 significant(100.0 * fitted, 2)
             ),
-            Self::BeyondMemberPrior { member, parameter, share } => format!(
-                "{} % of the population lies beyond the prior that {member} was calibrated with in {parameter}: what that pair says of it there is unknown, and counts as impossible",
-                significant(100.0 * share, 2)
+            Self::BeyondMemberPrior { members, parameter, share } => format!(
+                "{} % of the population lies beyond the prior of {parameter} that was calibrated with ({}): what a member's data say there is unknown, and counts as impossible",
+                significant(100.0 * share, 2),
+                members.join(", ")
             ),
-            Self::UntrustedMember { member } => format!(
-                "{member} is a result that is not to be trusted as it is: the spread between members takes its error for a difference"
+            Self::UntrustedMember { members } => format!(
+                "not to be trusted as they are: {}; the spread between members takes an error of theirs for a difference",
+                members.join(", ")
             ),
         }
     }
@@ -50,9 +53,9 @@ impl OfPopulation {
             }
             Self::FewMemberSamples { .. } => "give its calibration more --samples",
             Self::BeyondMemberPrior { .. } => {
-                "calibrate it again with a wider prior of that parameter"
+                "calibrate them again with a wider prior of that parameter"
             }
-            Self::UntrustedMember { .. } => "see what its own summary says, and repeat it",
+            Self::UntrustedMember { .. } => "see what their own summaries say, and repeat them",
         }
     }
 }

@@ -48,12 +48,9 @@ impl PairDraws {
         let columns = read_draws(&record, folder).map_err(|error| {
             error.help("draws.csv is written beside posterior.json: name the folder of a run")
         })?;
-        // How a next pair would be measured no population says.
         let found = record.pair().ok().map(|pair| pair.found);
-        let sigma = match found.and_then(|found| found.sigma) {
-            Some(_) => read_sigma(&record, folder)?,
-            None => None,
-        };
+        let is_known = found.map_or(true, |found| found.sigma.is_some());
+        let sigma = if is_known { read_sigma(&record, folder)? } else { None };
         let outliers = match found.and_then(|found| found.noise_shape.as_ref()) {
             Some(ShapeSummary::Robust { outlier_share, outlier_width, .. }) => {
                 Some([*outlier_share, *outlier_width])

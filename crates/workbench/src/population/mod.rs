@@ -8,7 +8,8 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 use smc_calib::population::{
-    FEW_EFFECTIVE, Hyperprior, Member, PopulationPosterior, PopulationProblem, calibrate_population,
+    FEW_EFFECTIVE, Hyperprior, Member, MemberSummary, PopulationPosterior, PopulationProblem,
+    calibrate_population,
 };
 use smc_calib::{CalibrateError, Coordinate, Settings};
 
@@ -172,7 +173,7 @@ impl PopulationJob {
         if watch.stop().asked() {
             return Err(Failure::Interrupted);
         }
-        let posterior = found.map_err(|error| match error {
+        let mut posterior = found.map_err(|error| match error {
             CalibrateError::Interrupted { .. } => Failure::Interrupted,
             CalibrateError::Setting { setting, value, range } => {
                 InputError::new("population", Mistake::OutOfRange)
@@ -184,6 +185,7 @@ impl PopulationJob {
             }
             other => RunError::new(other).into(),
         })?;
+        next::add_noise(&mut posterior, &self.runs)?;
         let record = self.record(&posterior)?;
         Ok(FoundPopulation { record, posterior })
     }
@@ -284,23 +286,34 @@ impl PopulationJob {
         if members < FEWEST_MEMBERS {
             advice.push(OfPopulation::FewMembers { members, fewest: FEWEST_MEMBERS });
         }
-        for (member, run) in found.members.iter().zip(&self.runs) {
-            let name = || member.name.clone();
-            if !run.record.trusted() {
-                advice.push(OfPopulation::UntrustedMember { member: name() });
-            }
-            if member.effective_least < FEW_EFFECTIVE {
-                let (effective, fitted) = (member.effective_least, member.fitted);
-                let fewest = FEW_EFFECTIVE;
-                let few =
-                    OfPopulation::FewMemberSamples { member: name(), effective, fitted, fewest };
-                advice.push(few);
-            }
-            let shares = member.outside.iter().zip(&self.common.parameters);
-            for (share, (parameter, ..)) in shares.filter(|(share, _)| **share > BEYOND) {
-                let (parameter, share) = (parameter.clone(), *share);
-                let beyond = OfPopulation::BeyondMemberPrior { member: name(), parameter, share };
-                advice.push(beyond);
+        let each = || found.members.iter().zip(&self.runs);
+        let names = |members: Vec<&MemberSummary>| -> Vec<String> {
+            members.iter().map(|member| member.name.clone()).collect()
+        };
+        let of_runs = each().filter(|(_, run)| !run.record.trusted());
+        let untrusted: Vec<_> = of_runs.map(|(member, _)| member).collect();
+        if !untrusted.is_empty() {
+            advice.push(OfPopulation::UntrustedMember { members: names(untrusted) });
+        }
+        let few = found.members.iter().filter(|member| member.effective_least < FEW_EFFECTIVE);
+        let few: Vec<_> = few.collect();
+        if !few.is_empty() {
+            advice.push(OfPopulation::FewMemberSamples {
+                effective: few.iter().map(|m| m.effective_least).fold(f64::INFINITY, f64::min),
+                fitted: few.iter().map(|m| m.fitted).fold(0.0, f64::max),
+                fewest: FEW_EFFECTIVE,
+                members: names(few),
+            });
+        }
+        for (j, (parameter, ..)) in self.common.parameters.iter().enumerate() {
+            let beyond = found.members.iter().filter(|member| member.outside[j] > BEYOND);
+            let beyond: Vec<_> = beyond.collect();
+            if !beyond.is_empty() {
+                advice.push(OfPopulation::BeyondMemberPrior {
+                    share: beyond.iter().map(|m| m.outside[j]).fold(0.0, f64::max),
+                    parameter: parameter.clone(),
+                    members: names(beyond),
+                });
             }
         }
         advice.iter().map(ToString::to_string).collect()
@@ -340,17 +353,10 @@ fn hyperprior(
     Ok(Hyperprior { mean, spread, correlation })
 }
 
-/// A heading that names what the members are.
+/// A heading.
 fn title(runs: &[Run]) -> String {
-    let names: Vec<&str> = runs.iter().map(|run| run.record.plan.name.as_str()).collect();
-    let what = match runs.iter().all(|run| run.pair().is_some()) {
-        true => "pairs",
-        false => "runs",
-    };
-    match names.len() {
-        2..=4 => format!("Population of {} {what}: {}", names.len(), names.join(", ")),
-        many => format!("Population of {many} {what}: {}, ..", names[..3].join(", ")),
-    }
+    let what = if runs.iter().all(|run| run.pair().is_some()) { "pairs" } else { "runs" };
+    format!("Population of {} {what}", runs.len())
 }
 
 /// The files that the population is made of.

@@ -13,6 +13,7 @@ use crate::input::data_table::quoted;
 use crate::pair::model::NeckGrowth;
 use crate::plan::PairPlan;
 use crate::record::NextPair;
+use crate::report::read_sigma;
 
 /// Next pairs that the curves are drawn from.
 const DRAWS: usize = 1024;
@@ -68,11 +69,29 @@ pub(super) fn next_pair(
         pair: pair.clone(),
         control,
         values,
-        median: columns.iter().map(|column| column.quantile(0.5)).collect(),
+        mean: columns.iter().map(|column| column.moments().0).collect(),
         curve50: band(0.5),
         curve90: band(0.9),
         time_s,
     })
+}
+
+/// Gives every draw of the next pair a noise standard deviation: that of a draw of one of the pairs, each pair in its turn. Nothing
+/// where the noise of a pair is not one number for all of its rows.
+pub(super) fn add_noise(found: &mut PopulationPosterior, runs: &[Run]) -> Result<(), Failure> {
+    let mut sigmas = Vec::new();
+    for run in runs {
+        let known = run.record.pair().is_ok_and(|pair| pair.found.sigma.is_some());
+        let own = if known { read_sigma(&run.record, &run.folder)? } else { None };
+        let Some(own) = own.filter(|own| !own.is_empty()) else { return Ok(()) };
+        sigmas.push(own);
+    }
+    for (k, draw) in found.next.draws.iter_mut().enumerate() {
+        let own = &sigmas[k % sigmas.len()];
+        // Draws of a run may stand in the order of a parameter: far apart, all of them have their turn.
+        draw.sigma = own.get(k.wrapping_mul(7919) % own.len()).copied();
+    }
+    Ok(())
 }
 
 /// The population of each draw: mean and spread of each parameter in its coordinate, and the correlations.

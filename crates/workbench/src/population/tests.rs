@@ -62,10 +62,14 @@ fn a_population_is_a_run_whose_next_pair_is_less_certain_than_each_of_its_member
     };
     let [of_one, of_other, of_next] = [&one, &other, &out.path().to_owned()].map(|run| width(run));
     assert!(of_next > 1.5 * of_one.max(of_other), "{of_next} {of_one} {of_other}");
-    // The next one is measured nowhere, and a population is no member.
+    // A measurement of the next one scatters as those of the members did.
     let with_noise = Wanted { after_s: vec![2.0], with_noise: true, ..Wanted::default() };
     let draws = PairDraws::read(out.path()).expect("draws");
-    assert!(predict(&draws, &with_noise).is_err());
+    let after = &predict(&draws, &with_noise).expect("a prediction").after[0];
+    let width = |[lower, upper]: [f64; 2]| upper - lower;
+    let measured = after.measured.as_ref().expect("with noise");
+    assert!(width(measured.eti95) > width(after.contact_ratio.eti95));
+    // A population is no member.
     let nested = refused(&of(&[&one, &out.path().to_owned()]));
     assert!(nested.contains("the runs that it was made of"), "{nested}");
     let extended = calibration::continued(out.path(), 4096).expect_err("a population");
@@ -88,17 +92,18 @@ fn runs_that_are_not_of_one_model_are_refused_with_what_to_do() {
     let rate = PairOptions { kinetics: Kinetics::ThreeStagePokluda, ..PairOptions::default() };
     let rate = calibrated(&folder, "pa12-r30", rate);
     let text = refused(&of(&[&one, &rate]));
-    assert!(text.contains("three-stage-pokluda kinetics") && text.contains("--kinetics three-stage"), "{text}");
+    assert!(
+        text.contains("three-stage-pokluda kinetics") && text.contains("--kinetics three-stage"),
+        "{text}"
+    );
     let ps = calibrated(&folder, "ps-r30", PairOptions::default());
     let text = refused(&of(&[&one, &ps]));
     assert!(text.contains("final contact ratio of 1.08"), "{text}");
     let missing = folder.path().join("nothing");
     assert!(refused(&of(&[&one, &missing])).contains("nothing"));
     let other = calibrated(&folder, "pa12-r30", PairOptions::default());
-    let unknown = PopulationOptions {
-        spread: vec![(Some("tau".to_owned()), 0.1)],
-        ..of(&[&one, &other])
-    };
+    let unknown =
+        PopulationOptions { spread: vec![(Some("tau".to_owned()), 0.1)], ..of(&[&one, &other]) };
     let text = refused(&unknown);
     assert!(text.contains("did you mean tau_s?"), "{text}");
     let samples = other.join("samples.csv");
@@ -118,8 +123,12 @@ fn hyperpriors_are_those_that_were_asked_for_and_the_range_that_all_priors_have_
     let one = calibrated(&folder, "pa12-r32", PairOptions::default());
     let other = calibrated(&folder, "pa12-r30", own);
     let spread = vec![(None, 0.2), (Some("delta_c".to_owned()), 0.1)];
-    let options =
-        PopulationOptions { spread, correlation: None, radius_m: Some(31.5e-6), ..of(&[&one, &other]) };
+    let options = PopulationOptions {
+        spread,
+        correlation: None,
+        radius_m: Some(31.5e-6),
+        ..of(&[&one, &other])
+    };
     let job = PopulationJob::read(&options).expect("a population");
     let found = &job.problem().hyperprior;
     assert_eq!((&found.spread, found.correlation), (&vec![0.2, 0.2, 0.1], None));

@@ -56,7 +56,7 @@ fn population(record: &Record) -> bool {
         let points = next.time_s.len();
         let band = |band: &[Vec<f64>; 2]| band.iter().all(|end| end.len() == points);
         next.control.len() == next.values.len()
-            && next.median.len() == points
+            && next.mean.len() == points
             && band(&next.curve50)
             && band(&next.curve90)
     });

@@ -90,8 +90,8 @@ pub struct NextPair {
     pub values: Vec<f64>,
     /// Times of the curves \[s\].
     pub time_s: Vec<f64>,
-    /// Median over the next pairs.
-    pub median: Vec<f64>,
+    /// Mean over the next pairs.
+    pub mean: Vec<f64>,
     /// 50 % band: lower, upper.
     pub curve50: [Vec<f64>; 2],
     /// 90 % band.

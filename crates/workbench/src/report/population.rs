@@ -24,7 +24,8 @@ pub(super) fn headline(record: &Record, population: &PopulationRecord) -> String
         }
         None => "; the next one".to_owned(),
     };
-    format!("{}{at}\n", record.plan.title)
+    let members: Vec<&str> = population.members.iter().map(|member| member.name.as_str()).collect();
+    format!("{} ({}){at}\n", record.plan.title, members.join(", "))
 }
 
 /// Mean, spread and what they rest on.
@@ -198,7 +199,7 @@ fn curves(record: &Record, next: &NextPair, scale: TimeScale) -> FitFigure {
         control: next.control.clone(),
         value: next.values.clone(),
         grid: next.time_s.clone(),
-        mean: next.median.clone(),
+        mean: next.mean.clone(),
         band50: band(&next.curve50),
         band90: band(&next.curve90),
         axes: Axes { log_control: scale.is_log(&next.control, &next.values), ..Axes::default() },

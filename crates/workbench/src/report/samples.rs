@@ -154,7 +154,12 @@ pub(super) fn draws_csv(record: &Record, posterior: &Posterior) -> String {
     let with_sigma: Vec<_> =
         posterior.groups.iter().filter(|group| !group.sigma_draws.is_empty()).collect();
     // One observable has the noise of the draw itself.
-    let single = posterior.groups.is_empty();
+    let of_next = record.population.is_some();
+    let sigma_of_next = of_next && posterior.draws.iter().all(|draw| draw.sigma.is_some());
+    let single = posterior.groups.is_empty() && (!of_next || sigma_of_next);
+    if sigma_of_next {
+        text.push_str(",sigma [1]");
+    }
     for (titles, (_, found)) in noise_titles(record).iter().zip(record.observables()) {
         if single || with_sigma.iter().any(|group| group.name == found.label) {
             titles.iter().for_each(|title| {
