@@ -49,7 +49,7 @@ impl PairDraws {
             error.help("draws.csv is written beside posterior.json: name the folder of a run")
         })?;
         let found = record.pair().ok().map(|pair| pair.found);
-        let is_known = found.map_or(true, |found| found.sigma.is_some());
+        let is_known = found.is_none_or(|found| found.sigma.is_some());
         let sigma = if is_known { read_sigma(&record, folder)? } else { None };
         let outliers = match found.and_then(|found| found.noise_shape.as_ref()) {
             Some(ShapeSummary::Robust { outlier_share, outlier_width, .. }) => {
