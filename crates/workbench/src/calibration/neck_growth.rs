@@ -26,7 +26,8 @@ impl OfPair<'_> {
         let observed = &self.measured.values;
         let frenkel_tau_s = frenkel_fit::best_tau_s(&self.reference(), observed)
             .map_err(|error| simulation_failure(&error))?;
-        let paper = self.pair.material.map(|material| self.paper_comparison(material));
+        let paper = self.paper().zip(self.pair.material);
+        let paper = paper.map(|(_, material)| self.paper_comparison(material));
         let (curves, at_data) = curves(self, frenkel_tau_s)?;
         let AtData { paper: paper_at_data, frenkel: frenkel_at_data } = at_data;
         let kinetics = self.pair.kinetics;
@@ -70,7 +71,7 @@ impl OfPair<'_> {
                 ParameterName::C1 => si.c1,
                 ParameterName::TauS => si.tau_s,
                 ParameterName::DeltaC => si.delta_c,
-                ParameterName::Phi | ParameterName::T0 => return None,
+                _ => return None,
             };
             Some(100.0 * self.weighted(|theta| theta[place]).share_below(value))
         };
@@ -125,7 +126,12 @@ impl OfPair<'_> {
         let at = |theta: &[f64]| {
             let scene = self.model.scene(theta).ok()?;
             let knee = knee(&scene, &self.model.sintering(theta));
-            let time_s = knee.time_s + self.model.start_s(theta);
+            // With a heat the knee comes at its reduced time, or never.
+            let time_s = match self.model.heat(theta).ok()? {
+                Some(heat) => heat.time(knee.time_s)?,
+                None => knee.time_s,
+            };
+            let time_s = time_s + self.model.start_s(theta);
             (knee.has_zipping && knee.has_stretching).then_some(Knee { time_s, ..knee })
         };
         let Some(at_map) = at(&self.posterior.map.theta) else { return Ok(None) };

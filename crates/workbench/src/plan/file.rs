@@ -19,6 +19,7 @@ use super::types::{ExecutorPlan, ExperimentPlan, Plan, Planned, SimulatorPlan, i
 use crate::error::{InputError, Mistake};
 use crate::input::experiment::{checked_name, is_toml};
 use crate::input::files_read;
+use crate::input::heat::HeatFields;
 use crate::input::prior_file;
 use crate::input::text_file::{self, folder_of};
 use crate::input::toml_fields::{At, Document, Fields};
@@ -101,6 +102,7 @@ fn read_plan(
     let experiments_table = fields.table("experiments")?;
     let sampler_table = fields.table("sampler")?;
     let executor_table = fields.table("executor")?;
+    let heat_table = fields.table("heat")?;
     fields.finish()?;
 
     let Some(parameters_table) = parameters_table else {
@@ -120,8 +122,9 @@ fn read_plan(
             .expected("at least one experiment")
             .help("add [experiments.NAME] with a simulator and observables"));
     };
-    let experiments =
-        experiments(folder_of(path), &experiments_table, (&tables, &parameters), warnings)?;
+    let heat = heat_table.map(|heat| HeatFields::read(folder_of(path), &heat)).transpose()?;
+    let given = Given { tables: &tables, parameters: &parameters, heat: heat.as_ref() };
+    let experiments = experiments(folder_of(path), &experiments_table, &given, warnings)?;
     let commands = experiments.iter().any(|e| matches!(e.simulator, SimulatorPlan::Command(_)));
     let Sampling { settings, design, proposal } =
         sampler(folder_of(path), sampler_table.as_ref(), commands, &parameters)?;
@@ -160,20 +163,27 @@ fn some_tables<'d>(
     Ok(tables)
 }
 
-type NamedTables<'d> = [(At<&'d str>, Fields<'d>)];
+/// What a plan gives all its experiments.
+struct Given<'g> {
+    /// The tables of the parameters, with their names.
+    tables: &'g [(At<&'g str>, Fields<'g>)],
+    parameters: &'g [Parameter],
+    heat: Option<&'g HeatFields>,
+}
 
 fn experiments(
     folder: &Path,
     fields: &Fields<'_>,
-    (tables, parameters): (&NamedTables<'_>, &[Parameter]),
+    given: &Given<'_>,
     warnings: &mut Vec<String>,
 ) -> Result<Vec<ExperimentPlan>, InputError> {
+    let &Given { tables, parameters, heat } = given;
     let names: Vec<String> = parameters.iter().map(|p| p.name.clone()).collect();
     let own = some_tables(fields, "no experiments", "at least one [experiments.NAME]")?;
     let mut experiments = Vec::new();
     for (at, table) in &own {
         check_word(fields, *at, "an experiment")?;
-        let experiment = experiment(folder, at.value, table, &names, warnings)?;
+        let experiment = experiment(folder, at.value, table, (&names, heat), warnings)?;
         if let SimulatorPlan::Builtin(pair) = &experiment.simulator {
             check_priors(pair, tables, parameters)?;
         }
@@ -197,7 +207,7 @@ fn experiment(
     folder: &Path,
     name: &str,
     fields: &Fields<'_>,
-    parameters: &[String],
+    (parameters, heat): (&[String], Option<&HeatFields>),
     warnings: &mut Vec<String>,
 ) -> Result<ExperimentPlan, InputError> {
     let simulator = fields.table("simulator")?;
@@ -222,7 +232,7 @@ fn experiment(
         simulator.missing("kind").expected("\"command\", \"worker\" or \"builtin\"")
     })?;
     if kind.value == Kind::Builtin {
-        let pair = pair(folder, &simulator, observables.as_ref(), parameters, warnings)?;
+        let pair = pair(folder, &simulator, observables.as_ref(), (parameters, heat), warnings)?;
         return Ok(ExperimentPlan { name: name.to_owned(), ..pair });
     }
     let worker = kind.value == Kind::Worker;

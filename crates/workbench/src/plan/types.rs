@@ -18,6 +18,7 @@ use crate::careful::{self, Careful, Simulations};
 use crate::error::{InputError, Mistake};
 use crate::input::material::Material;
 use crate::output::inputs::Inputs;
+use crate::pair::heat::HeatPlan;
 use crate::pair::parameter::ParameterName;
 
 /// A calibration: parameters, experiments, sampler.
@@ -101,6 +102,9 @@ pub struct PairPlan {
     pub tau_s_radius_m: Option<f64>,
     /// Name of the calibrated parameter for each parameter of the model that is called otherwise (`phi = "phi_r30"`).
     pub parameters: BTreeMap<ParameterName, String>,
+    /// Heat of the pair; one temperature, that of C1 and tau_s, where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heat: Option<HeatPlan>,
 }
 
 /// Solver of a neck growth curve.
@@ -426,6 +430,20 @@ impl PairPlan {
     /// Name of the calibrated parameter that stands for one of the model's.
     pub fn calibrated(&self, parameter: ParameterName) -> &str {
         self.parameters.get(&parameter).map_or(parameter.name(), String::as_str)
+    }
+
+    /// Whether a curve of the pair depends on one of the model's parameters, so that it is calibrated where it has a prior.
+    pub fn takes(&self, parameter: ParameterName) -> bool {
+        let radius_m = self.powder.radius_m;
+        parameter.is_used_by(self.kinetics)
+            || self.heat.as_ref().is_some_and(|heat| heat.leaves_open(parameter, radius_m))
+    }
+
+    /// Whether there is no curve of the pair without a prior of one of the model's parameters.
+    pub fn needs(&self, parameter: ParameterName) -> bool {
+        let needs = self.heat.as_ref().map(|heat| heat.needs(self.powder.radius_m));
+        let by_heat = needs.into_iter().flatten().any(|needed| needed == (parameter, true));
+        self.takes(parameter) && (by_heat || !(parameter.is_optional() || parameter.is_of_heat()))
     }
 }
 
