@@ -44,6 +44,7 @@ impl OfPair<'_> {
                 frenkel_tau_s,
             },
             knee: if kinetics.separates_c1_from_delta_c() { self.knee()? } else { None },
+            freezes_at: self.freezes_at(),
             curves,
             doubts: self.doubts(trust, found.map_error, frenkel),
             other_kinetics: Vec::new(),
@@ -120,6 +121,21 @@ impl OfPair<'_> {
                 }
             })
             .collect()
+    }
+
+    /// Contact ratio after infinite time, where the heat ends before full coalescence.
+    fn freezes_at(&self) -> Option<Derived> {
+        let at = |theta: &[f64]| self.model.frozen_contact_ratio(theta).ok().flatten();
+        let map = at(&self.posterior.map.theta)?;
+        let samples = self.posterior.samples.iter().filter(|sample| sample.weight > 0.0);
+        let values = samples.filter_map(|sample| Some((at(&sample.theta)?, sample.weight)));
+        let marginal = Weighted::new(values);
+        Some(Derived {
+            map,
+            median: marginal.quantile(0.5),
+            eti95: marginal.interval(0.95),
+            paper: None,
+        })
     }
 
     fn knee(&self) -> Result<Option<KneeSummary>, Failure> {

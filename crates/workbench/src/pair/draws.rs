@@ -9,8 +9,8 @@ use crate::error::Failure;
 use crate::pair::model::NeckGrowth;
 use crate::pair::parameter::ParameterName;
 use crate::plan::PairPlan;
-use crate::record::{self, Record};
-use crate::report::{read_draws, read_sigma};
+use crate::record::{self, Pair, Record};
+use crate::report::{DrawColumns, read_draws, read_sigma};
 use smc_calib::ShapeSummary;
 
 /// Equally weighted draws of a posterior, and the pair that it was calibrated on.
@@ -38,17 +38,35 @@ impl PairDraws {
     ///
     /// [`Failure::Input`] for files that are missing, damaged or not of one pair.
     pub fn read(path: &Path) -> Result<Self, Failure> {
+        Self::read_of(path, None)
+    }
+
+    /// As [`read`](Self::read), of the experiment of this name where several were calibrated together.
+    ///
+    /// # Errors
+    ///
+    /// As [`read`](Self::read), and for a name that the run has not.
+    pub fn read_of(path: &Path, experiment: Option<&str>) -> Result<Self, Failure> {
         let record = record::read(path)?;
-        let pair = record.pair()?.plan.clone();
+        let Pair { plan: pair, measured, found, .. } = match experiment {
+            Some(name) => record.pair_named(name)?,
+            None => record.pair()?,
+        };
+        let pair = pair.clone();
         let file = record::locate(path);
         let folder = file.parent().unwrap_or(Path::new("."));
         let columns = read_draws(&record, folder).map_err(|error| {
             error.help("draws.csv is written beside posterior.json: name the folder of a run")
         })?;
-        let found = record.pair()?.found;
-        let sigma = match found.sigma {
-            Some(_) => read_sigma(&record, folder)?,
-            None => None,
+        let sigma = match (found.sigma, experiment) {
+            (Some(_), None) => read_sigma(&record, folder)?,
+            (Some(_), Some(_)) => {
+                let place = record.observables().position(|(_, one)| std::ptr::eq(one, found));
+                let noise = DrawColumns::read(&record, folder)?.noise;
+                let own = place.and_then(|place| noise.get(place));
+                own.map(|own| own.iter().map(|noise| noise.sigma).collect())
+            }
+            (None, _) => None,
         };
         let outliers = match found.noise_shape {
             Some(ShapeSummary::Robust { outlier_share, outlier_width, .. }) => {
@@ -61,7 +79,7 @@ impl PairDraws {
             advice.insert(0, Careful::TunedDraws.to_string());
         }
         Ok(Self {
-            model: NeckGrowth::of(&record.plan)?,
+            model: NeckGrowth::new(&pair, &record.plan.parameters, measured.control.clone())?,
             record,
             pair,
             columns,

@@ -141,6 +141,25 @@ impl NeckGrowth {
         }
     }
 
+    /// Contact ratio at which a pair of a parameter vector stops growing as its heat ends; none where it has no heat, or one
+    /// without an end.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError`] as [`Simulator::simulate`].
+    pub fn frozen_contact_ratio(&self, theta: &[f64]) -> Result<Option<f64>, SimError> {
+        let Some(heat) = self.heat(theta)? else { return Ok(None) };
+        let end = heat.reduced_time_at_end();
+        if !end.is_finite() {
+            return Ok(None);
+        }
+        let exact = SolverSettings::of(SolverKind::ClosedForm);
+        let (scene, sintering, mut out) = (self.scene(theta)?, self.sintering(theta), [0.0]);
+        contact_ratios(&scene, self.kinetics, &sintering, &exact, &[end], &mut out)
+            .map_err(|error| failure(&error))?;
+        Ok(Some(out[0]))
+    }
+
     /// The observation times \[s\].
     pub fn times_s(&self) -> &[f64] {
         &self.times_s
