@@ -1,5 +1,6 @@
 //! The knee of the kinetics, and the time to a contact ratio.
 
+use crate::heat::Heat;
 use crate::kinetics::{WithLaw, Zipping, knee_contact_ratio, with_law};
 use crate::{Kinetic, Kinetics, PairScene, Sintering};
 
@@ -63,4 +64,16 @@ pub fn time_to_contact_ratio(
         if target == scene.final_contact_ratio() { scene.final_overlap() } else { target * target };
     let time = with_law(kinetics, Inverse { scene, sintering, overlap })?;
     (target >= 0.0 && time.is_finite()).then_some(time)
+}
+
+/// [`time_to_contact_ratio`] under a heat, to which the parameters are those of m = 1: `None` also where the pair freezes below the
+/// target.
+#[must_use]
+pub fn heated_time_to_contact_ratio(
+    scene: &PairScene,
+    law: (Kinetics, &Sintering),
+    heat: &Heat,
+    target: f64,
+) -> Option<f64> {
+    heat.time(time_to_contact_ratio(scene, law.0, law.1, target)?)
 }

@@ -54,11 +54,12 @@ pub mod solvers;
 pub use contact_law::{Branch, ContactLaw};
 pub use error::{SceneError, SolveError};
 pub use kinetics::{Kinetic, Kinetics};
-pub use knee::{Knee, knee, time_to_contact_ratio};
+pub use knee::{Knee, heated_time_to_contact_ratio, knee, time_to_contact_ratio};
 pub use powder::Powder;
 pub use scene::{Damping, PairScene, PairSpec};
 pub use sintering::Sintering;
 pub use solvers::{
-    Curve, PairSolver, QuasiStaticLag, SolveReport, SolverChoice, SolverKind, SolverSettings,
-    StopReason, choose_solver, contact_ratios, simulate, verlet_batch,
+    Curve, PairRun, PairSolver, QuasiStaticLag, SolveReport, SolverChoice, SolverKind,
+    SolverSettings, StopReason, choose_solver, contact_ratios, heated_contact_ratios, simulate,
+    simulate_heated, verlet_batch,
 };

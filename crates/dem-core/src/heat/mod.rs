@@ -41,6 +41,7 @@ mod error;
 mod history;
 pub mod literature;
 mod mobility;
+mod pace;
 mod piece;
 mod quadrature;
 mod reduced_time;
@@ -48,6 +49,7 @@ mod reduced_time;
 pub use error::HeatError;
 pub use history::{CoolDown, History};
 pub use mobility::{GAS_CONSTANT, Mobility, MobilityLaw};
+pub use pace::{Heated, Isothermal, Pace};
 
 use error::within;
 use history::cooling;
@@ -143,10 +145,13 @@ impl Heat {
     /// The time \[s\] at which the reduced time has a value: 0 for values up to 0, `None` where it never has.
     #[must_use]
     pub fn time(&self, reduced_s: f64) -> Option<f64> {
-        if reduced_s <= 0.0 {
-            return Some(0.0);
-        }
-        Walk::new(&self.pieces).until(reduced_s).filter(|time| time.is_finite())
+        Walk::time(&self.pieces, reduced_s)
+    }
+
+    /// What solvers follow.
+    #[must_use]
+    pub fn pace(&self) -> Heated<'_> {
+        Heated::new(&self.pieces)
     }
 }
 

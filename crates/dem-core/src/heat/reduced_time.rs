@@ -34,8 +34,15 @@ impl<'a> Walk<'a> {
         self.reduced
     }
 
-    /// The first time at which s has a value above 0; infinite or NaN where it never does.
-    pub(super) fn until(mut self, reduced: f64) -> Option<f64> {
+    /// The time at which s has a value: 0 for values up to 0, `None` where it never has.
+    pub(super) fn time(pieces: &[Piece], reduced: f64) -> Option<f64> {
+        if reduced <= 0.0 {
+            return Some(0.0);
+        }
+        Walk::new(pieces).until(reduced).filter(|time| time.is_finite())
+    }
+
+    fn until(mut self, reduced: f64) -> Option<f64> {
         while let Some(piece) = self.pieces.first() {
             self.within(piece, piece.until_s);
             if self.reduced >= reduced {

@@ -2,11 +2,13 @@
 
 mod choice;
 mod closed_form;
+mod entry;
 mod quasi_static;
 mod verlet;
 
 pub use choice::{SolverChoice, choose_solver};
 pub use closed_form::ClosedForm;
+pub use entry::{contact_ratios, heated_contact_ratios, simulate, simulate_heated};
 pub use quasi_static::QuasiStatic;
 pub use verlet::{Verlet, verlet_batch};
 
@@ -15,24 +17,35 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use crate::kinetics::{UnknownName, WithLaw, with_law};
-use crate::{Kinetic, Kinetics, PairScene, Sintering, SolveError};
+use crate::heat::Pace;
+use crate::kinetics::UnknownName;
+use crate::{Kinetic, PairScene, SolveError};
 
-/// A way to solve the pair scene, for any growth law.
+/// A pair with its law of growth, its pace and its observation times.
 ///
-/// The times are sorted, finite and not negative, and every slice is as long as they are:
-/// [`simulate`] and [`contact_ratios`] have checked it.
+/// The times are sorted, finite and not negative: [`simulate`] and [`contact_ratios`] have checked it.
+#[derive(Debug, Clone, Copy)]
+pub struct PairRun<'a, K, P> {
+    /// The pair.
+    pub scene: &'a PairScene,
+    /// Its law of growth.
+    pub law: &'a K,
+    /// The mobility over time: [`Isothermal`](crate::heat::Isothermal), or that of a heat.
+    pub pace: P,
+    /// Observation times \[s\].
+    pub times_s: &'a [f64],
+}
+
+/// A way to solve the pair scene, for any growth law and any heat. Slices are as long as the times.
 pub trait PairSolver {
     /// Contact ratios at the times; the hot path.
     ///
     /// # Errors
     ///
     /// A [`SolveError`] for a setting out of range or for a run that takes more work than allowed.
-    fn contact_ratios<K: Kinetic>(
+    fn contact_ratios<K: Kinetic, P: Pace>(
         &self,
-        scene: &PairScene,
-        law: &K,
-        times_s: &[f64],
+        run: &PairRun<'_, K, P>,
         contact_ratio: &mut [f64],
     ) -> Result<SolveReport, SolveError>;
 
@@ -41,11 +54,9 @@ pub trait PairSolver {
     /// # Errors
     ///
     /// Same as [`contact_ratios`](Self::contact_ratios).
-    fn overlaps<K: Kinetic>(
+    fn overlaps<K: Kinetic, P: Pace>(
         &self,
-        scene: &PairScene,
-        law: &K,
-        times_s: &[f64],
+        run: &PairRun<'_, K, P>,
         overlap: &mut [f64],
         plastic_overlap: &mut [f64],
     ) -> Result<SolveReport, SolveError>;
@@ -182,7 +193,7 @@ pub struct SolveReport {
     pub error_estimate: Option<f64>,
     /// Reason for its end.
     pub stop: StopReason,
-    /// The range in which the quasi-static limit holds; from the quasi-static solver only.
+    /// The range in which the quasi-static limit holds; from the quasi-static solver without heat only.
     pub quasi_static_lag: Option<QuasiStaticLag>,
 }
 
@@ -199,140 +210,4 @@ pub struct Curve {
     pub contact_ratio: Vec<f64>,
     /// Work, error and end of the run.
     pub report: SolveReport,
-}
-
-fn check_times(times_s: &[f64]) -> Result<(), SolveError> {
-    if times_s.is_empty() {
-        return Err(SolveError::NoTimes);
-    }
-    let mut previous = 0.0;
-    for (index, &value) in times_s.iter().enumerate() {
-        if !(value >= previous && value < f64::INFINITY) {
-            return Err(if !(value.is_finite() && value >= 0.0) {
-                SolveError::Time { index, value }
-            } else {
-                SolveError::UnsortedTimes { index, value, previous }
-            });
-        }
-        previous = value;
-    }
-    Ok(())
-}
-
-/// Contact ratios a/R at sorted times \[s\], written to `out`.
-///
-/// The hot path of a calibration: with the closed form nothing is allocated.
-///
-/// # Errors
-///
-/// A [`SolveError`] that names the parameter, setting or time.
-pub fn contact_ratios(
-    scene: &PairScene,
-    kinetics: Kinetics,
-    sintering: &Sintering,
-    settings: &SolverSettings,
-    times_s: &[f64],
-    out: &mut [f64],
-) -> Result<SolveReport, SolveError> {
-    struct Ratios<'a> {
-        scene: &'a PairScene,
-        sintering: &'a Sintering,
-        settings: &'a SolverSettings,
-        times_s: &'a [f64],
-        out: &'a mut [f64],
-    }
-    impl WithLaw for Ratios<'_> {
-        type Output = Result<SolveReport, SolveError>;
-        fn run<K: Kinetic>(self) -> Self::Output {
-            let Self { scene, sintering, settings, times_s, out } = self;
-            let law = K::new(scene, sintering)?;
-            match settings.kind {
-                SolverKind::ClosedForm => ClosedForm.contact_ratios(scene, &law, times_s, out),
-                SolverKind::QuasiStatic => {
-                    QuasiStatic::new(settings)?.contact_ratios(scene, &law, times_s, out)
-                }
-                SolverKind::Verlet => {
-                    Verlet::new(scene, settings)?.contact_ratios(scene, &law, times_s, out)
-                }
-            }
-        }
-    }
-    check_times(times_s)?;
-    if out.len() != times_s.len() {
-        return Err(SolveError::OutputLength { out: out.len(), times: times_s.len() });
-    }
-    with_law(kinetics, Ratios { scene, sintering, settings, times_s, out })
-}
-
-/// The curve at sorted times \[s\].
-///
-/// # Errors
-///
-/// A [`SolveError`] that names the parameter, setting or time.
-pub fn simulate(
-    scene: &PairScene,
-    kinetics: Kinetics,
-    sintering: &Sintering,
-    settings: &SolverSettings,
-    times_s: &[f64],
-) -> Result<Curve, SolveError> {
-    struct Overlaps<'a> {
-        scene: &'a PairScene,
-        sintering: &'a Sintering,
-        settings: &'a SolverSettings,
-        times_s: &'a [f64],
-        overlap: &'a mut [f64],
-        plastic_overlap: &'a mut [f64],
-    }
-    impl WithLaw for Overlaps<'_> {
-        type Output = Result<SolveReport, SolveError>;
-        fn run<K: Kinetic>(self) -> Self::Output {
-            let Self { scene, sintering, settings, times_s, overlap, plastic_overlap } = self;
-            let law = K::new(scene, sintering)?;
-            match settings.kind {
-                SolverKind::ClosedForm => {
-                    ClosedForm.overlaps(scene, &law, times_s, overlap, plastic_overlap)
-                }
-                SolverKind::QuasiStatic => QuasiStatic::new(settings)?.overlaps(
-                    scene,
-                    &law,
-                    times_s,
-                    overlap,
-                    plastic_overlap,
-                ),
-                SolverKind::Verlet => Verlet::new(scene, settings)?.overlaps(
-                    scene,
-                    &law,
-                    times_s,
-                    overlap,
-                    plastic_overlap,
-                ),
-            }
-        }
-    }
-    check_times(times_s)?;
-    let mut overlap = vec![0.0; times_s.len()];
-    let mut plastic_overlap = vec![0.0; times_s.len()];
-    let work = Overlaps {
-        scene,
-        sintering,
-        settings,
-        times_s,
-        overlap: &mut overlap,
-        plastic_overlap: &mut plastic_overlap,
-    };
-    let report = with_law(kinetics, work)?;
-    let contact_ratio = overlap
-        .iter()
-        .map(|&x| if x == scene.final_overlap() { scene.final_contact_ratio() } else { x.sqrt() })
-        .collect();
-    let radius_m = scene.radius_m();
-    let metres = |overlaps: Vec<f64>| overlaps.into_iter().map(|x| x * radius_m).collect();
-    Ok(Curve {
-        time_s: times_s.to_vec(),
-        overlap_m: metres(overlap),
-        plastic_overlap_m: metres(plastic_overlap),
-        contact_ratio,
-        report,
-    })
 }

@@ -4,6 +4,7 @@ mod bad_input;
 mod contact_law;
 mod convergence;
 mod heat;
+mod heated;
 mod kinetics;
 mod names;
 mod paper_statements;

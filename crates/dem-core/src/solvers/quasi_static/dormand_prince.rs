@@ -4,7 +4,7 @@
 //! order after E. Hairer, S.P. Norsett, G. Wanner, *Solving Ordinary Differential Equations I*,
 //! section II.6.
 
-/// A step of `dy/dt = f(y)`.
+/// A step of `dy/dt = f(t, y)`, t since its start.
 pub(super) struct Step {
     start: f64,
     /// Coefficients of the continuous extension.
@@ -16,22 +16,28 @@ pub(super) struct Step {
 
 impl Step {
     #[inline]
-    pub(super) fn take(f: &impl Fn(f64) -> f64, y: f64, k1: f64, h: f64) -> Self {
-        let k2 = f(y + h * (0.2 * k1));
-        let k3 = f(y + h * (3.0 / 40.0 * k1 + 9.0 / 40.0 * k2));
-        let k4 = f(y + h * (44.0 / 45.0 * k1 - 56.0 / 15.0 * k2 + 32.0 / 9.0 * k3));
-        let k5 = f(y + h
-            * (19372.0 / 6561.0 * k1 - 25360.0 / 2187.0 * k2 + 64448.0 / 6561.0 * k3
-                - 212.0 / 729.0 * k4));
-        let k6 = f(y + h
-            * (9017.0 / 3168.0 * k1 - 355.0 / 33.0 * k2
-                + 46732.0 / 5247.0 * k3
-                + 49.0 / 176.0 * k4
-                - 5103.0 / 18656.0 * k5));
+    pub(super) fn take(f: &impl Fn(f64, f64) -> f64, y: f64, k1: f64, h: f64) -> Self {
+        let k2 = f(0.2 * h, y + h * (0.2 * k1));
+        let k3 = f(0.3 * h, y + h * (3.0 / 40.0 * k1 + 9.0 / 40.0 * k2));
+        let k4 = f(0.8 * h, y + h * (44.0 / 45.0 * k1 - 56.0 / 15.0 * k2 + 32.0 / 9.0 * k3));
+        let k5 = f(
+            8.0 / 9.0 * h,
+            y + h
+                * (19372.0 / 6561.0 * k1 - 25360.0 / 2187.0 * k2 + 64448.0 / 6561.0 * k3
+                    - 212.0 / 729.0 * k4),
+        );
+        let k6 = f(
+            h,
+            y + h
+                * (9017.0 / 3168.0 * k1 - 355.0 / 33.0 * k2
+                    + 46732.0 / 5247.0 * k3
+                    + 49.0 / 176.0 * k4
+                    - 5103.0 / 18656.0 * k5),
+        );
         let change = h
             * (35.0 / 384.0 * k1 + 500.0 / 1113.0 * k3 + 125.0 / 192.0 * k4 - 2187.0 / 6784.0 * k5
                 + 11.0 / 84.0 * k6);
-        let k7 = f(y + change);
+        let k7 = f(h, y + change);
         let error = h
             * (71.0 / 57600.0 * k1 - 71.0 / 16695.0 * k3 + 71.0 / 1920.0 * k4
                 - 17253.0 / 339_200.0 * k5

@@ -3,9 +3,10 @@
 mod dormand_prince;
 mod lag;
 
-use super::{PairSolver, SolveReport, SolverKind, SolverSettings, StopReason};
+use super::{PairRun, PairSolver, SolveReport, SolverKind, SolverSettings, StopReason};
+use crate::heat::Pace;
 use crate::kinetics::RateCoefficients;
-use crate::{ContactLaw, Kinetic, PairScene, SolveError};
+use crate::{ContactLaw, Kinetic, SolveError};
 use dormand_prince::Step;
 
 /// Integrates the plastic overlap of a pair without inertia,
@@ -50,23 +51,35 @@ impl QuasiStatic {
         Ok(Self { tolerance, max_work: settings.max_work })
     }
 
+    /// Whether errors are small enough, and the ratio of a step that would meet them to this one.
+    fn verdict(&self, error: f64, dense: f64) -> (bool, f64) {
+        let (tolerance, step_tolerance) = (self.tolerance, STEP_SHARE * self.tolerance);
+        let accepted = error <= step_tolerance && dense <= tolerance; // not so where NaN
+        let growth = if error > 0.0 || dense > 0.0 {
+            0.9 * (step_tolerance / error).powf(0.2).min((tolerance / dense).sqrt().sqrt())
+        } else {
+            LARGEST_GROWTH
+        };
+        (accepted, growth)
+    }
+
     /// Runs the pair; `observe` is given index, overlap and plastic overlap of each time in turn.
-    fn run<K: Kinetic>(
+    fn run<K: Kinetic, P: Pace>(
         &self,
-        scene: &PairScene,
-        law: &K,
-        times_s: &[f64],
+        run: &PairRun<'_, K, P>,
         observe: &mut impl FnMut(usize, f64, f64),
     ) -> Result<SolveReport, SolveError> {
+        let PairRun { scene, law, pace, times_s } = *run;
         let contact = scene.law();
         let mut run = Run {
             contact,
+            pace,
             solver: *self,
             coefficients: law.coefficients(),
             times_s,
             observed: 0,
             observe,
-            now_s: law.rest_s(),
+            now_s: pace.time(law.rest_s()).unwrap_or(f64::INFINITY),
             overlap: scene.x0(),
             plastic_overlap: contact.equilibrium_plastic_overlap(scene.x0()),
             step_errors: 0.0,
@@ -112,14 +125,15 @@ impl QuasiStatic {
             force_evaluations: run.evaluations,
             error_estimate: Some(run.step_errors + run.dense_error),
             stop: if ended { StopReason::Coalesced } else { StopReason::LastObservation },
-            quasi_static_lag: Some(lag::estimate(scene, law, overlap)),
+            quasi_static_lag: (!P::VARIES).then(|| lag::estimate(scene, law, overlap)),
         })
     }
 }
 
 /// A run under way.
-struct Run<'a, F> {
+struct Run<'a, F, P> {
     contact: &'a ContactLaw,
+    pace: P,
     solver: QuasiStatic,
     coefficients: RateCoefficients<f64>,
     times_s: &'a [f64],
@@ -137,7 +151,7 @@ struct Run<'a, F> {
     evaluations: u64,
 }
 
-impl<F: FnMut(usize, f64, f64)> Run<'_, F> {
+impl<F: FnMut(usize, f64, f64), P: Pace> Run<'_, F, P> {
     fn next_time_s(&self) -> Option<f64> {
         self.times_s.get(self.observed).copied()
     }
@@ -176,7 +190,7 @@ impl<F: FnMut(usize, f64, f64)> Run<'_, F> {
     /// shorter steps refine it to their own order.
     fn crossing_s(
         &mut self,
-        slope: &impl Fn(f64) -> f64,
+        slope: &impl Fn(f64, f64) -> f64,
         (p, start_slope): (f64, f64),
         mut taken_s: f64,
         until_plastic: f64,
@@ -227,6 +241,7 @@ impl<F: FnMut(usize, f64, f64)> Run<'_, F> {
         let Some(&last_s) = self.times_s.last() else { return Ok(false) };
         let (contact, coefficients) = (*self.contact, self.coefficients);
         let stiffening = contact.stiffening();
+        // At the reference; the pace scales it.
         let slope = |p: f64| {
             // x = p + alpha/kappa and dp/dX = 1/(1 - q alpha/kappa^2); the pair in equilibrium is
             // below the fluid branch.
@@ -240,27 +255,29 @@ impl<F: FnMut(usize, f64, f64)> Run<'_, F> {
         let mut since_s = 0.0;
         let left_s = last_s - self.now_s;
         let mut p = self.plastic_overlap;
-        let mut start_slope = slope(p);
+        self.pace.seek(self.now_s);
+        let mut start_slope = self.pace.scaled(self.now_s, slope(p));
         self.evaluations += 1;
         let mut step_s = (0.02 * self.overlap / start_slope).min(left_s);
-        let tolerance = self.solver.tolerance;
-        let step_tolerance = STEP_SHARE * tolerance;
         while self.next_time_s().is_some() {
+            let stretch_s = self.pace.until_s() - self.now_s - since_s;
+            if self.pace.is_frozen() || since_s + stretch_s <= since_s {
+                since_s = self.wait_out(p, since_s);
+                start_slope = self.pace.scaled(self.now_s + since_s, slope(p));
+                step_s =
+                    (0.02 * contact.equilibrium_overlap(p) / start_slope).min(left_s - since_s);
+                continue;
+            }
+            step_s = step_s.min(stretch_s);
             self.check_step(since_s, step_s, last_s)?;
-            let step = Step::take(&slope, p, start_slope, step_s);
+            let (pace, from_s) = (self.pace, self.now_s + since_s);
+            let scaled_slope = |at_s: f64, p: f64| pace.scaled(from_s + at_s, slope(p));
+            let step = Step::take(&scaled_slope, p, start_slope, step_s);
             self.steps += 1;
             self.evaluations += 6;
-            // da/R = dx/(2 a/R), and dx/dp is at most 1; what is below rounding is no error.
-            let in_ratio = 0.5 / contact.equilibrium_overlap(p).sqrt();
-            let seen = |error: f64| if error <= 1e-15 * p { 0.0 } else { error };
-            let error = seen(CAUTION * step.error) * in_ratio.max(speed_after / step.end_slope());
-            let dense = seen(step.dense_error()) * in_ratio;
-            let accepted = error <= step_tolerance && dense <= tolerance; // not so where NaN
-            let growth = if error > 0.0 || dense > 0.0 {
-                0.9 * (step_tolerance / error).powf(0.2).min((tolerance / dense).sqrt().sqrt())
-            } else {
-                LARGEST_GROWTH
-            };
+            let speed = pace.scaled(from_s + step_s, speed_after);
+            let (error, dense) = self.errors(&step, p, speed);
+            let (accepted, growth) = self.solver.verdict(error, dense);
             if !accepted {
                 step_s *= if growth.is_finite() { growth.clamp(0.1, 0.9) } else { 0.1 };
                 continue;
@@ -270,7 +287,8 @@ impl<F: FnMut(usize, f64, f64)> Run<'_, F> {
             let crosses = step.end() >= until_plastic;
             let taken_s = if crosses {
                 let first = step.crossing(until_plastic) * step_s;
-                self.crossing_s(&slope, (p, start_slope), first, until_plastic).clamp(0.0, step_s)
+                self.crossing_s(&scaled_slope, (p, start_slope), first, until_plastic)
+                    .clamp(0.0, step_s)
             } else {
                 step_s
             };
@@ -292,31 +310,49 @@ impl<F: FnMut(usize, f64, f64)> Run<'_, F> {
         }
         Ok(false)
     }
+
+    /// Errors of a step from `p`, at its end and inside it, in a/R; `speed_after` as in [`piece`](Self::piece), at the end of the step.
+    fn errors(&self, step: &Step, p: f64, speed_after: f64) -> (f64, f64) {
+        // da/R = dx/(2 a/R), and dx/dp is at most 1; what is below rounding is no error.
+        let in_ratio = 0.5 / self.contact.equilibrium_overlap(p).sqrt();
+        let seen = |error: f64| if error <= 1e-15 * p { 0.0 } else { error };
+        let later = (speed_after / step.end_slope()).min(f64::MAX);
+        (seen(CAUTION * step.error) * in_ratio.max(later), seen(step.dense_error()) * in_ratio)
+    }
+
+    /// Waits at `p` to the end of a frozen stretch, or of one that has ended, and goes to the next; returns the time since
+    /// the start of the piece.
+    fn wait_out(&mut self, p: f64, since_s: f64) -> f64 {
+        let until_s = self.pace.until_s();
+        self.plastic_overlap = p;
+        self.overlap = self.contact.equilibrium_overlap(p);
+        while self.next_time_s().is_some_and(|time_s| time_s <= until_s) {
+            self.observe_present();
+        }
+        self.pace.next_stretch();
+        since_s.max(until_s - self.now_s)
+    }
 }
 
 impl PairSolver for QuasiStatic {
-    fn contact_ratios<K: Kinetic>(
+    fn contact_ratios<K: Kinetic, P: Pace>(
         &self,
-        scene: &PairScene,
-        law: &K,
-        times_s: &[f64],
+        run: &PairRun<'_, K, P>,
         contact_ratio: &mut [f64],
     ) -> Result<SolveReport, SolveError> {
-        let (end, phi) = (scene.final_overlap(), scene.final_contact_ratio());
-        self.run(scene, law, times_s, &mut |index, x: f64, _| {
+        let (end, phi) = (run.scene.final_overlap(), run.scene.final_contact_ratio());
+        self.run(run, &mut |index, x: f64, _| {
             contact_ratio[index] = if x >= end { phi } else { x.sqrt() };
         })
     }
 
-    fn overlaps<K: Kinetic>(
+    fn overlaps<K: Kinetic, P: Pace>(
         &self,
-        scene: &PairScene,
-        law: &K,
-        times_s: &[f64],
+        run: &PairRun<'_, K, P>,
         overlap: &mut [f64],
         plastic_overlap: &mut [f64],
     ) -> Result<SolveReport, SolveError> {
-        self.run(scene, law, times_s, &mut |index, x, p| {
+        self.run(run, &mut |index, x, p| {
             overlap[index] = x;
             plastic_overlap[index] = p;
         })

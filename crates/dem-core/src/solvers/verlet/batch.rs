@@ -41,7 +41,7 @@ pub fn verlet_batch(
             )
         }
     }
-    crate::solvers::check_times(times_s)?;
+    crate::solvers::entry::check_times(times_s)?;
     let places = sinterings.len() * times_s.len();
     if contact_ratio.len() != places {
         return Err(SolveError::OutputLength { out: contact_ratio.len(), times: places });
@@ -68,7 +68,7 @@ fn run_lanes<K: Kinetic>(
     let mut waiting = sinterings.iter().enumerate();
     let start = Pair::start(scene, solver.from_contact);
     let mut pairs = Pair::splat(&start);
-    let nothing = F64x8::splat(0.0);
+    let (nothing, step_s) = (F64x8::splat(0.0), F64x8::splat(solver.step_s()));
     let mut coefficients =
         RateCoefficients { switch: nothing, zipping: nothing, stretching: nothing };
     let mut lanes: [Option<Curve<'_>>; WIDTH] = [const { None }; WIDTH];
@@ -80,7 +80,7 @@ fn run_lanes<K: Kinetic>(
                     Ok(law) => {
                         let scheme = Scheme::new(scene, solver.step_s(), &law.coefficients());
                         let mut pair = start;
-                        scheme.set_off::<K>(&mut pair);
+                        scheme.set_off::<K>(solver.step_s(), &mut pair);
                         coefficients.set_lane(i, &scheme.coefficients);
                         pairs.set_lane(i, &pair);
                         *lane = Some(Curve {
@@ -99,7 +99,7 @@ fn run_lanes<K: Kinetic>(
         };
         let scheme = Scheme::<F64x8>::new(scene, solver.step_s(), &coefficients);
         for _ in 0..steps {
-            scheme.step::<K>(&mut pairs);
+            scheme.step::<K>(step_s, &mut pairs);
         }
         for (i, lane) in lanes.iter_mut().enumerate() {
             let Some(curve) = lane else { continue };

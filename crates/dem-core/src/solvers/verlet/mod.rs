@@ -6,7 +6,8 @@ mod pair;
 
 pub use batch::verlet_batch;
 
-use super::{PairSolver, SolveReport, SolverSettings};
+use super::{PairRun, PairSolver, SolveReport, SolverSettings};
+use crate::heat::Pace;
 use crate::{Kinetic, PairScene, SolveError};
 use clock::{Clock, Stepping};
 use pair::{Pair, Scheme};
@@ -83,20 +84,28 @@ impl Verlet {
         self.stepping.step_s
     }
 
-    fn run<K: Kinetic>(
+    fn run<K: Kinetic, P: Pace>(
         &self,
-        scene: &PairScene,
-        law: &K,
-        times_s: &[f64],
+        run: &PairRun<'_, K, P>,
         observe: &mut impl FnMut(usize, f64, f64),
     ) -> Result<SolveReport, SolveError> {
-        let scheme = Scheme::<f64>::new(scene, self.step_s(), &law.coefficients());
+        let PairRun { scene, law, mut pace, times_s } = *run;
+        let step_s = self.step_s();
+        let scheme = Scheme::<f64>::new(scene, step_s, &law.coefficients());
         let mut pair = Pair::start(scene, self.from_contact);
-        scheme.set_off::<K>(&mut pair);
+        let mut made = 0u64;
+        // The step in reduced time, by m at its middle.
+        let mut growing_s = |made: u64| {
+            let middle_s = if P::VARIES { (made as f64 + 0.5) * step_s } else { 0.0 };
+            pace.seek(middle_s);
+            pace.scaled(middle_s, step_s)
+        };
+        scheme.set_off::<K>(growing_s(made), &mut pair);
         let mut clock = Clock::new(&self.stepping, scene, times_s);
         while let Some(steps) = clock.steps_to_event() {
             for _ in 0..steps {
-                scheme.step::<K>(&mut pair);
+                scheme.step::<K>(growing_s(made), &mut pair);
+                made += 1;
             }
             clock.event(steps, &pair, observe)?;
         }
@@ -105,27 +114,23 @@ impl Verlet {
 }
 
 impl PairSolver for Verlet {
-    fn contact_ratios<K: Kinetic>(
+    fn contact_ratios<K: Kinetic, P: Pace>(
         &self,
-        scene: &PairScene,
-        law: &K,
-        times_s: &[f64],
+        run: &PairRun<'_, K, P>,
         contact_ratio: &mut [f64],
     ) -> Result<SolveReport, SolveError> {
-        self.run(scene, law, times_s, &mut |index, x: f64, _| {
+        self.run(run, &mut |index, x: f64, _| {
             contact_ratio[index] = x.max(0.0).sqrt();
         })
     }
 
-    fn overlaps<K: Kinetic>(
+    fn overlaps<K: Kinetic, P: Pace>(
         &self,
-        scene: &PairScene,
-        law: &K,
-        times_s: &[f64],
+        run: &PairRun<'_, K, P>,
         overlap: &mut [f64],
         plastic_overlap: &mut [f64],
     ) -> Result<SolveReport, SolveError> {
-        self.run(scene, law, times_s, &mut |index, x, p| {
+        self.run(run, &mut |index, x, p| {
             overlap[index] = x.max(0.0);
             plastic_overlap[index] = p;
         })

@@ -74,7 +74,6 @@ impl Pair<f64> {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Scheme<L> {
     law: ContactLaw,
-    step_s: L,
     start: L,
     end_plastic: L,
     adhesion: L,
@@ -105,7 +104,6 @@ impl<L: Lanes> Scheme<L> {
         let half = 0.5 * step_s * dissipation;
         Self {
             law,
-            step_s: L::splat(step_s),
             start: L::splat(scene.x0()),
             end_plastic: L::splat(law.equilibrium_plastic_overlap(scene.final_overlap())),
             adhesion: L::splat(law.adhesion),
@@ -126,9 +124,9 @@ impl<L: Lanes> Scheme<L> {
 }
 
 impl<L: Lanes> Scheme<L> {
-    /// One step; see the head of this file.
+    /// One step; see the head of this file. `growing_s` is the step in the reduced time of the rates: `step_s` without heat.
     #[inline(always)]
-    pub(super) fn step<K: Kinetic>(&self, pair: &mut Pair<L>)
+    pub(super) fn step<K: Kinetic>(&self, growing_s: L, pair: &mut Pair<L>)
     where
         Self: OffElastic<L>,
     {
@@ -144,7 +142,7 @@ impl<L: Lanes> Scheme<L> {
         let kappa = one + self.stiffening * middle_plastic;
         let squared = kappa * kappa;
         let d = d * (squared - self.stiffening * self.adhesion);
-        let growing = self.step_s * n * squared;
+        let growing = growing_s * n * squared;
         // Growth, forth or back, stops at full coalescence.
         let (hn, _) = L::choose_pair(p, self.end_plastic, || (growing, d), || (L::splat(0.0), d));
         let softened = pair.stiffness - self.stiffening * (x - p);
@@ -187,11 +185,11 @@ impl Scheme<f64> {
     /// may be far below the step. The first half kick takes its mean over the half step,
     /// `D (1 - exp(-z/2))/(z/2)`: with D itself the pair would set off half a step late, an error of
     /// first order.
-    pub(super) fn set_off<K: Kinetic>(&self, pair: &mut Pair<f64>) {
+    pub(super) fn set_off<K: Kinetic>(&self, growing_s: f64, pair: &mut Pair<f64>) {
         let (n, d) = K::rate_fraction(&self.coefficients, self.start);
         let softened = pair.stiffness - self.stiffening * (pair.overlap - pair.plastic);
         let factor = self.law.equilibrium_factor(pair.plastic);
-        let half_z = 0.5 * self.step_s * n / d * factor * softened * self.inverse_adhesion;
+        let half_z = 0.5 * growing_s * n / d * factor * softened * self.inverse_adhesion;
         let mean = if half_z > 0.0 { -(-half_z).exp_m1() / half_z } else { 1.0 };
         pair.drift = self.kick * self.adhesion * (1.0 - pair.driving * mean);
     }
@@ -262,7 +260,6 @@ impl Scheme<F64x8> {
     fn lane(&self, i: usize) -> Scheme<f64> {
         Scheme {
             law: self.law,
-            step_s: self.step_s.0[i],
             start: self.start.0[i],
             end_plastic: self.end_plastic.0[i],
             adhesion: self.adhesion.0[i],
