@@ -189,6 +189,23 @@ impl HeatPlan {
         !self.known.contains_key(&name) && self.needs(radius_m).iter().any(|(needed, _)| *needed == name)
     }
 
+    /// The heat on one line.
+    pub fn in_words(&self) -> String {
+        let history = match &self.history {
+            HistoryPlan::Constant { temperature_k } => format!("constant {temperature_k} K"),
+            HistoryPlan::Pulse { energy: Some(energy), .. } => format!("pulse of energy {energy}"),
+            HistoryPlan::Pulse { energy: None, .. } => "pulse".to_owned(),
+            HistoryPlan::RampAndHold { start_temperature_k, rate_k_per_s, hold_temperature_k, .. } => {
+                format!("{start_temperature_k} K to {hold_temperature_k} K by {rate_k_per_s} K/s, held")
+            }
+            HistoryPlan::Table { file, time_s, .. } => {
+                format!("{} temperatures of {file}", time_s.len())
+            }
+        };
+        let known = self.known.iter().map(|(name, value)| format!(", {} {value}", name.name()));
+        format!("{history}, mobility {}{}", self.law.name(), known.collect::<String>())
+    }
+
     /// The energy of the pulse.
     pub fn energy(&self) -> Option<f64> {
         match self.history {

@@ -6,7 +6,7 @@ use std::borrow::Cow;
 use dem_core::heat::{Heat, HeatError};
 use dem_core::{
     Kinetics, PairScene, PairSpec, Powder, Sintering, SolveError, SolverKind, SolverSettings,
-    contact_ratios, verlet_batch,
+    contact_ratios, heated_contact_ratios, verlet_batch,
 };
 use rayon::prelude::*;
 use smc_calib::{Parameter, SimError, Simulator};
@@ -230,15 +230,13 @@ impl NeckGrowth {
         start_s: f64,
         out: &mut [f64],
     ) -> Result<(), SimError> {
-        let mut times_s = self.since(start_s);
-        if let Some(heat) = heat {
-            let mut reduced = vec![0.0; times_s.len()];
-            heat.reduced_times(&times_s, &mut reduced);
-            times_s = Cow::Owned(reduced);
+        let (times_s, law) = (self.since(start_s), (self.kinetics, sintering));
+        match heat {
+            None => contact_ratios(scene, law.0, law.1, &self.solver, &times_s, out),
+            Some(heat) => heated_contact_ratios(scene, law, heat, &self.solver, &times_s, out),
         }
-        contact_ratios(scene, self.kinetics, sintering, &self.solver, &times_s, out)
-            .map(|_| ())
-            .map_err(|error| failure(&error))
+        .map(|_| ())
+        .map_err(|error| failure(&error))
     }
 
     /// Times after first contact \[s\]: zero, where the contact has its starting value, until it happens.

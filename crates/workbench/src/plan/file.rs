@@ -11,6 +11,7 @@ use super::executor::executor;
 use super::input_files::check_places;
 use super::made_of;
 use super::observable::observable;
+use super::heats::check_heats;
 use super::pair_file::{check_all_used, check_priors, check_radii, pair};
 use super::proposal::{Named, begin_from};
 use super::sampler::{Sampling, sampler};
@@ -190,6 +191,7 @@ fn experiments(
         experiments.push(experiment);
     }
     check_radii(fields, &own, &experiments)?;
+    check_heats(fields, &own, &experiments, heat)?;
     check_all_used(folder, tables, &experiments)?;
     let observables = experiments.iter().flat_map(|experiment| &experiment.observables);
     let tuned = |noise: &Noise| matches!(noise, Noise::EssTarget { .. });

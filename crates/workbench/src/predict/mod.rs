@@ -15,7 +15,7 @@ pub use heated::{EnoughEnergy, read_heat};
 use dem_core::heat::Heat;
 use dem_core::{
     Kinetics, PairScene, SceneError, Sintering, SolverKind, SolverSettings, contact_ratios,
-    time_to_contact_ratio,
+    heated_contact_ratios, heated_time_to_contact_ratio, time_to_contact_ratio,
 };
 use serde::Serialize;
 
@@ -306,8 +306,11 @@ fn predicted(
         let times: Vec<(f64, f64)> = drawn
             .iter()
             .filter_map(|Drawn { scene, sintering, kinetics, weight, heat, .. }| {
-                let reduced_s = time_to_contact_ratio(scene, *kinetics, sintering, target)?;
-                let time_s = heat.as_ref().map_or(Some(reduced_s), |heat| heat.time(reduced_s));
+                let law = (*kinetics, sintering);
+                let time_s = match heat {
+                    None => time_to_contact_ratio(scene, law.0, law.1, target),
+                    Some(heat) => heated_time_to_contact_ratio(scene, law, heat, target),
+                };
                 Some((time_s?, *weight))
             })
             .collect();
@@ -362,13 +365,15 @@ fn contact_after(drawn: &[Drawn], wanted: &Wanted) -> Result<Vec<ContactAfter>, 
     }
     let mut columns = vec![Vec::with_capacity(drawn.len()); times_s.len()];
     let mut curve = vec![0.0; times_s.len()];
-    let mut reduced_s = times_s.clone();
     for Drawn { scene, sintering, kinetics, weight, heat, .. } in drawn {
-        if let Some(heat) = heat {
-            heat.reduced_times(&times_s, &mut reduced_s);
+        let law = (*kinetics, sintering);
+        match heat {
+            None => contact_ratios(scene, law.0, law.1, &settings, &times_s, &mut curve),
+            Some(heat) => {
+                heated_contact_ratios(scene, law, heat, &settings, &times_s, &mut curve)
+            }
         }
-        contact_ratios(scene, *kinetics, sintering, &settings, &reduced_s, &mut curve)
-            .map_err(RunError::new)?;
+        .map_err(RunError::new)?;
         for (column, value) in columns.iter_mut().zip(&curve) {
             column.push((*value, *weight));
         }
