@@ -75,7 +75,11 @@ fn quasi_static_runs_with_m_in_the_rates_are_the_closed_form_in_reduced_time() {
             for (name, heat) in heats(scale_s) {
                 let exact =
                     heated(&scene, (kinetics, &s), &heat, &SolverSettings::default(), &times);
-                assert!(exact.is_sorted() && exact[99] > 2.0 * exact[0], "{kinetics} {name} {}", exact[99]);
+                assert!(
+                    exact.is_sorted() && exact[99] > 2.0 * exact[0],
+                    "{kinetics} {name} {}",
+                    exact[99]
+                );
                 for tolerance in [1e-4, 1e-6, 1e-8] {
                     let mut found = vec![0.0; times.len()];
                     let report = heated_contact_ratios(

@@ -218,7 +218,9 @@ impl HeatFields {
     fn history(&self, law: &LawPlan) -> Result<HistoryPlan, InputError> {
         const NAMES: [&str; 4] = ["constant", "pulse", "ramp-and-hold", "table"];
         let Some(name) = self.name("history", &NAMES)? else {
-            return Err(self.missing("history", "\"constant\", \"pulse\", \"ramp-and-hold\" or \"table\""));
+            return Err(
+                self.missing("history", "\"constant\", \"pulse\", \"ramp-and-hold\" or \"table\"")
+            );
         };
         if name != "pulse" && !law.is_of_temperature() {
             let (_, place) = &self.fields["mobility"];
@@ -261,7 +263,11 @@ impl HeatFields {
                     time_s: time_s.clone(),
                     temperature_k: temperature_k.clone(),
                 },
-                _ => return Err(self.missing("table", "a file with the columns time_s and temperature_k")),
+                _ => {
+                    return Err(
+                        self.missing("table", "a file with the columns time_s and temperature_k")
+                    );
+                }
             },
         })
     }
@@ -353,3 +359,6 @@ fn temperatures(path: &Path) -> Result<Said, InputError> {
     }
     Ok(Said::Table(name, time_s, temperature_k))
 }
+
+#[cfg(test)]
+mod tests;

@@ -144,7 +144,9 @@ impl PriorFile {
         InputError::new(&self.file_name, Mistake::Conflict)
             .in_field(format_args!("[{}]", parameter.name()))
             .found(format_args!("a prior for what [heat] states: {field} = {known}"))
-            .help(format_args!("take {field} out of [heat] to calibrate it, or the prior out of this file"))
+            .help(format_args!(
+                "take {field} out of [heat] to calibrate it, or the prior out of this file"
+            ))
     }
 }
 

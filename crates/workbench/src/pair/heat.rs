@@ -100,8 +100,7 @@ pub enum LawPlan {
 
 impl LawPlan {
     /// Names of the laws in files.
-    pub const NAMES: [&'static str; 5] =
-        ["direct", "threshold-power", "arrhenius", "wlf", "vogel"];
+    pub const NAMES: [&'static str; 5] = ["direct", "threshold-power", "arrhenius", "wlf", "vogel"];
 
     /// Its name in files.
     pub fn name(&self) -> &'static str {
@@ -148,7 +147,9 @@ pub enum NoHeat {
     #[error("the law of the mobility is one of pulses, and the history one of temperatures")]
     NoTemperature,
     /// A threshold that the reference is not above.
-    #[error("the threshold energy {threshold} is not below the reference energy {reference_energy}")]
+    #[error(
+        "the threshold energy {threshold} is not below the reference energy {reference_energy}"
+    )]
     Threshold {
         /// The threshold.
         threshold: f64,
@@ -166,7 +167,9 @@ impl HeatPlan {
         use ParameterName as P;
         let mut needed = match self.law {
             LawPlan::Direct => vec![(P::Amplitude, false)],
-            LawPlan::ThresholdPower { .. } => vec![(P::ThresholdEnergy, true), (P::EnergyPower, true)],
+            LawPlan::ThresholdPower { .. } => {
+                vec![(P::ThresholdEnergy, true), (P::EnergyPower, true)]
+            }
             LawPlan::Arrhenius { .. } => vec![(P::ActivationEnergy, true)],
             LawPlan::Wlf { .. } => vec![(P::WlfC1, true), (P::WlfC2, true)],
             LawPlan::Vogel { .. } => vec![(P::VogelB, true), (P::VogelT0, true)],
@@ -186,7 +189,8 @@ impl HeatPlan {
 
     /// Whether a parameter is to be calibrated where it has a prior: the heat depends on it and it is not known.
     pub fn leaves_open(&self, name: ParameterName, radius_m: f64) -> bool {
-        !self.known.contains_key(&name) && self.needs(radius_m).iter().any(|(needed, _)| *needed == name)
+        !self.known.contains_key(&name)
+            && self.needs(radius_m).iter().any(|(needed, _)| *needed == name)
     }
 
     /// The heat on one line.
@@ -195,8 +199,15 @@ impl HeatPlan {
             HistoryPlan::Constant { temperature_k } => format!("constant {temperature_k} K"),
             HistoryPlan::Pulse { energy: Some(energy), .. } => format!("pulse of energy {energy}"),
             HistoryPlan::Pulse { energy: None, .. } => "pulse".to_owned(),
-            HistoryPlan::RampAndHold { start_temperature_k, rate_k_per_s, hold_temperature_k, .. } => {
-                format!("{start_temperature_k} K to {hold_temperature_k} K by {rate_k_per_s} K/s, held")
+            HistoryPlan::RampAndHold {
+                start_temperature_k,
+                rate_k_per_s,
+                hold_temperature_k,
+                ..
+            } => {
+                format!(
+                    "{start_temperature_k} K to {hold_temperature_k} K by {rate_k_per_s} K/s, held"
+                )
             }
             HistoryPlan::Table { file, time_s, .. } => {
                 format!("{} temperatures of {file}", time_s.len())
@@ -314,3 +325,6 @@ impl HeatPlan {
         })
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -26,7 +26,8 @@ pub(super) fn check_heats(
     for (place, one) in heated.iter().enumerate() {
         for other in &heated[..place] {
             if let Some(error) = one.beside(other, fields) {
-                let line = tables.iter().find(|(at, _)| at.value == one.name).map(|(at, _)| at.line);
+                let line =
+                    tables.iter().find(|(at, _)| at.value == one.name).map(|(at, _)| at.line);
                 return Err(InputError { line, ..error });
             }
         }

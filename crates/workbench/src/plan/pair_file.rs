@@ -54,7 +54,8 @@ pub(super) fn pair(
     let experiment = experiment(folder, fields, experiment_field, material)?;
     warnings.extend(experiment.warnings());
     let heat = heat.cloned();
-    let model = PairModel { kinetics, solver, tolerance, tau_s_radius_m, parameters: renamed, heat };
+    let model =
+        PairModel { kinetics, solver, tolerance, tau_s_radius_m, parameters: renamed, heat };
     let (window, noise) = observable(observables)?;
     let plan = pair_experiment(&experiment, model, window, noise)?;
     if let SimulatorPlan::Builtin(pair) = &plan.simulator {
@@ -237,11 +238,12 @@ pub(super) fn check_all_used(
 ) -> Result<(), InputError> {
     let commands = pairs(experiments).count() < experiments.len();
     for (at, table) in tables {
-        let used = pairs(experiments)
-            .any(|(_, pair)| ParameterName::ALL.iter().any(|m| {
+        let used = pairs(experiments).any(|(_, pair)| {
+            ParameterName::ALL.iter().any(|m| {
                 let read = !m.is_of_heat() || pair.takes(*m);
                 read && pair.calibrated(*m) == at.value
-            }));
+            })
+        });
         if !used && !commands_name(folder, experiments, at.value) {
             if commands {
                 return Err(table

@@ -64,7 +64,10 @@ pub(super) fn heat_of(pair: &PairPlan, wanted: &Wanted) -> Result<Option<HeatPla
     let Some(mut heat) = heat else { return Ok(None) };
     let own = pair.heat.as_ref();
     let of_another = own.and_then(HeatPlan::energy) != heat.energy();
-    if heat.law == LawPlan::Direct && own.is_some_and(|own| own.law == LawPlan::Direct) && of_another {
+    if heat.law == LawPlan::Direct
+        && own.is_some_and(|own| own.law == LawPlan::Direct)
+        && of_another
+    {
         return Err(no_law());
     }
     // Without a radius of its own a calibrated cooling time is that of the calibrated pair.

@@ -52,7 +52,6 @@ impl Predicted {
             eti95: draws.interval(0.95),
         })
     }
-
 }
 
 /// The time at which a contact ratio is reached.
@@ -369,9 +368,7 @@ fn contact_after(drawn: &[Drawn], wanted: &Wanted) -> Result<Vec<ContactAfter>, 
         let law = (*kinetics, sintering);
         match heat {
             None => contact_ratios(scene, law.0, law.1, &settings, &times_s, &mut curve),
-            Some(heat) => {
-                heated_contact_ratios(scene, law, heat, &settings, &times_s, &mut curve)
-            }
+            Some(heat) => heated_contact_ratios(scene, law, heat, &settings, &times_s, &mut curve),
         }
         .map_err(RunError::new)?;
         for (column, value) in columns.iter_mut().zip(&curve) {

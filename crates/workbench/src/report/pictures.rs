@@ -2,8 +2,8 @@
 
 use figures::{
     Axes, Band, ConvergenceFigure, ConvergenceStage, CornerFigure, CornerParameter, FailuresFigure,
-    FitFigure, Knee, RecursionFigure, RecursionParameter, ResidualsFigure,
-    TogetherCurve, TogetherFigure,
+    FitFigure, Knee, RecursionFigure, RecursionParameter, ResidualsFigure, TogetherCurve,
+    TogetherFigure,
 };
 use smc_calib::{BandPoint, Coordinate, Parameter, PathParameter};
 
@@ -114,9 +114,7 @@ fn together(record: &Record, scale: TimeScale) -> Option<TogetherFigure> {
         .collect();
     let axes = Axes { log_control, ..Axes::default() };
     let title = record.plan.title.clone();
-    (2..=MOST_TOGETHER)
-        .contains(&curves.len())
-        .then_some(TogetherFigure { title, curves, axes })
+    (2..=MOST_TOGETHER).contains(&curves.len()).then_some(TogetherFigure { title, curves, axes })
 }
 
 /// Places of the parameters that a figure has room for, in their order: all, or those that the data say most of.
@@ -243,7 +241,9 @@ fn axes(plan: &ObservablePlan, scale: TimeScale) -> Axes {
 fn corner(record: &Record, samples: &SampleColumns) -> CornerFigure {
     let parameters = shown(record, MOST_IN_CORNER)
         .into_iter()
-        .filter_map(|place| Some((place, &record.parameters[place], samples.parameters.get(place)?)))
+        .filter_map(|place| {
+            Some((place, &record.parameters[place], samples.parameters.get(place)?))
+        })
         .map(|(place, summary, column)| {
             let coordinate = summary.coordinate;
             let (symbol, unit) = symbol(&summary.parameter.name, &summary.parameter.unit);

@@ -12,8 +12,8 @@ use crate::number::{digits_of, percentile, shown_unit, significant};
 use crate::output::pretty;
 use crate::plan::{ObservablePlan, SimulatorPlan};
 use crate::record::{
-    ExperimentRecord, FitError, KneeSummary, NeckGrowthRecord, ObservableRecord, PaperComparison, PrintedParameter,
-    ProductSummary, Record,
+    ExperimentRecord, FitError, KneeSummary, NeckGrowthRecord, ObservableRecord, PaperComparison,
+    PrintedParameter, ProductSummary, Record,
 };
 
 /// Why the paper's C1 has another percentile in the form of Table 3 than in SI.
