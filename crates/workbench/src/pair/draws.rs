@@ -38,6 +38,8 @@ impl PairDraws {
     ///
     /// [`Failure::Input`] for files that are missing, damaged or not of one pair.
     pub fn read(path: &Path) -> Result<Self, Failure> {
+        let record = record::read(path)?;
+        record.pair()?;
         Self::read_of(path, None)
     }
 
@@ -50,7 +52,11 @@ impl PairDraws {
         let record = record::read(path)?;
         let Pair { plan: pair, measured, found, .. } = match experiment {
             Some(name) => record.pair_named(name)?,
-            None => record.pair()?,
+            None => record.pair().map_err(|error| {
+                let of =
+                    record.pair_names().first().map(|name| format!("of one of them: --of {name}"));
+                error.help_if(of)
+            })?,
         };
         let pair = pair.clone();
         let file = record::locate(path);

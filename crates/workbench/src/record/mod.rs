@@ -173,19 +173,30 @@ impl Record {
     ///
     /// [`InputError`] for a name that no built-in experiment of the run has.
     pub fn pair_named(&self, name: &str) -> Result<Pair<'_>, InputError> {
+        self.pairs().find(|(own, _)| *own == name).map(|(_, pair)| pair).ok_or_else(|| {
+            let names = self.pair_names();
+            InputError::new("--of", Mistake::UnknownName)
+                .found(format_args!("\"{name}\""))
+                .expected(match names.len() {
+                    0 => "a run of pairs of particles with the built-in simulator".to_owned(),
+                    _ => format!("one of {}", names.join(", ")),
+                })
+                .did_you_mean(name, names)
+        })
+    }
+
+    /// Names of the built-in experiments of a run.
+    pub fn pair_names(&self) -> Vec<&str> {
+        self.pairs().map(|(name, _)| name).collect()
+    }
+
+    fn pairs(&self) -> impl Iterator<Item = (&str, Pair<'_>)> {
         let planned = self.plan.experiments.iter().zip(&self.experiments);
-        let mut pairs = planned.filter_map(|(plan, found)| {
+        planned.filter_map(|(plan, found)| {
             let SimulatorPlan::Builtin(pair) = &plan.simulator else { return None };
             let (measured, own) = (plan.observables.first()?, found.observables.first()?);
             let neck_growth = found.neck_growth.as_ref()?;
-            Some((&plan.name, Pair { plan: pair, measured, found: own, neck_growth }))
-        });
-        let names: Vec<&str> = pairs.clone().map(|(name, _)| name.as_str()).collect();
-        pairs.find(|(own, _)| *own == name).map(|(_, pair)| pair).ok_or_else(|| {
-            InputError::new("--of", Mistake::UnknownName)
-                .found(format_args!("\"{name}\""))
-                .expected(format_args!("one of {}", names.join(", ")))
-                .did_you_mean(name, names.iter().copied())
+            Some((plan.name.as_str(), Pair { plan: pair, measured, found: own, neck_growth }))
         })
     }
 

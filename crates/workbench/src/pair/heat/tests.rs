@@ -9,7 +9,7 @@ use std::path::Path;
 /// The plan of `ps-r60-e29` with these lines of `[heat]`, and these priors behind those of polystyrene.
 fn planned(heat: &str, priors: &[&str]) -> Plan {
     let log = |name: &str| {
-        format!("[parameters.{name}]\ndistribution = \"log-uniform\"\nlower = 1e-3\nupper = 1e3\n")
+        format!("[parameters.{name}]\ndistribution = \"log-uniform\"\nlower = 1e-2\nupper = 1e2\n")
     };
     let names = ["c1", "tau_s", "delta_c"].iter().chain(priors);
     let text = format!(
