@@ -1,4 +1,4 @@
-//! Heats of several experiments of a plan beside each other.
+//! What parameters a pair takes with its heat, and heats of several experiments of a plan beside each other.
 
 use super::types::{ExperimentPlan, PairPlan, SimulatorPlan};
 use crate::error::{InputError, Mistake};
@@ -33,6 +33,22 @@ pub(super) fn check_heats(
         }
     }
     Ok(())
+}
+
+impl PairPlan {
+    /// Whether a curve of the pair depends on one of the model's parameters, so that it is calibrated where it has a prior.
+    pub fn takes(&self, parameter: ParameterName) -> bool {
+        let radius_m = self.powder.radius_m;
+        parameter.is_used_by(self.kinetics)
+            || self.heat.as_ref().is_some_and(|heat| heat.leaves_open(parameter, radius_m))
+    }
+
+    /// Whether there is no curve of the pair without a prior of one of the model's parameters.
+    pub fn needs(&self, parameter: ParameterName) -> bool {
+        let needs = self.heat.as_ref().map(|heat| heat.needs(self.powder.radius_m));
+        let by_heat = needs.into_iter().flatten().any(|needed| needed == (parameter, true));
+        self.takes(parameter) && (by_heat || !(parameter.is_optional() || parameter.is_of_heat()))
+    }
 }
 
 /// An experiment with a heat.

@@ -431,20 +431,6 @@ impl PairPlan {
     pub fn calibrated(&self, parameter: ParameterName) -> &str {
         self.parameters.get(&parameter).map_or(parameter.name(), String::as_str)
     }
-
-    /// Whether a curve of the pair depends on one of the model's parameters, so that it is calibrated where it has a prior.
-    pub fn takes(&self, parameter: ParameterName) -> bool {
-        let radius_m = self.powder.radius_m;
-        parameter.is_used_by(self.kinetics)
-            || self.heat.as_ref().is_some_and(|heat| heat.leaves_open(parameter, radius_m))
-    }
-
-    /// Whether there is no curve of the pair without a prior of one of the model's parameters.
-    pub fn needs(&self, parameter: ParameterName) -> bool {
-        let needs = self.heat.as_ref().map(|heat| heat.needs(self.powder.radius_m));
-        let by_heat = needs.into_iter().flatten().any(|needed| needed == (parameter, true));
-        self.takes(parameter) && (by_heat || !(parameter.is_optional() || parameter.is_of_heat()))
-    }
 }
 
 /// Numbers of simulations that can be asked for: at least two sub-nets of eight points each, as fewer have no standard

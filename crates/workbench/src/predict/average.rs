@@ -7,7 +7,8 @@ use dem_core::{Kinetics, PairSpec, Powder};
 use serde::Serialize;
 use smc_calib::Parameter;
 
-use super::{Drawn, Predicted, Prediction, Scatter, Wanted, carried, freezing, heated, predicted};
+use super::drawn::{Drawn, Predicted, Scatter};
+use super::{Prediction, Wanted, carried, freezing, heated, predicted};
 use crate::compare::{self, KeptModel, KeptModels};
 use crate::error::{Failure, InputError, Mistake};
 use crate::pair::model::NeckGrowth;

@@ -7,7 +7,8 @@ use dem_core::time_to_contact_ratio;
 use serde::Serialize;
 use smc_calib::Weighted;
 
-use super::{Drawn, Predicted, Wanted};
+use super::drawn::{Drawn, Predicted};
+use super::wanted::Wanted;
 use crate::error::{InputError, Mistake};
 use crate::input::heat::{HeatFields, field_of};
 use crate::input::text_file;

@@ -6,53 +6,29 @@
 //! at which its reduced time gets there.
 
 mod average;
+mod drawn;
 mod heated;
 mod text;
+mod wanted;
 
 pub use average::{AveragedModel, predict_average};
+pub use drawn::Predicted;
 pub use heated::{EnoughEnergy, read_heat};
+pub use wanted::Wanted;
 
 use dem_core::heat::Heat;
 use dem_core::{
-    Kinetics, PairScene, SceneError, Sintering, SolverKind, SolverSettings, contact_ratios,
+    Kinetics, SceneError, Sintering, SolverKind, SolverSettings, contact_ratios,
     heated_contact_ratios, heated_time_to_contact_ratio, time_to_contact_ratio,
 };
 use serde::Serialize;
 
+use self::drawn::{Drawn, Scatter};
 use crate::careful::Careful;
 use crate::error::{Failure, InputError, Mistake, RunError};
-use crate::input::heat::HeatFields;
 use crate::pair::draws::PairDraws;
 use crate::pair::heat::{HeatPlan, LawPlan};
 use crate::pair::parameter::ParameterName;
-use smc_calib::Weighted;
-
-/// A quantity over the posterior draws that have it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Predicted {
-    /// Posterior median.
-    pub median: f64,
-    /// Equal-tailed 50 % interval.
-    pub eti50: [f64; 2],
-    /// Equal-tailed 90 % interval.
-    pub eti90: [f64; 2],
-    /// Equal-tailed 95 % interval.
-    pub eti95: [f64; 2],
-}
-
-impl Predicted {
-    /// Of values with their weights.
-    fn of(values: impl IntoIterator<Item = (f64, f64)>) -> Option<Self> {
-        let draws = Weighted::new(values);
-        let median = draws.quantile(0.5);
-        median.is_finite().then(|| Self {
-            median,
-            eti50: draws.interval(0.5),
-            eti90: draws.interval(0.9),
-            eti95: draws.interval(0.95),
-        })
-    }
-}
 
 /// The time at which a contact ratio is reached.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -79,76 +55,6 @@ pub struct ContactAfter {
     /// A new measurement of it, in an experiment of its own: with the noise of each draw.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub measured: Option<Predicted>,
-}
-
-/// What is to be predicted.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Wanted {
-    /// Contact ratios whose times are asked for.
-    pub targets: Vec<f64>,
-    /// Times \[s\] whose contact ratios are asked for.
-    pub after_s: Vec<f64>,
-    /// Radius of the pair \[m\]; the calibrated one where there is none.
-    pub radius_m: Option<f64>,
-    /// Whether contact ratios are given as measured, with noise, too.
-    pub with_noise: bool,
-    /// Another heat than that of the calibration.
-    pub heat: Option<HeatFields>,
-    /// Another energy of its pulse.
-    pub pulse_energy: Option<f64>,
-    /// A contact ratio whose energy is asked for, and the probability with which it is to be enough.
-    pub enough: Option<(f64, f64)>,
-}
-
-impl Wanted {
-    fn checked(&self) -> Result<(), InputError> {
-        let nothing = || InputError::new("predict", Mistake::MissingField);
-        let of_heat = self.heat.is_some() || self.pulse_energy.is_some() || self.enough.is_some();
-        if self.targets.is_empty() && self.after_s.is_empty() && !of_heat {
-            return Err(nothing()
-                .found("nothing to predict")
-                .expected("--contact-ratio A/R, --coalescence PERCENT or --after SECONDS")
-                .help("calibrate predict --posterior results/pa12 --contact-ratio 0.9"));
-        }
-        if self.with_noise && self.after_s.is_empty() {
-            return Err(nothing().found("--with-noise without a time").expected(
-                "--after SECONDS: a contact ratio is measured, a sintering time is not",
-            ));
-        }
-        Ok(())
-    }
-}
-
-/// A draw at the radius that is predicted for.
-struct Drawn {
-    scene: PairScene,
-    sintering: Sintering,
-    kinetics: Kinetics,
-    weight: f64,
-    /// None for the one temperature of the calibration.
-    heat: Option<Heat>,
-    /// None where the noise is not known at other times than the observed ones.
-    scatter: Option<Scatter>,
-}
-
-/// How measurements scatter around the curve of a draw.
-#[derive(Debug, Clone, Copy)]
-struct Scatter {
-    sigma: f64,
-    /// Share of outliers, and how much wider they scatter.
-    outliers: Option<[f64; 2]>,
-}
-
-impl Scatter {
-    /// The error of draw number `k`: by golden-ratio sequences, the same for every time.
-    fn error(&self, k: usize) -> f64 {
-        let u = |step: f64| ((k as f64 + 0.5) * step).fract();
-        let widening = match self.outliers {
-            Some([share, width]) if u(0.754_877_666_246_692_8) < share => width,
-            _ => 1.0,
-        };
-        self.sigma * widening * smc_calib::normal::quantile(u(0.618_033_988_749_894_9))
-    }
 }
 
 fn is_zero<T: Default + PartialEq>(value: &T) -> bool {
