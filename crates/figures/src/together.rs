@@ -50,7 +50,7 @@ impl Figure for TogetherFigure {
             columns.need(&format!("mean of {name}"), mean, points)?;
             columns.allow_band(&format!("band90 of {name}"), band90, points)?;
         }
-        let pen = |place: usize| Pen { width: 1.3, ..Pen::solid(Role::Series(place).ink(), 1.3) };
+        let pen = |place: usize| Pen::solid(Role::Series(place).ink(), 1.3);
         let mut entries: Vec<(&str, Swatch)> = (self.curves.iter().enumerate())
             .map(|(place, curve)| {
                 let marker = Role::Series(place).marker();
