@@ -57,7 +57,7 @@ const KEPT: [Kept; 11] = [
     ),
     (
         "--plan experiments/external/impact.toml",
-        &[("samples.csv", "537c1f3dacc410d5"), ("draws.csv", "4d3304aec486bf3d")],
+        &[("samples.csv", "be28925614570dcd"), ("draws.csv", "fd07540a223f1eff")],
     ),
     ("scene experiments/scenes/four-particles.toml", &[("series.csv", "78d3c6ecd45f4b48")]),
 ];

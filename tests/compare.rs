@@ -1,4 +1,4 @@
-//! `calibrate compare`: the five kinetics on the same data, under each noise.
+//! `calibrate compare`: the six kinetics on the same data, under each noise.
 
 use std::fs;
 
@@ -6,8 +6,8 @@ use serde_json::Value;
 
 use crate::sandbox::Sandbox;
 
-const KINETICS: [&str; 5] =
-    ["frenkel", "pokluda", "three-stage", "three-stage-pokluda", "regime-map"];
+const KINETICS: [&str; 6] =
+    ["frenkel", "pokluda", "three-stage", "three-stage-pokluda", "regime-map", "bellehumeur"];
 
 fn compared(sandbox: &Sandbox, arguments: &str) -> Value {
     let ran = sandbox.run(&format!("compare {arguments} --json"));
@@ -122,7 +122,7 @@ fn the_table_of_kinetics_and_noise_says_which_noise_the_data_prefer_and_what_it_
     let sandbox = Sandbox::new();
     let comparison = compared(&sandbox, "--material peek --samples 4096 --out c");
     let entries = comparison["entries"].as_array().expect("entries");
-    assert_eq!(entries.len(), 15, "five kinetics under three noise models");
+    assert_eq!(entries.len(), 18, "six kinetics under three noise models");
     let total: f64 = entries.iter().map(|entry| number(&entry["probability"])).sum();
     assert!((total - 1.0).abs() < 1e-12, "{total}");
     let cell = |kinetics: &str, noise: &str| {

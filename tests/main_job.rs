@@ -167,13 +167,19 @@ fn an_own_powder_is_calibrated_from_files_alone() {
 
 #[test]
 fn every_kinetics_calibrates_and_regime_map_says_what_it_cannot_tell_apart() {
-    for kinetics in ["three-stage", "frenkel", "pokluda", "three-stage-pokluda", "regime-map"] {
+    for (kinetics, expected) in [
+        ("three-stage", 3),
+        ("frenkel", 1),
+        ("pokluda", 1),
+        ("three-stage-pokluda", 3),
+        ("regime-map", 3),
+        ("bellehumeur", 2),
+    ] {
         let sandbox = Sandbox::new();
         let ran =
             sandbox.run(&format!("--material ps --samples 4096 --kinetics {kinetics} --out run"));
         ran.succeeded();
         let parameters = sandbox.posterior("run")["parameters"].as_array().expect("a list").len();
-        let expected = if matches!(kinetics, "frenkel" | "pokluda") { 1 } else { 3 };
         assert_eq!(parameters, expected, "{kinetics}");
         let product = ran.stdout.contains("c1 * delta_c^2");
         assert_eq!(product, kinetics == "regime-map", "{kinetics}: {}", ran.stdout);

@@ -23,7 +23,7 @@ fn lattice(side: usize, sinters: bool) -> Bed {
     let mut bed = Bed::new(material, surroundings, &start).expect("a lattice does not overlap");
     let growing = Growing {
         kinetics: Kinetics::ThreeStage,
-        sintering: Sintering { c1: 1.177e-5, tau_s: 3.81, delta_c: 9.55e-8 },
+        sintering: Sintering { c1: 1.177e-5, tau_s: 3.81, delta_c: 9.55e-8, lambda: 0.0 },
         calibrated_radius_m: radius_m,
     };
     bed.begin(&Drive { growing: sinters.then_some(growing), ..Drive::default() })

@@ -377,7 +377,7 @@ mod tests {
     #[test]
     fn times_of_all_laws_to_a_density_are_those_of_their_parts() {
         let pair = crate::PairSpec::new(crate::paper::PA12, 2f64.cbrt()).build().expect("valid");
-        let sintering = Sintering { c1: 1e-5, tau_s: 2.0, delta_c: 1e-7 };
+        let sintering = Sintering { c1: 1e-5, tau_s: 2.0, delta_c: 1e-7, lambda: 0.0 };
         let law = (Kinetics::Frenkel, &sintering);
         let time = |of: Densification, density: f64| of.time_s(&pair, law, 0.64, density);
         let overlap = Densification::Pairs(Approach::Overlap);

@@ -135,7 +135,7 @@ impl SolveError {
     #[must_use]
     pub fn is_recoverable(&self) -> bool {
         match self {
-            Self::Field { field, .. } => matches!(*field, "c1" | "tau_s" | "delta_c"),
+            Self::Field { field, .. } => matches!(*field, "c1" | "tau_s" | "delta_c" | "lambda"),
             Self::Derived { .. } | Self::WorkLimit { .. } => true,
             _ => false,
         }

@@ -20,7 +20,7 @@
 //! use dem_core::{Kinetics, PairSpec, Sintering, SolverSettings, paper, simulate};
 //!
 //! let scene = PairSpec::new(paper::PA12, 2f64.cbrt()).build()?;
-//! let sintering = Sintering { c1: 2.4e-5, tau_s: 3.81, delta_c: 9.5e-8 };
+//! let sintering = Sintering { c1: 2.4e-5, tau_s: 3.81, delta_c: 9.5e-8, lambda: 0.0 };
 //! let times_s = [0.0, 0.5, 1.0, 2.0, 4.0, 8.0];
 //! let curve = simulate(&scene, Kinetics::ThreeStage, &sintering, &SolverSettings::default(), &times_s)?;
 //! assert!(curve.contact_ratio.is_sorted());

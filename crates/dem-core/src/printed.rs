@@ -53,6 +53,7 @@ pub fn from_printed(printed: &PrintedTable3, radius_m: f64) -> Sintering {
         c1: printed.c1 * radius_m * radius_m / (128.0 * printed.delta_c),
         tau_s: printed.tau_s / radius_m,
         delta_c: printed.delta_c / DELTA_C_RATIO,
+        lambda: 0.0,
     }
 }
 

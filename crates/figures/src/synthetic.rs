@@ -335,7 +335,14 @@ impl Data {
     }
 
     fn compare(&self) -> CompareFigure {
-        let names = ["frenkel", "pokluda", "three-stage", "three-stage-pokluda", "regime-map"];
+        let names = [
+            "frenkel",
+            "pokluda",
+            "three-stage",
+            "three-stage-pokluda",
+            "regime-map",
+            "bellehumeur",
+        ];
         let curves = names.iter().enumerate().map(|(i, name)| NamedCurve {
             name: self
                 .name(name, &format!("{name} with everything the user wrote into its description")),

@@ -13,7 +13,7 @@ type Done = Result<(), Box<dyn Error>>;
 
 /// PEEK 450PF with the paper's parameters, in SI: its knee is in the middle of the curve.
 const POWDER: Powder = paper::PEEK_450PF;
-const SINTERING: Sintering = Sintering { c1: 7.47e-7, tau_s: 22.8, delta_c: 3.46e-7 };
+const SINTERING: Sintering = Sintering { c1: 7.47e-7, tau_s: 22.8, delta_c: 3.46e-7, lambda: 11.4 };
 const END_S: f64 = 60.0;
 /// Final contact ratio of two spheres that merge at constant volume, 2^(1/3).
 const MERGED: f64 = 1.259_921_049_894_873_2;

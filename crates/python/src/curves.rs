@@ -79,12 +79,12 @@ pub(crate) fn material<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, 
 }
 
 /// Contact ratios at times \[s\], sorted, of a pair of particles of a powder (R, E, gamma, rho), for `sintering`
-/// (C1, tau_s, delta_c) and `model` (kinetics, solver, tolerance).
+/// (C1, tau_s, delta_c, lambda) and `model` (kinetics, solver, tolerance).
 #[pyfunction]
 pub(crate) fn contact_ratios<'py>(
     py: Python<'py>,
     times_s: &[u8],
-    sintering: (f64, f64, f64),
+    sintering: (f64, f64, f64, f64),
     powder: (f64, f64, f64, f64),
     final_contact_ratio: f64,
     model: (String, String, f64),
@@ -100,8 +100,8 @@ pub(crate) fn contact_ratios<'py>(
         .map_err(|error| mistaken(&InputError::new("powder", Mistake::OutOfRange).found(error)))?;
     let (kinetics, forced, tolerance) = (kinetics(&model.0)?, solver(&model.1)?, model.2);
     let times_s = doubles(times_s);
-    let (c1, tau_s, delta_c) = sintering;
-    let sintering = Sintering { c1, tau_s, delta_c };
+    let (c1, tau_s, delta_c, lambda) = sintering;
+    let sintering = Sintering { c1, tau_s, delta_c, lambda };
     let computed = py.detach(|| {
         let kind = forced.unwrap_or_else(|| choose_solver(&scene, kinetics, tolerance).kind);
         let settings = SolverSettings { tolerance, ..SolverSettings::of(kind) };

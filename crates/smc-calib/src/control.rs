@@ -209,8 +209,7 @@ fn integrals(
             None => Model::Local(Box::new(surrogate(sampler, &known, &ln_q, &metric)?)),
             Some(process) => {
                 let known = known.iter().copied();
-                let like = Covariance::Like(&process.process);
-                let stand_in = StandIn::new(sampler.target, pool, weights, known, like)?;
+                let stand_in = process.like(pool, weights, known)?;
                 Model::Process(Box::new(stand_in))
             }
         };

@@ -76,7 +76,8 @@ fn ways(d: usize, far: bool) -> Vec<(Vec<usize>, &'static [Spread])> {
     let squares = (0..d).map(|i| 1 + d + i * (i + 1) / 2 + i);
     vec![
         (all, &[Spread::Weight, Spread::Far]),
-        ((0..=d).chain(squares).collect(), &[Spread::Weight, Spread::Root]),
+        ((0..=d).chain(squares).collect(), &[Spread::Weight, Spread::Root, Spread::Far]),
+        ((0..=d).collect(), &[Spread::Weight, Spread::Root, Spread::Far]),
         (vec![0], &[Spread::One]),
     ]
 }

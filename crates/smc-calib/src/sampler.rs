@@ -56,8 +56,8 @@ pub(crate) struct Sampler<'a> {
     /// Whether proposals are flattened and have a wide share. A Gaussian process that places few samples knows the tails
     /// itself.
     pub tails: bool,
-    /// Number of samples when the process last searched its rough covariance, and what it found.
-    pub(crate) searched: Option<(usize, Kernel)>,
+    /// Number of samples when the process last searched the lengths of its covariances, and what it found.
+    pub(crate) searched: Option<(usize, Vec<Option<Kernel>>)>,
 }
 
 impl<'a> Sampler<'a> {

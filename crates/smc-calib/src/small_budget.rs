@@ -3,9 +3,9 @@
 use crate::cholesky::{whiten, whitening};
 use crate::gaussian_process::{Covariance, Data, GaussianProcess};
 use crate::mixture::Component;
+use crate::normal;
 use crate::pool::Pool;
 use crate::sampler::Sampler;
-use crate::sobol::MAX_DIMENSIONS;
 use crate::target::Target;
 use crate::{Settings, SimError};
 
@@ -35,12 +35,25 @@ const GROWN: f64 = 1.2;
 const NUGGET: [f64; 2] = [0.02, 0.1];
 /// Nugget of curves, in units of their spread: at the best sample, and per unit of distance from its curve.
 const NUGGET_OF_CURVES: [f64; 2] = [0.003, 0.03];
-/// Most that the log likelihood is lowered by where the nearest samples failed: by the share of the finished among them, nearer
-/// ones counting for more.
+/// Nugget of what tells finished samples, 1, from failed ones, -1.
+const NUGGET_OF_FAILING: f64 = 0.1;
+/// Width of the edge between them: where it is known, and per standard deviation of the process. From errors and error bars on
+/// a ridge that a bound cuts.
+const EDGE: [f64; 2] = [0.2, 0.6];
+/// Most that the log likelihood is lowered by where simulations are expected to fail.
 const DEAD: f64 = 5.0;
-const NEAREST: usize = 4;
 /// Half the variance of a log likelihood up to which the process is believed: a standard deviation of two.
 const UNSURE: f64 = 2.0;
+
+/// Components of a proposal at most.
+const COMPONENTS: usize = 8;
+/// Every so many stages, a process through log likelihoods places samples where what it does not know weighs most: by f sd
+/// instead of f, with the log likelihood raised by so many standard deviations sd, within a bound, and with a floor below sd.
+/// The control variate leaves f times the process's error, which is what these samples make small.
+const HUNTS: usize = 3;
+const OPTIMISM: f64 = 2.0;
+const MOST_OPTIMISM: f64 = 6.0;
+const KNOWN: f64 = 0.1;
 
 /// A stand-in for the log likelihood.
 pub(crate) struct StandIn<'a> {
@@ -53,6 +66,8 @@ pub(crate) struct StandIn<'a> {
     /// Power of the likelihood: its root mean square error, when each of the best samples is left out, is then
     /// [`ERROR`] at most.
     power: f64,
+    /// Whether the density that is placed by is that of what the process does not know, f sd, rather than f.
+    hunting: bool,
 }
 
 impl<'a> StandIn<'a> {
@@ -66,6 +81,29 @@ impl<'a> StandIn<'a> {
         weights: &[f64],
         known: impl Iterator<Item = usize>,
         covariance: Covariance<'_>,
+    ) -> Option<Self> {
+        Self::with(target, pool, weights, known, [covariance, Covariance::Search])
+    }
+
+    /// Made from other samples with the covariances of this one.
+    pub(crate) fn like(
+        &self,
+        pool: &'a Pool,
+        weights: &[f64],
+        known: impl Iterator<Item = usize>,
+    ) -> Option<Self> {
+        let failing = self.failing.as_ref();
+        let failing = failing.map_or(Covariance::Search, |f| Covariance::Like(&f.process));
+        Self::with(self.target, pool, weights, known, [Covariance::Like(&self.process), failing])
+    }
+
+    /// Made with the covariances of its process and of that through finished and failed samples.
+    fn with(
+        target: &'a dyn Target,
+        pool: &'a Pool,
+        weights: &[f64],
+        known: impl Iterator<Item = usize>,
+        [covariance, of_failing]: [Covariance<'_>; 2],
     ) -> Option<Self> {
         let density: Vec<f64> = (0..pool.len()).map(|i| pool.ln_l[i] + pool.ln_prior(i)).collect();
         let known: Vec<usize> = known.collect();
@@ -106,11 +144,11 @@ impl<'a> StandIn<'a> {
         let power = (ERROR / error.max(1e-9)).min(1.0);
         let alive: Vec<bool> = known.iter().map(|i| density[*i].is_finite()).collect();
         let failing = if alive.contains(&false) {
-            Some(Failing::new(pool, weights, &known, alive)?)
+            Some(Failing::new(pool, weights, &known, &alive, of_failing)?)
         } else {
             None
         };
-        Some(Self { target, process, outputs, failing, power })
+        Some(Self { target, process, outputs, failing, power, hunting: false })
     }
 
     /// Log likelihood, not flattened, lowered where the process does not know it: by what half its variance exceeds [`UNSURE`] by.
@@ -136,7 +174,7 @@ impl<'a> StandIn<'a> {
             + self.ln_finished(z)
     }
 
-    /// Log of the share of the finished among the nearest samples.
+    /// Log of the probability that a simulation finishes and has a likelihood above zero.
     fn ln_finished(&self, z: &[f64]) -> f64 {
         let finished = self.failing.as_ref().map_or(1.0, |failing| failing.finished(z));
         finished.max((-DEAD).exp()).ln()
@@ -224,47 +262,65 @@ impl Target for StandIn<'_> {
             self.process.predict(z, &mut one);
             one[0]
         };
-        Ok(self.power * ln_l + self.ln_finished(z))
+        let sought = if self.hunting {
+            let sd = self.process.variance(z).sqrt() * self.process.units[0];
+            self.power * (ln_l + (OPTIMISM * sd).min(MOST_OPTIMISM)) + (sd.min(1.0) + KNOWN).ln()
+        } else {
+            self.power * ln_l
+        };
+        Ok(sought + self.ln_finished(z))
     }
 }
 
-/// Samples of which some failed.
+/// A process through 1 at samples that finished and -1 at those that failed or have no likelihood: it knows edges that run
+/// straight through the prior far better than neighbours do.
 struct Failing {
-    /// Whitened, row by row, and whether each is alive.
-    x: Vec<f64>,
-    alive: Vec<bool>,
-    whitening: (Vec<f64>, Vec<f64>),
+    process: GaussianProcess,
 }
 
 impl Failing {
-    fn new(pool: &Pool, weights: &[f64], known: &[usize], alive: Vec<bool>) -> Option<Self> {
-        let whitening = whitening(pool.d, &pool.z, weights)?;
-        let mut x = vec![0.0; known.len() * pool.d];
-        for (i, x) in known.iter().zip(x.chunks_exact_mut(pool.d)) {
-            whiten(pool.point(*i), &whitening.0, &whitening.1, x);
+    fn new(
+        pool: &Pool,
+        weights: &[f64],
+        known: &[usize],
+        alive: &[bool],
+        covariance: Covariance<'_>,
+    ) -> Option<Self> {
+        let (centre, inverse) = whitening(pool.d, &pool.z, weights)?;
+        let mut x = vec![0.0; pool.d];
+        let mut ranked: Vec<(f64, usize, bool)> = Vec::with_capacity(known.len());
+        for (i, alive) in known.iter().zip(alive) {
+            whiten(pool.point(*i), &centre, &inverse, &mut x);
+            ranked.push((x.iter().map(|x| x * x).sum(), *i, *alive));
         }
-        Some(Self { x, alive, whitening })
+        // Both kinds in turn, those nearest to the posterior first.
+        ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let (finished, failed): (Vec<_>, Vec<_>) = ranked.into_iter().partition(|r| r.2);
+        let most = finished.len().max(failed.len());
+        let both = (0..most).flat_map(|k| [finished.get(k), failed.get(k)]).flatten();
+        let both: Vec<_> = both.take(MAX_POINTS).collect();
+        let chosen: Vec<usize> = both.iter().map(|r| r.1).collect();
+        let values: Vec<f64> = both.iter().map(|r| if r.2 { 1.0 } else { -1.0 }).collect();
+        let process = GaussianProcess::new(Data {
+            d: pool.d,
+            z: &pool.z,
+            weights,
+            chosen: &chosen,
+            values: &values,
+            nuggets: &vec![NUGGET_OF_FAILING; values.len()],
+            offsets: vec![0.0],
+            units: vec![1.0],
+            covariance,
+        })?;
+        Some(Self { process })
     }
 
-    /// Share of the finished among the nearest samples, by inverse square distance.
+    /// Probability that a simulation finishes: that the process is above zero, for an edge that is not sharper than is known.
     fn finished(&self, z: &[f64]) -> f64 {
-        let mut small = [0.0; MAX_DIMENSIONS];
-        let x = &mut small[..z.len()];
-        whiten(z, &self.whitening.0, &self.whitening.1, x);
-        let mut nearest = [(f64::INFINITY, true); NEAREST];
-        for (other, alive) in self.x.chunks_exact(z.len()).zip(&self.alive) {
-            let square: f64 = x.iter().zip(other).map(|(a, b)| (a - b) * (a - b)).sum();
-            if square < nearest[NEAREST - 1].0 {
-                let at = nearest.partition_point(|n| n.0 <= square);
-                nearest.copy_within(at..NEAREST - 1, at + 1);
-                nearest[at] = (square, *alive);
-            }
-        }
-        let near = nearest.iter().map(|(square, alive)| (1.0 / square.max(1e-12), alive));
-        let (all, finished) = near.fold((0.0, 0.0), |(all, finished), (near, alive)| {
-            (all + near, if *alive { finished + near } else { finished })
-        });
-        finished / all
+        let mut mean = [0.0];
+        self.process.predict(z, &mut mean);
+        let sd = self.process.variance(z).sqrt();
+        normal::cdf(mean[0] / (EDGE[0] + EDGE[1] * sd))
     }
 }
 
@@ -301,18 +357,20 @@ impl Sampler<'_> {
         }
         let n = self.pool.len();
         let covariance = match &self.searched {
-            Some((searched, rough)) if n > FEW && (n as f64) < GROWN * *searched as f64 => {
-                Covariance::Rough(rough)
+            Some((searched, known)) if n > FEW && (n as f64) < GROWN * *searched as f64 => {
+                Covariance::Known(known)
             }
             _ => Covariance::Search,
         };
-        let stand_in = StandIn::new(self.target, &self.pool, weights, 0..n, covariance)?;
-        if let (Covariance::Search, Some(rough)) = (covariance, &stand_in.process.rough) {
-            self.searched = Some((n, rough.clone()));
-        }
         let stage = self.stages();
+        let mut stand_in = StandIn::new(self.target, &self.pool, weights, 0..n, covariance)?;
+        if matches!(covariance, Covariance::Search) {
+            self.searched = Some((n, stand_in.process.searched.clone()));
+        }
+        stand_in.hunting = !stand_in.outputs && stage % HUNTS == 1;
         let settings = Settings {
             samples: EVALUATIONS,
+            max_components: COMPONENTS,
             iterations: 5,
             replicates: 1,
             seed: self.settings.seed ^ ((stage as u64) << 48),

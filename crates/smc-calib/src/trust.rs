@@ -293,7 +293,7 @@ impl Posterior {
         let mut signs = Vec::new();
         if self.settings.ends_with_process() {
             if ess < FEWEST_OF_SMALL_BUDGET {
-                signs.push("fewer than ten effective samples");
+                signs.push("fewer than seven effective samples");
             }
             if !self.tails_hold() {
                 signs.push("the importance weights have a heavy tail");

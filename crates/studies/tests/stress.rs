@@ -117,7 +117,7 @@ impl Draw {
         Ok(Case {
             step: self.number(1e-4, 0.2),
             tolerance: self.number(1e-12, 0.1),
-            sintering: Sintering { c1, tau_s, delta_c },
+            sintering: Sintering { c1, tau_s, delta_c, lambda: 0.0 },
             spec,
             scene,
             kinetics,

@@ -194,7 +194,7 @@ fn of_priors(priors: &PriorFile) -> Understood {
     let mut warnings = Vec::new();
     if [ParameterName::C1, ParameterName::DeltaC].iter().any(|name| priors.get(*name).is_none()) {
         warnings.push(format!(
-            "{}: without [c1] and [delta_c] only --kinetics frenkel and pokluda can be calibrated",
+            "{}: without [c1] and [delta_c] only --kinetics frenkel, pokluda and bellehumeur can be calibrated",
             priors.file_name
         ));
     }

@@ -32,6 +32,8 @@ pub struct CurveOptions {
     pub tau_s: Option<f64>,
     /// Cut-off distance delta_c \[m\].
     pub delta_c: Option<f64>,
+    /// Relaxation time lambda \[s\].
+    pub lambda: Option<f64>,
     /// Take C1, tau_s and delta_c from Table 3 of the paper.
     pub table3: bool,
     /// How the neck grows.
@@ -170,6 +172,11 @@ fn sintering(options: &CurveOptions, experiment: &Experiment) -> Result<Sinterin
                 .found(format_args!("{} is not a material of Table 3", experiment.name))
                 .help("use --material ps|pa12|peek, or give --c1, --tau-s and --delta-c"));
         };
+        if options.kinetics.uses_lambda() {
+            return Err(InputError::new("--table3", Mistake::Conflict)
+                .found(format_args!("Table 3 has no lambda, which {} needs", options.kinetics))
+                .help("give --tau-s and --lambda, or choose other kinetics"));
+        }
         // tau_s belongs to the radius of Table 1.
         return Ok(material
             .table3_sintering()
@@ -185,21 +192,34 @@ fn sintering(options: &CurveOptions, experiment: &Experiment) -> Result<Sinterin
         })
     };
     let tau_s = required("--tau-s", options.tau_s, "the sintering time [s]")?;
-    if !options.kinetics.uses_c1_delta_c() {
-        for (option, value) in [("--c1", options.c1), ("--delta-c", options.delta_c)] {
-            if value.is_some() {
-                return Err(InputError::new(option, Mistake::Conflict)
-                    .found(format_args!("the kinetics {} do not have it", options.kinetics))
-                    .help("leave it out, or choose --kinetics three-stage"));
-            }
+    let kinetics = options.kinetics;
+    let with_zipping = kinetics.uses_c1_delta_c();
+    for (option, value, used, other) in [
+        ("--c1", options.c1, with_zipping, Kinetics::ThreeStage),
+        ("--delta-c", options.delta_c, with_zipping, Kinetics::ThreeStage),
+        ("--lambda", options.lambda, kinetics.uses_lambda(), Kinetics::Bellehumeur),
+    ] {
+        if value.is_some() && !used {
+            return Err(InputError::new(option, Mistake::Conflict)
+                .found(format_args!("the kinetics {kinetics} do not have it"))
+                .help(format_args!("leave it out, or choose --kinetics {other}")));
         }
-        // Never looked at by these kinetics.
-        return Ok(Sintering { c1: f64::NAN, tau_s, delta_c: f64::NAN });
     }
+    // What the kinetics do not have is never looked at.
+    let needed = |used: bool, option: &str, value: Option<f64>, what: &str| match used {
+        true => required(option, value, what),
+        false => Ok(f64::NAN),
+    };
     Ok(Sintering {
-        c1: required("--c1", options.c1, "the fluidity [1/(Pa s)]")?,
+        c1: needed(with_zipping, "--c1", options.c1, "the fluidity [1/(Pa s)]")?,
         tau_s,
-        delta_c: required("--delta-c", options.delta_c, "the cut-off distance [m]")?,
+        delta_c: needed(with_zipping, "--delta-c", options.delta_c, "the cut-off distance [m]")?,
+        lambda: needed(
+            kinetics.uses_lambda(),
+            "--lambda",
+            options.lambda,
+            "the relaxation time of the melt [s]",
+        )?,
     })
 }
 
@@ -253,6 +273,7 @@ fn refused(error: SolveError) -> Failure {
         SolveError::Field { field: "c1", .. } => "--c1",
         SolveError::Field { field: "tau_s", .. } => "--tau-s",
         SolveError::Field { field: "delta_c", .. } => "--delta-c",
+        SolveError::Field { field: "lambda", .. } => "--lambda",
         SolveError::Field { field: "tolerance", .. } => "--tolerance",
         SolveError::Field { field: "step_over_collision_time", .. }
         | SolveError::UnstableStep { .. } => "--step",
@@ -293,7 +314,11 @@ impl Simulated {
                 )
             } else {
                 let tau_s = significant(sintering.tau_s, 4);
-                format!("tau_s = {tau_s} s{origin}; {kinetics} has no C1 and delta_c")
+                let lambda = match kinetics.uses_lambda() {
+                    true => format!(", lambda = {} s", significant(sintering.lambda, 4)),
+                    false => String::new(),
+                };
+                format!("tau_s = {tau_s} s{lambda}{origin}; {kinetics} has no C1 and delta_c")
             },
         );
         line("solver", request.reason.clone());
@@ -350,13 +375,18 @@ impl Simulated {
             kinetics.uses_c1_delta_c().then(|| printed::to_printed(sintering, scene.radius_m())).map(
                 |printed| json!({"c1": printed.c1, "tau_s": printed.tau_s, "delta_c": printed.delta_c}),
             );
+        let mut parameters =
+            json!({"c1": sintering.c1, "tau_s": sintering.tau_s, "delta_c": sintering.delta_c});
+        if kinetics.uses_lambda() {
+            parameters["lambda"] = json!(sintering.lambda);
+        }
         let value = json!({
             "experiment": experiment.name,
             "material": experiment.material.map(Material::name),
             "powder": scene.powder(),
             "final_contact_ratio": scene.final_contact_ratio(),
             "kinetics": kinetics.name(),
-            "sintering": {"c1": sintering.c1, "tau_s": sintering.tau_s, "delta_c": sintering.delta_c},
+            "sintering": parameters,
             "as_printed_in_table3": printed,
             "solver": {
                 "name": settings.kind.name(),

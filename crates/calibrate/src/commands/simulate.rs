@@ -50,8 +50,12 @@ pub(crate) struct SimulateArgs {
     #[arg(long, value_name = "M", value_parser = arguments::positive, allow_negative_numbers = true, help_heading = "Sintering")]
     delta_c: Option<f64>,
 
+    /// Relaxation time lambda of the kinetics bellehumeur, in s, above 0
+    #[arg(long, value_name = "S", value_parser = arguments::positive, allow_negative_numbers = true, help_heading = "Sintering")]
+    lambda: Option<f64>,
+
     /// Take C1, tau_s and delta_c from Table 3 of the paper, converted to SI
-    #[arg(long, conflicts_with_all = ["c1", "tau_s", "delta_c"], help_heading = "Sintering")]
+    #[arg(long, conflicts_with_all = ["c1", "tau_s", "delta_c", "lambda"], help_heading = "Sintering")]
     table3: bool,
 
     /// How the neck grows
@@ -128,6 +132,7 @@ impl SimulateArgs {
             c1: self.c1,
             tau_s: self.tau_s,
             delta_c: self.delta_c,
+            lambda: self.lambda,
             table3: self.table3,
             kinetics: self.kinetics,
             solver: self.solver,

@@ -78,7 +78,7 @@ impl Bed {
         let grain = if threads == 1 { n } else { n.div_ceil(4 * threads).max(512) };
         let k1 = self.material.k1_n_per_m();
         let slider = self.slider();
-        let step_s = self.step_s;
+        let (step_s, pace) = (self.step_s, self.step_pace());
         let input = PairInput {
             list: &self.list,
             position: &self.particles.position_m,
@@ -89,7 +89,8 @@ impl Bed {
             law: self.law,
             k1,
             step_s,
-            scheme: passes.scheme,
+            pace,
+            scheme: passes.scheme.paced(pace),
             diameter: 2.0 * self.particles.radius_m[0],
             constants: &self.pairs.constants,
             slider,

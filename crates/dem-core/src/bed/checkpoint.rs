@@ -321,6 +321,8 @@ impl Scene {
         }
         // As it was in the phase of the last observation.
         run.bed.restore(&bed, self.growing.filter(|_| before.is_some_and(|phase| phase.heated)))?;
-        Ok(Run { phase, output, steps, closure_time, series, ..run })
+        let mut run = Run { phase, output, steps, closure_time, series, ..run };
+        run.bed.heat = run.heat_clock();
+        Ok(run)
     }
 }

@@ -31,6 +31,7 @@
 
 use std::marker::PhantomData;
 
+use super::heat_clock::StepPace;
 use super::material::ContactConstants;
 use crate::kinetics::RateCoefficients;
 use crate::{Branch, ContactLaw, Kinetic};
@@ -169,6 +170,7 @@ pub(crate) struct Scheme {
     /// `K1 R` \[N\].
     pub(crate) force_scale: f64,
     step_s: f64,
+    pace: StepPace,
     /// `1 - beta` and `beta`.
     undamped: f64,
     beta: f64,
@@ -191,6 +193,7 @@ impl Scheme {
             inverse_unit: 1.0 / constants.unit,
             force_scale: k1 * constants.unit,
             step_s,
+            pace: StepPace { growing_s: step_s, slowness: 1.0 },
             undamped,
             beta: half * undamped,
             damping: constants.dissipation * inverse,
@@ -199,6 +202,12 @@ impl Scheme {
             end_plastic: constants.end_plastic,
             rate: constants.rate,
         }
+    }
+
+    /// The same under a heat.
+    #[inline(always)]
+    pub(crate) fn paced(self, pace: StepPace) -> Self {
+        Self { pace, ..self }
     }
 
     /// Takes a contact to the overlap `x1` at the end of a step. `plastic_before` is the plastic overlap
@@ -227,7 +236,7 @@ impl Scheme {
             let n = n * squared;
             let d = d * (squared - law.stiffening * alpha);
             // Growth, forth or back, stops at full coalescence.
-            let hn = if p < self.end_plastic { self.step_s * n } else { 0.0 };
+            let hn = if p < self.end_plastic { self.pace.growing_s * n } else { 0.0 };
             let stiffness = law.stiffness(p);
             let softened = stiffness - law.stiffening * (x - p);
             let z = hn * softened * law.inverse_adhesion; // times d
@@ -258,7 +267,7 @@ impl Scheme {
         let stiffness = law.stiffness(memory.plastic);
         let softened = stiffness - law.stiffening * (memory.overlap - memory.plastic);
         let factor = law.law.equilibrium_factor(memory.plastic);
-        let half_z = 0.5 * self.step_s * n / d * factor * softened * law.inverse_adhesion;
+        let half_z = 0.5 * self.pace.growing_s * n / d * factor * softened * law.inverse_adhesion;
         let mean = if half_z > 0.0 { -(-half_z).exp_m1() / half_z } else { 1.0 };
         alpha - (alpha - memory.pull) * mean
     }
@@ -276,7 +285,10 @@ impl Scheme {
     pub(crate) fn resistance<G: Growth>(&self, law: &LawConstants, overlap: f64) -> f64 {
         let (n, d) = G::rate_fraction(&self.rate, overlap.max(self.start));
         // A kinetics that has come to its end resists without a limit.
-        law.law.adhesion * self.force_scale * self.inverse_unit * (d / n).min(1e30)
+        law.law.adhesion
+            * self.force_scale
+            * self.inverse_unit
+            * (d / n * self.pace.slowness).min(1e30)
     }
 
     /// The pull of a contact at rest or in motion, out of its overlap, plastic overlap and the rate of the overlap \[1/s\].

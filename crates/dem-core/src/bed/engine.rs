@@ -15,6 +15,7 @@
 use super::contact::{LawConstants, Memory, Scheme};
 use super::error::{BedError, within};
 use super::friction::Slider;
+use super::heat_clock::HeatClock;
 use super::material::{ContactConstants, Friction, Growing, Material, effective_radius};
 use super::motion::WallList;
 use super::necks::NeckLaw;
@@ -78,6 +79,8 @@ pub struct Bed {
     pub(crate) around: Surroundings,
     pub(crate) walls: Vec<Wall>,
     pub(crate) drive: Drive,
+    /// The heat of the contacts that grow; none at the reference temperature.
+    pub(crate) heat: Option<HeatClock>,
     pub(crate) step_s: f64,
     pub(crate) time_s: f64,
     /// Steps since `phase_start_s`.
@@ -144,6 +147,7 @@ impl Bed {
             around,
             walls,
             drive: Drive::default(),
+            heat: None,
             step_s: 0.0,
             time_s: 0.0,
             phase_steps: 0,

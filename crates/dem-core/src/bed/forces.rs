@@ -8,6 +8,7 @@ use std::ops::Range;
 
 use super::contact::{Growth, LawConstants, Memory, Scheme};
 use super::friction::Slider;
+use super::heat_clock::StepPace;
 use super::material::{ContactConstants, effective_radius};
 use super::necks::{NeckLaw, NeckSprings};
 use super::neighbours::{NeighbourList, image_of, index_of};
@@ -51,6 +52,7 @@ pub(crate) struct PairInput<'a> {
     pub(crate) law: LawConstants,
     pub(crate) k1: f64,
     pub(crate) step_s: f64,
+    pub(crate) pace: StepPace,
     /// The scheme of all pairs, where all radii are equal.
     pub(crate) scheme: Scheme,
     /// Sum of two radii, where all are equal.
@@ -164,7 +166,7 @@ fn rows_forces<F: PairFeatures>(input: &PairInput<'_>, output: PairOutput<'_>, r
             let scheme = if F::EQUAL {
                 &input.scheme
             } else {
-                local = Scheme::new(&input.constants[k], input.k1, input.step_s);
+                local = Scheme::new(&input.constants[k], input.k1, input.step_s).paced(input.pace);
                 &local
             };
             let distance = squared.sqrt();

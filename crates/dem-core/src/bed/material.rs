@@ -268,7 +268,7 @@ impl Material {
         let pair = self.pair_of_radius(radius)?;
         let rate = match growing {
             Some(growing) => rate_at_radius(&pair, growing)?,
-            None => NO_RATE,
+            None => RateCoefficients::NONE,
         };
         Ok(ContactConstants {
             unit: self.overlap_unit(radius_i, radius_j),
@@ -288,7 +288,7 @@ impl Material {
             dissipation: self.dissipation(mass),
             start: self.law.adhesion,
             end_plastic: self.law.equilibrium_plastic_overlap(self.law.plastic_overlap_max),
-            rate: NO_RATE,
+            rate: RateCoefficients::NONE,
         }
     }
 }
@@ -318,9 +318,6 @@ pub(crate) fn check_final_contact_ratio(phi: f64) -> Result<(), BedError> {
                   volume: use 1.26, or less where coalescence stops earlier";
     within("material.final_contact_ratio", phi, 1e-3, 1.26, remedy)
 }
-
-const NO_RATE: RateCoefficients<f64> =
-    RateCoefficients { switch: 0.0, zipping: 0.0, stretching: 0.0 };
 
 /// The growth law of a pair of another radius than the calibrated one.
 fn rate_at_radius(

@@ -50,6 +50,8 @@ mod engine;
 mod error;
 mod forces;
 mod friction;
+mod heat_clock;
+mod heated;
 mod material;
 mod measure;
 mod motion;

@@ -89,12 +89,17 @@ impl Run {
     ///
     /// [`BedError::Field`] once a heated phase has begun.
     pub fn set_growing(&mut self, growing: Growing) -> Result<(), BedError> {
+        self.check_cold("sintering")?;
+        self.scene.growing = Some(growing);
+        Ok(())
+    }
+
+    pub(super) fn check_cold(&self, name: &str) -> Result<(), BedError> {
         let begun = self.series.phase.iter().any(|&phase| self.scene.phases[phase].heated);
         if begun {
             let remedy = "parameters can be changed before the first heated phase only";
-            return Err(field("sintering", "another", remedy));
+            return Err(field(name, "another", remedy));
         }
-        self.scene.growing = Some(growing);
         Ok(())
     }
 
@@ -167,6 +172,7 @@ impl Run {
             step_over_collision_time: phase.step_over_collision_time,
             mass_scaling: phase.mass_scaling,
         };
+        self.bed.heat = self.heat_clock();
         self.bed.begin(&drive)?;
         self.series.quasi_static.balanced_at_s = None;
         self.series.quasi_static.next_step_s = None;
@@ -225,7 +231,8 @@ impl Run {
             && let Some(growing) = &self.scene.growing
         {
             let left_s = self.observed_s(phase) - from_s;
-            self.closure_time += left_s / self.bed.closure_tau_s(growing);
+            let growing_s = self.bed.growth_within_s(from_s, left_s);
+            self.closure_time += growing_s / self.bed.closure_tau_s(growing);
         }
         Ok(())
     }
@@ -251,7 +258,8 @@ impl Run {
 
     /// The rates by the contacts, which are followed a little further for it, and by the closed law; `None` where they cannot be followed.
     fn end_rates(&self, phase: &Phase, end: &Sample) -> Option<EndRates> {
-        let mut bed = self.bed.clone();
+        // At the reference temperature, where tau_s is what it is.
+        let mut bed = Bed { heat: None, ..self.bed.clone() };
         let tau_s = bed.closure_tau_s(self.scene.growing.as_ref()?);
         let ahead_s = RATE_OVER_TAU * tau_s;
         if phase.mode == Mode::QuasiStatic {
@@ -288,11 +296,14 @@ impl Run {
             let (max_work, time_s) = (phase.max_work, self.bed.time_s());
             return Err(BedError::WorkLimit { max_work, time_s });
         }
-        let at_once = self.scene.growing.filter(|_| may_end).map_or(left, |growing| {
-            let look_s = LOOK_EVERY_TAU * self.bed.closure_tau_s(&growing);
-            ((look_s / self.bed.step_s()) as u64).max(1)
-        });
+        let looks = self.scene.growing.filter(|_| may_end);
         while left > 0 {
+            let at_once = looks.map_or(left, |growing| {
+                let look_s = LOOK_EVERY_TAU * self.bed.closure_tau_s(&growing);
+                // Faster growth is looked at more often, slower growth not more rarely.
+                let growing_s = self.bed.step_pace().growing_s.max(self.bed.step_s());
+                ((look_s / growing_s) as u64).max(1)
+            });
             let steps = at_once.min(left);
             self.bed.advance(steps)?;
             left -= steps;

@@ -1,11 +1,14 @@
 //! A checked scene.
 
+use std::sync::Arc;
+
 use super::closure::WhenNecksMeet;
 use super::engine::Bed;
 use super::error::BedError;
 use super::material::{Growing, check_final_contact_ratio};
 use super::phase::Phase;
 use super::start::Start;
+use crate::heat::Heat;
 
 /// A checked scene, ready to [run](Scene::run).
 #[derive(Debug, Clone, PartialEq)]
@@ -13,6 +16,7 @@ pub struct Scene {
     pub(crate) name: String,
     pub(crate) bed: Bed,
     pub(crate) growing: Option<Growing>,
+    pub(crate) heat: Option<Arc<Heat>>,
     pub(crate) phases: Vec<Phase>,
     pub(crate) free_box: bool,
     pub(crate) when_necks_meet: WhenNecksMeet,
@@ -36,6 +40,12 @@ impl Scene {
     #[must_use]
     pub fn growing(&self) -> Option<&Growing> {
         self.growing.as_ref()
+    }
+
+    /// The same scene under a heat: see [`Run::set_heat`](super::Run::set_heat).
+    #[must_use]
+    pub fn with_heat(self, heat: Heat) -> Self {
+        Self { heat: Some(Arc::new(heat)), ..self }
     }
 
     /// The same particles in the same places with another final contact ratio: a draw of a posterior that

@@ -88,6 +88,10 @@ fn k2_max() -> f64 {
 fn kc() -> f64 {
     paper::KC_OVER_K1
 }
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}
 fn restitution() -> f64 {
     0.1
 }
@@ -104,6 +108,9 @@ pub struct SinteringTable {
     pub tau_s: f64,
     /// Cut-off distance \[m\].
     pub delta_c: f64,
+    /// Relaxation time of the kinetics `bellehumeur` \[s\].
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub lambda: f64,
     /// Radius that `tau_s` was calibrated at \[m\].
     pub calibrated_radius_m: f64,
     /// How far particles approach each other while their neck grows: `overlap`, `energy-balance` or `kingery-berg`.
@@ -310,6 +317,7 @@ impl SceneFile {
             name: self.name.clone(),
             bed,
             growing,
+            heat: None,
             phases: self.phases.clone(),
             free_box: self.free_box(),
             when_necks_meet: self.sintering.as_ref().map(|s| s.when_necks_meet).unwrap_or_default(),
@@ -453,14 +461,20 @@ impl SceneFile {
     fn growing(&self) -> Result<Option<Growing>, BedError> {
         let Some(table) = &self.sintering else { return Ok(None) };
         let kinetics: Kinetics = table.kinetics.parse().map_err(|_| {
-            let remedy = "use three-stage, frenkel, pokluda, three-stage-pokluda or regime-map";
+            let remedy =
+                "use three-stage, frenkel, pokluda, three-stage-pokluda, regime-map or bellehumeur";
             field("sintering.kinetics", &table.kinetics, remedy)
         })?;
         let radius = table.calibrated_radius_m;
         within("sintering.calibrated_radius_m", radius, 1e-9, 1e3, "give it in metres")?;
         Ok(Some(Growing {
             kinetics,
-            sintering: Sintering { c1: table.c1, tau_s: table.tau_s, delta_c: table.delta_c },
+            sintering: Sintering {
+                c1: table.c1,
+                tau_s: table.tau_s,
+                delta_c: table.delta_c,
+                lambda: table.lambda,
+            },
             calibrated_radius_m: radius,
         }))
     }

@@ -30,7 +30,7 @@ impl Bed {
     /// The scheme of a pair; `equal` are the constants of all pairs where all radii are equal.
     fn pair_scheme(&self, equal: Option<&ContactConstants>, k: usize) -> Scheme {
         let constants = equal.unwrap_or_else(|| &self.pairs.constants[k]);
-        Scheme::new(constants, self.material.k1_n_per_m(), self.step_s)
+        Scheme::new(constants, self.material.k1_n_per_m(), self.step_s).paced(self.step_pace())
     }
 
     /// Settles every contact at the velocities of the start and sums the forces.

@@ -51,7 +51,7 @@ impl Kinetic for Frenkel {
 
     #[inline]
     fn coefficients(&self) -> RateCoefficients<f64> {
-        RateCoefficients { switch: 0.0, zipping: 0.0, stretching: self.rate_per_s }
+        RateCoefficients { stretching: self.rate_per_s, ..RateCoefficients::NONE }
     }
 
     #[inline(always)]

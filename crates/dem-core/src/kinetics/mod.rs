@@ -6,6 +6,7 @@
 //!
 //! The solvers are monomorphised over [`Kinetic`]; the enum [`Kinetics`] only dispatches once per run.
 
+mod bellehumeur;
 mod frenkel;
 mod pokluda;
 mod regime_map;
@@ -13,6 +14,7 @@ mod three_stage;
 mod three_stage_pokluda;
 mod zipping;
 
+pub use bellehumeur::Bellehumeur;
 pub use frenkel::Frenkel;
 pub use pokluda::Pokluda;
 pub use regime_map::{RegimeMap, Regimes};
@@ -102,6 +104,14 @@ pub struct RateCoefficients<L> {
     pub zipping: L,
     /// `1/tau_s` \[1/s\].
     pub stretching: L,
+    /// `lambda/tau_s` of [`Bellehumeur`].
+    pub relaxation: L,
+}
+
+impl RateCoefficients<f64> {
+    /// No growth.
+    pub(crate) const NONE: Self =
+        Self { switch: 0.0, zipping: 0.0, stretching: 0.0, relaxation: 0.0 };
 }
 
 /// The kinetics by name; serialised as that [name](Self::name).
@@ -120,12 +130,20 @@ pub enum Kinetics {
     ThreeStagePokluda,
     /// `max(a0, a1, a2)` of Fig. 2 and Lin et al. ([`RegimeMap`]).
     RegimeMap,
+    /// Pokluda's law for a viscoelastic melt ([`Bellehumeur`]).
+    Bellehumeur,
 }
 
 impl Kinetics {
     /// All of them, the default first.
-    pub const ALL: [Self; 5] =
-        [Self::ThreeStage, Self::Frenkel, Self::Pokluda, Self::ThreeStagePokluda, Self::RegimeMap];
+    pub const ALL: [Self; 6] = [
+        Self::ThreeStage,
+        Self::Frenkel,
+        Self::Pokluda,
+        Self::ThreeStagePokluda,
+        Self::RegimeMap,
+        Self::Bellehumeur,
+    ];
 
     /// The name a user types.
     #[must_use]
@@ -136,13 +154,26 @@ impl Kinetics {
             Self::Pokluda => "pokluda",
             Self::ThreeStagePokluda => "three-stage-pokluda",
             Self::RegimeMap => "regime-map",
+            Self::Bellehumeur => "bellehumeur",
         }
     }
 
-    /// Whether C1 and delta_c enter the law; `frenkel` and `pokluda` have tau_s alone.
+    /// Whether C1 and delta_c enter the law; `frenkel`, `pokluda` and `bellehumeur` are without.
     #[must_use]
     pub fn uses_c1_delta_c(self) -> bool {
-        !matches!(self, Self::Frenkel | Self::Pokluda)
+        !matches!(self, Self::Frenkel | Self::Pokluda | Self::Bellehumeur)
+    }
+
+    /// Whether lambda enters the law.
+    #[must_use]
+    pub fn uses_lambda(self) -> bool {
+        self == Self::Bellehumeur
+    }
+
+    /// Whether two particles that keep their volume take for ever to become one: `2^(1/3)` is never reached.
+    #[must_use]
+    pub fn only_approaches_the_merged_pair(self) -> bool {
+        matches!(self, Self::Pokluda | Self::ThreeStagePokluda | Self::Bellehumeur)
     }
 
     /// Whether C1 and delta_c can be told apart by the curve. In `regime-map` they enter only as the
@@ -197,5 +228,6 @@ pub(crate) fn with_law<W: WithLaw>(kinetics: Kinetics, work: W) -> W::Output {
         Kinetics::Pokluda => work.run::<Pokluda>(),
         Kinetics::ThreeStagePokluda => work.run::<ThreeStagePokluda>(),
         Kinetics::RegimeMap => work.run::<RegimeMap>(),
+        Kinetics::Bellehumeur => work.run::<Bellehumeur>(),
     }
 }

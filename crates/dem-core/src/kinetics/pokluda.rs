@@ -43,9 +43,9 @@ pub struct Pokluda {
 }
 
 /// `2^(1/3)`.
-const CBRT_2: f64 = 1.259_921_049_894_873_2;
+pub(super) const CBRT_2: f64 = 1.259_921_049_894_873_2;
 /// `2^(2/3)`, the overlap of the merged pair.
-const CBRT_4: f64 = 1.587_401_051_968_199_4;
+pub(super) const CBRT_4: f64 = 1.587_401_051_968_199_4;
 /// `w` where there is no neck, `4^(-1/3)`.
 const EMPTY_NECK: f64 = 0.629_960_524_947_436_6;
 /// `2^(4/3)`.
@@ -130,7 +130,7 @@ impl Series {
 
 /// `w` of an overlap: the root of `4 w - 1/w^2 = 3 x / 2^(2/3)`; 1 beyond the merged pair.
 #[inline(always)]
-fn neck_shape<L: Lanes>(overlap: L) -> L {
+pub(super) fn neck_shape<L: Lanes>(overlap: L) -> L {
     let target = (L::splat(3.0 / CBRT_4) * overlap).min(L::splat(3.0));
     // A parabola through both ends with the slope of the first, within 0.003, that three
     // iterations of Newton's method refine to rounding.
@@ -147,7 +147,7 @@ fn neck_shape<L: Lanes>(overlap: L) -> L {
 
 /// Overlap of `w`.
 #[inline]
-fn overlap_of(w: f64) -> f64 {
+pub(super) fn overlap_of(w: f64) -> f64 {
     CBRT_4 / 3.0 * (4.0 * w - 1.0 / (w * w))
 }
 
@@ -188,7 +188,7 @@ impl Kinetic for Pokluda {
 
     #[inline]
     fn coefficients(&self) -> RateCoefficients<f64> {
-        RateCoefficients { switch: 0.0, zipping: 0.0, stretching: self.rate_per_s }
+        RateCoefficients { stretching: self.rate_per_s, ..RateCoefficients::NONE }
     }
 
     #[inline(always)]

@@ -6,7 +6,8 @@ use dem_core::{Damping, Kinetics, PairSpec, Sintering, paper};
 const PHI: f64 = 1.259_921_049_894_873_2;
 
 /// PA12, Table 3 in SI to two digits.
-pub(crate) const PA12_SINTERING: Sintering = Sintering { c1: 2.4e-5, tau_s: 3.81, delta_c: 9.5e-8 };
+pub(crate) const PA12_SINTERING: Sintering =
+    Sintering { c1: 2.4e-5, tau_s: 3.81, delta_c: 9.5e-8, lambda: 0.0 };
 
 pub(crate) fn spec() -> PairSpec {
     PairSpec::new(paper::PA12, PHI)

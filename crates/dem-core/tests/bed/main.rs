@@ -4,6 +4,7 @@ mod builders;
 mod carried;
 mod closure;
 mod files;
+mod heated;
 mod invariance;
 mod necks;
 mod packing;

@@ -36,7 +36,7 @@ proptest! {
     ) {
         let powder = Powder { radius_m: 10f64.powf(radius), ..paper::PA12 };
         let scene = PairSpec::new(powder, phi).build().expect("valid");
-        let s = Sintering { c1, tau_s, delta_c };
+        let s = Sintering { c1, tau_s, delta_c, lambda: 0.0 };
         let times: Vec<f64> = (0..20).map(|i| end * (f64::from(i) / 19.0).powi(4)).collect();
         let settings = SolverSettings { max_work: 3000, ..SolverSettings::of(kind) };
         let _ = knee(&scene, &s);
@@ -86,7 +86,7 @@ proptest! {
         };
         if let Ok(scene) = spec.build() {
             prop_assert!(scene.collision_time_s() > 0.0 && scene.collision_time_s().is_finite());
-            let s = Sintering { c1: 1e-5, tau_s: 1.0, delta_c: 1e-7 };
+            let s = Sintering { c1: 1e-5, tau_s: 1.0, delta_c: 1e-7, lambda: 0.0 };
             let times = [0.0, 0.1, 1.0];
             for kind in SolverKind::ALL {
                 let settings = SolverSettings {
@@ -138,7 +138,7 @@ fn a_wrong_field_is_named_with_its_value() {
 #[test]
 fn a_wrong_run_is_refused_with_its_place() {
     let scene = PairSpec::new(paper::PS, 1.08).build().expect("valid");
-    let s = Sintering { c1: 1e-4, tau_s: 0.1, delta_c: 1e-7 };
+    let s = Sintering { c1: 1e-4, tau_s: 0.1, delta_c: 1e-7, lambda: 0.0 };
     let run = |s: &Sintering, settings: &SolverSettings, times: &[f64]| {
         simulate(&scene, Kinetics::ThreeStage, s, settings, times).expect_err("wrong")
     };

@@ -181,7 +181,7 @@ fn a_stiff_start_neither_overshoots_nor_chatters() {
             let spec = PairSpec::new(paper::PA12, 2f64.cbrt());
             for damping in [Damping::Restitution(0.1), Damping::Restitution(1.0)] {
                 let scene = PairSpec { damping, ..spec }.build().expect("valid");
-                let s = Sintering { c1, tau_s: 1.0, delta_c };
+                let s = Sintering { c1, tau_s: 1.0, delta_c, lambda: 0.0 };
                 let step = 0.95 * scene.step_limit_s() / scene.collision_time_s();
                 let times: Vec<f64> =
                     (0..400).map(|i| f64::from(i) * step * scene.collision_time_s()).collect();
@@ -250,7 +250,7 @@ fn a_coalesced_pair_ends_its_run() {
 fn the_run_from_first_contact_reaches_the_adhesive_equilibrium() {
     // Almost without sintering the pair settles where fa = K1 delta, a/R = sqrt(1e-3).
     let scene = PairSpec::new(paper::PA12, 2f64.cbrt()).build().expect("valid");
-    let s = Sintering { c1: 1e-20, tau_s: 1e20, delta_c: 1e-20 };
+    let s = Sintering { c1: 1e-20, tau_s: 1e20, delta_c: 1e-20, lambda: 0.0 };
     let settings = SolverSettings { from_contact: true, ..verlet(0.02) };
     let times = [0.0, 0.1];
     let curve = simulate(&scene, Kinetics::ThreeStage, &s, &settings, &times).expect("valid");

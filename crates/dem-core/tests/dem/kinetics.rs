@@ -60,7 +60,7 @@ fn closed_form_is_the_quadrature_of_the_rate_to_rounding() {
 #[test]
 fn small_pokluda_necks_follow_the_line_of_frenkel() {
     let scene = PairSpec::new(paper::PA12, 2f64.cbrt()).build().expect("valid");
-    let s = Sintering { c1: 1.0, tau_s: 1.0, delta_c: 1.0 };
+    let s = Sintering { c1: 1.0, tau_s: 1.0, delta_c: 1.0, lambda: 0.0 };
     let time = |kinetics| time_to_contact_ratio(&scene, kinetics, &s, 0.04).expect("reached");
     let (frenkel, pokluda) = (time(Kinetics::Frenkel), time(Kinetics::Pokluda));
     assert!((pokluda / frenkel - 1.0).abs() < 2e-3, "{frenkel} {pokluda}");
@@ -69,9 +69,63 @@ fn small_pokluda_necks_follow_the_line_of_frenkel() {
 }
 
 #[test]
+fn bellehumeur_without_elasticity_is_pokluda_and_with_more_of_it_is_slower() {
+    for phi in [1.08, 2f64.cbrt()] {
+        let scene = PairSpec::new(paper::PS, phi).build().expect("valid");
+        let times: Vec<f64> = (0..80).map(|i| 0.05 * f64::from(i)).collect();
+        let curve = |kinetics, lambda| {
+            let s = Sintering { c1: f64::NAN, tau_s: 0.6, delta_c: f64::NAN, lambda };
+            let mut out = vec![0.0; times.len()];
+            contact_ratios(&scene, kinetics, &s, &SolverSettings::default(), &times, &mut out)
+                .expect("valid");
+            assert!(out.is_sorted(), "{lambda}");
+            out
+        };
+        let newtonian = curve(Kinetics::Pokluda, f64::NAN);
+        let mut before = curve(Kinetics::Bellehumeur, 0.0);
+        for (a, b) in newtonian.iter().zip(&before) {
+            assert!((a - b).abs() < 1e-13, "{a} {b}");
+        }
+        // The difference goes with lambda, for small ones.
+        let small = |lambda| newtonian[4] - curve(Kinetics::Bellehumeur, lambda)[4];
+        assert!((small(1e-5) / small(1e-6) - 10.0).abs() < 1e-2, "{}", small(1e-5));
+        for lambda in [1e-3, 0.03, 0.2, 1.0, 30.0, 1e6] {
+            let slower = curve(Kinetics::Bellehumeur, lambda);
+            assert!(slower[1..].iter().zip(&before[1..]).all(|(s, b)| s < b || *s == phi));
+            before = slower;
+        }
+        assert!(before[79] < 1.01 * before[0], "{before:?}");
+    }
+}
+
+#[test]
+fn very_elastic_pairs_shorten_at_a_rate_of_lambda_alone() {
+    // 8 (lambda e)^2 + 2 lambda e = 1 where the viscosity does not count: lambda e = 1/4, the pole of steady extension at
+    // the rate 2 e. The pair is 2 R/w long, over 4^(1/3): from x0 to x in 4 lambda ln(w/w0).
+    let scene = PairSpec::new(paper::PS, 1.2).build().expect("valid");
+    let s = Sintering { c1: 1.0, tau_s: 1e-9, delta_c: 1.0, lambda: 2.0 };
+    let w = |x: f64| {
+        // The root of 4 w - 1/w^2 = 3 x/2^(2/3).
+        let (mut low, mut high) = (0.6, 1.0);
+        for _ in 0..60 {
+            let middle: f64 = 0.5 * (low + high);
+            let rest = 4.0 * middle - middle.powi(-2) - 3.0 * x / 4f64.cbrt();
+            if rest < 0.0 { low = middle } else { high = middle }
+        }
+        high
+    };
+    for ratio in [0.1, 0.5, 1.0, 1.2] {
+        let found =
+            time_to_contact_ratio(&scene, Kinetics::Bellehumeur, &s, ratio).expect("reached");
+        let exact = 4.0 * s.lambda * (w(ratio * ratio) / w(scene.x0())).ln();
+        assert!((found / exact - 1.0).abs() < 1e-6, "{ratio}: {found} {exact}");
+    }
+}
+
+#[test]
 fn stages_are_absent_where_the_knee_is_out_of_range() {
     let scene = PairSpec::new(paper::PA12, 2f64.cbrt()).build().expect("valid");
-    let at = |delta_c| knee(&scene, &Sintering { c1: 1e-5, tau_s: 1.0, delta_c });
+    let at = |delta_c| knee(&scene, &Sintering { c1: 1e-5, tau_s: 1.0, delta_c, lambda: 0.0 });
     let low = at(1e-10);
     assert!(!low.has_zipping && low.has_stretching && low.time_s == 0.0);
     let high = at(1e-4);
@@ -80,7 +134,7 @@ fn stages_are_absent_where_the_knee_is_out_of_range() {
     assert!(both.has_zipping && both.has_stretching && both.time_s > 0.0);
 
     // Without stage 2 three-stage is Frenkel's law, to the bit.
-    let s = Sintering { c1: 1e-5, tau_s: 1.0, delta_c: 1e-10 };
+    let s = Sintering { c1: 1e-5, tau_s: 1.0, delta_c: 1e-10, lambda: 0.0 };
     let times = [0.0, 0.1, 0.5, 1.0, 3.0];
     let (mut a, mut b) = ([0.0; 5], [0.0; 5]);
     let settings = SolverSettings::default();

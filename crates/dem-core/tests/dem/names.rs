@@ -36,7 +36,7 @@ fn kinetics_and_solvers_have_one_name_in_text_and_in_files() {
     hold(
         &Kinetics::ALL,
         Kinetics::name,
-        &["three-stage", "frenkel", "pokluda", "three-stage-pokluda", "regime-map"],
+        &["three-stage", "frenkel", "pokluda", "three-stage-pokluda", "regime-map", "bellehumeur"],
     );
     hold(&SolverKind::ALL, SolverKind::name, &["verlet", "quasi-static", "closed-form"]);
     let error = "frenkl".parse::<Kinetics>().expect_err("not a law").to_string();

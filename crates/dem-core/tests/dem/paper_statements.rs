@@ -48,7 +48,7 @@ proptest! {
         c1 in -12.0..2.0f64, tau_s in -6.0..6.0f64, delta_c in -10.0..-4.0f64, radius in -7.0..-3.0f64,
     ) {
         let radius_m = 10f64.powf(radius);
-        let si = Sintering { c1: 10f64.powf(c1), tau_s: 10f64.powf(tau_s), delta_c: 10f64.powf(delta_c) };
+        let si = Sintering { c1: 10f64.powf(c1), tau_s: 10f64.powf(tau_s), delta_c: 10f64.powf(delta_c), lambda: 0.0 };
         let back = from_printed(&to_printed(&si, radius_m), radius_m);
         for (a, b) in [(si.c1, back.c1), (si.tau_s, back.tau_s), (si.delta_c, back.delta_c)] {
             prop_assert!((a / b - 1.0).abs() < 1e-14);

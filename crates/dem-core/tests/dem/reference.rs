@@ -6,11 +6,12 @@ use std::f64::consts::PI;
 use dem_core::printed::from_printed;
 use dem_core::{Kinetics, PairScene, PairSpec, Powder, Sintering, paper};
 
-/// The three pairs of the paper with the parameters of its Table 3.
+/// The three pairs of the paper with the parameters of its Table 3, and a relaxation time.
 pub(crate) fn materials() -> [(PairScene, Sintering); 3] {
     let material = |powder: Powder, table, phi| {
         let scene = PairSpec::new(powder, phi).build().expect("the paper's powders");
-        (scene, from_printed(table, powder.radius_m))
+        let sintering = from_printed(table, powder.radius_m);
+        (scene, Sintering { lambda: 0.7 * sintering.tau_s, ..sintering })
     };
     [
         material(paper::PS, &paper::PS_TABLE3, 1.08),
@@ -29,6 +30,7 @@ pub(crate) fn rate(scene: &PairScene, kinetics: Kinetics, s: &Sintering, x: f64)
     match kinetics {
         _ if x < switch => zipping,
         Kinetics::Pokluda | Kinetics::ThreeStagePokluda => pokluda(x) / s.tau_s,
+        Kinetics::Bellehumeur => bellehumeur(x, s),
         _ => 1.0 / s.tau_s,
     }
 }
@@ -38,7 +40,7 @@ pub(crate) fn switch(scene: &PairScene, kinetics: Kinetics, s: &Sintering) -> f6
     let r = scene.radius_m();
     let gamma = scene.powder().surface_tension_n_per_m;
     match kinetics {
-        Kinetics::Frenkel | Kinetics::Pokluda => 0.0,
+        Kinetics::Frenkel | Kinetics::Pokluda | Kinetics::Bellehumeur => 0.0,
         Kinetics::ThreeStage | Kinetics::ThreeStagePokluda => {
             ((63.0 * PI.powi(3)).powf(0.2) * (s.delta_c / (8.0 * r)).powf(0.4)).powi(2)
         }
@@ -49,8 +51,30 @@ pub(crate) fn switch(scene: &PairScene, kinetics: Kinetics, s: &Sintering) -> f6
     }
 }
 
-/// `tau_s dx/dt` of Pokluda's law, by the angle as published: theta by bisection from x.
+/// `tau_s dx/dt` of Pokluda's law, by the angle as published.
 fn pokluda(x: f64) -> f64 {
+    let t = angle(x);
+    let c = t.cos();
+    let dtheta =
+        2f64.powf(-5.0 / 3.0) * c * t.sin() * (2.0 - c).cbrt() / ((1.0 - c) * (1.0 + c).cbrt());
+    x * log_slope(t) * dtheta
+}
+
+/// `dx/dt` of Bellehumeur's law, by the angle: the positive root of the quadratic equation as published, alpha = 1.
+fn bellehumeur(x: f64, s: &Sintering) -> f64 {
+    let t = angle(x);
+    let (c, sin) = (t.cos(), t.sin());
+    let k1 = sin / ((1.0 + c) * (2.0 - c));
+    let k2 =
+        2f64.powf(-5.0 / 3.0) * c * sin / ((1.0 + c).powf(4.0 / 3.0) * (2.0 - c).powf(5.0 / 3.0));
+    let squared = 8.0 * (s.lambda * k1).powi(2);
+    let linear = 2.0 * s.lambda * k1 + s.tau_s * k1 * k1 / k2;
+    let dtheta = 2.0 / (linear + (linear * linear + 4.0 * squared).sqrt());
+    x * log_slope(t) * dtheta
+}
+
+/// Half angle of a neck at constant volume, by bisection from x.
+fn angle(x: f64) -> f64 {
     let overlap = |t: f64| {
         let c = t.cos();
         (t.sin() * (4.0 / ((1.0 + c).powi(2) * (2.0 - c))).cbrt()).powi(2)
@@ -60,14 +84,13 @@ fn pokluda(x: f64) -> f64 {
         let middle = 0.5 * (low + high);
         if overlap(middle) < x { low = middle } else { high = middle }
     }
-    let t = 0.5 * (low + high);
+    0.5 * (low + high)
+}
+
+/// `d ln(x)/d theta = 2 [cot + (2/3) sin/(1 + c) - (1/3) sin/(2 - c)]`.
+fn log_slope(t: f64) -> f64 {
     let c = t.cos();
-    let dtheta =
-        2f64.powf(-5.0 / 3.0) * c * t.sin() * (2.0 - c).cbrt() / ((1.0 - c) * (1.0 + c).cbrt());
-    // d ln(x)/d theta = 2 [cot + (2/3) sin/(1 + c) - (1/3) sin/(2 - c)]
-    let log_slope =
-        2.0 * (c / t.sin() + 2.0 / 3.0 * t.sin() / (1.0 + c) - t.sin() / (3.0 * (2.0 - c)));
-    x * log_slope * dtheta
+    2.0 * (c / t.sin() + 2.0 / 3.0 * t.sin() / (1.0 + c) - t.sin() / (3.0 * (2.0 - c)))
 }
 
 /// Time \[s\] from the overlap `from` to `to`, by composite Gauss-Legendre quadrature of `dx/rate`,

@@ -5,7 +5,7 @@ use dem_core::{
 };
 
 /// Negligible sintering: plastic overlap 0, stiffness K1.
-const FROZEN: Sintering = Sintering { c1: 1.0, tau_s: 1e30, delta_c: 1.0 };
+const FROZEN: Sintering = Sintering { c1: 1.0, tau_s: 1e30, delta_c: 1.0, lambda: 0.0 };
 
 fn scene(damping: Damping) -> PairScene {
     let spec = PairSpec { damping, ..PairSpec::new(paper::PA12, 2f64.cbrt()) };

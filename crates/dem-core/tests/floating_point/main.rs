@@ -14,7 +14,8 @@ fn closed_forms_keep_their_digits_near_singular_points() {
         let kinetics: Kinetics = fields[0].parse().expect("kinetics");
         let number = |place: usize| fields[place].parse::<f64>().expect("a number");
         let scene = PairSpec::new(paper::PA12, number(1)).build().expect("valid");
-        let sintering = Sintering { c1: number(2), tau_s: number(3), delta_c: number(4) };
+        let sintering =
+            Sintering { c1: number(2), tau_s: number(3), delta_c: number(4), lambda: 0.0 };
         let (time_s, expected) = (number(5), number(6));
         let mut found = [0.0];
         contact_ratios(

@@ -17,7 +17,7 @@ def check_prior(name: str, spec: str) -> tuple[float, float]: ...
 def material(name: str) -> dict[str, Any]: ...
 def contact_ratios(
     times_s: bytes,
-    sintering: tuple[float, float, float],
+    sintering: tuple[float, float, float, float],
     powder: tuple[float, float, float, float],
     final_contact_ratio: float,
     model: tuple[str, str, float],

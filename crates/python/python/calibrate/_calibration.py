@@ -234,6 +234,7 @@ def neck_growth(
     c1: float,
     tau_s: float,
     delta_c: float,
+    lambda_: float = 0.0,
     powder: Powder | Material,
     final_contact_ratio: float | None = None,
     kinetics: str = "three-stage",
@@ -252,6 +253,8 @@ def neck_growth(
         Sintering time tau_s [s].
     delta_c : float
         Cut-off distance delta_c [m].
+    lambda_ : float
+        Relaxation time lambda of the kinetics ``bellehumeur`` [s].
     powder : Powder or Material
         The particles: PS, PA12, PEEK or one of your own.
     final_contact_ratio : float
@@ -265,7 +268,7 @@ def neck_growth(
     """
     times = numbers("t", t)
     order = np.argsort(times, axis=None, kind="stable")
-    given = {"c1": c1, "tau_s": tau_s, "delta_c": delta_c}
+    given = {"c1": c1, "tau_s": tau_s, "delta_c": delta_c, "lambda_": lambda_}
     values = [real(name, value) for name, value in given.items()]
     powder = powder.powder if isinstance(powder, Material) else powder
     if not isinstance(powder, Powder):
@@ -277,7 +280,7 @@ def neck_growth(
         return np.empty_like(times)
     sorted_times = np.ascontiguousarray(times.ravel()[order])
     found = _calibrate.contact_ratios(
-        sorted_times.tobytes(), (values[0], values[1], values[2]), powder._constants(), phi, (kinetics, solver, tolerance)
+        sorted_times.tobytes(), (values[0], values[1], values[2], values[3]), powder._constants(), phi, (kinetics, solver, tolerance)
     )
     ratios = np.empty(times.size)
     ratios[order] = np.frombuffer(found)

@@ -1,6 +1,6 @@
 //! Covariances of a Gaussian process, the search for the one of largest evidence, and the fit of one.
 
-use crate::cholesky::{cholesky, narrow, packed_inverse};
+use crate::cholesky::{cholesky, packed_inverse};
 use crate::nelder_mead::{Start, best_of};
 use rayon::prelude::*;
 
@@ -20,23 +20,32 @@ const LN_SCALE: [f64; 2] = [-6.0, 6.0];
 const LN_NUGGET: [f64; 2] = [-5.0, 0.0];
 /// Evaluations of the evidence by the search, per number that is searched.
 const SEARCH: usize = 40;
-/// Samples that the search looks at: the best ones.
-const SEARCHED: usize = 80;
+/// Nugget up to which the factor of a covariance acts: what far samples are off by beyond it does not shrink with it.
+const NEAR: f64 = 0.6;
 
 /// A covariance.
 #[derive(Clone, Debug)]
 pub(crate) enum Kernel {
     /// `quadratic (1 + a b)^2 + scale^2 exp(-|a - b|^2 / (2 length^2))`
     Smooth { quadratic: f64, scale: f64, length: f64, nugget: f64 },
-    /// `linear (1 + a b) + scale^2 (1 + r + r^2/3) exp(-r)` with `r^2 = 5 sum ((a - b)/length)^2`
-    Rough { linear: f64, scale: f64, lengths: Vec<f64>, nugget: f64 },
+    /// `mean(a, b) + scale^2 shape(sum ((a - b)/length)^2)`, with a length for every parameter.
+    Searched { shape: Shape, size: f64, scale: f64, lengths: Vec<f64>, nugget: f64 },
+}
+
+/// How a covariance whose lengths are searched falls with the distance r, and what its mean function is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Shape {
+    /// `(1 + s + s^2/3) exp(-s)` with `s^2 = 5 r^2`, about a linear function `size (1 + a b)`.
+    Matern,
+    /// `exp(-r^2/2)`, about a quadratic `size (1 + a b)^2`.
+    SquaredExponential,
 }
 
 impl Kernel {
-    /// Factor on the nuggets.
+    /// Factor on the nuggets up to [`NEAR`].
     pub(super) fn nugget(&self) -> f64 {
         match self {
-            Self::Smooth { nugget, .. } | Self::Rough { nugget, .. } => *nugget,
+            Self::Smooth { nugget, .. } | Self::Searched { nugget, .. } => *nugget,
         }
     }
 
@@ -50,90 +59,94 @@ impl Kernel {
                 }
                 quadratic * dot * dot + scale * scale * (-0.5 * square / (length * length)).exp()
             }
-            Self::Rough { linear, scale, lengths, .. } => {
+            Self::Searched { shape, size, scale, lengths, .. } => {
                 let (mut dot, mut square) = (1.0, 0.0);
                 for ((a, b), length) in a.iter().zip(b).zip(lengths) {
                     dot += a * b;
                     square += ((a - b) / length).powi(2);
                 }
-                let r = (5.0 * square).sqrt();
-                linear * dot + scale * scale * (1.0 + r + r * r / 3.0) * (-r).exp()
+                match shape {
+                    Shape::Matern => {
+                        let s = (5.0 * square).sqrt();
+                        size * dot + scale * scale * (1.0 + s + s * s / 3.0) * (-s).exp()
+                    }
+                    Shape::SquaredExponential => {
+                        size * dot * dot + scale * scale * (-0.5 * square).exp()
+                    }
+                }
             }
         }
     }
 }
 
-/// The smooth covariance of largest evidence.
-pub(super) fn smooth_kernel(
-    d: usize,
-    points: &[f64],
-    values: &[f64],
-    nuggets: &[f64],
-    quadratic: f64,
-) -> Option<Kernel> {
-    let m = values.len() / nuggets.len();
-    let candidates: Vec<Kernel> = SCALES
-        .iter()
-        .flat_map(|scale| LENGTHS.map(|length| (*scale, length)))
-        .flat_map(|(scale, length)| {
-            NUGGETS.map(|nugget| Kernel::Smooth { quadratic, scale, length, nugget })
-        })
-        .collect();
-    let evidences: Vec<f64> = candidates
-        .par_iter()
-        .map(|kernel| {
-            let half = HalfFit::new(d, points, values, nuggets, kernel);
-            half.map_or(f64::NEG_INFINITY, |half| half.evidence(m))
-        })
-        .collect();
-    let found = candidates.into_iter().zip(evidences).filter(|(_, evidence)| evidence.is_finite());
-    found.reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(kernel, _)| kernel)
+/// Samples in the coordinates of a covariance, the best first.
+#[derive(Clone, Copy)]
+pub(super) struct Samples<'a> {
+    pub(super) d: usize,
+    /// Row by row.
+    pub(super) points: &'a [f64],
+    /// Row by row.
+    pub(super) values: &'a [f64],
+    pub(super) nuggets: &'a [f64],
 }
 
-/// The rough covariance of largest evidence, judged by the best samples.
-pub(super) fn rough_kernel(
-    d: usize,
-    points: &[f64],
-    values: &[f64],
-    nuggets: &[f64],
-    linear: f64,
-) -> Option<Kernel> {
-    let n = nuggets.len();
-    let m = values.len() / n;
-    let few = n.min(SEARCHED);
-    let (points, nuggets) = (&points[..few * d], &nuggets[..few]);
-    let values = narrow(&values[..few * m], few);
-    let bounds = |i: usize| match i {
-        0 => LN_SCALE,
-        i if i > d => LN_NUGGET,
-        _ => LN_LENGTH,
-    };
-    let clamped = |i: usize, x: f64| x.clamp(bounds(i)[0], bounds(i)[1]);
-    let kernel = |x: &[f64]| Kernel::Rough {
-        linear,
-        scale: clamped(0, x[0]).exp(),
-        lengths: (1..=d).map(|i| clamped(i, x[i]).exp()).collect(),
-        nugget: clamped(d + 1, x[d + 1]).exp(),
-    };
-    let numbers = d + 2;
-    let mut axes = vec![0.0; numbers * numbers];
-    (0..numbers).for_each(|i| axes[i * numbers + i] = STEP);
-    axes[numbers * numbers - 1] = -STEP;
-    let starts = STARTS.map(|length| {
-        let mut point = vec![length.ln(); numbers];
-        point[0] = 0.0;
-        point[d + 1] = 0.0;
-        Start { point, axes: axes.clone() }
-    });
-    let mut evidence = |x: &[f64]| {
-        let Some(half) = HalfFit::new(d, points, &values, nuggets, &kernel(x)) else {
-            return f64::NEG_INFINITY;
+impl Samples<'_> {
+    /// The smooth covariance of largest evidence, where these stand for `m` columns.
+    pub(super) fn smooth_kernel(&self, m: usize, quadratic: f64) -> Option<Kernel> {
+        let candidates: Vec<Kernel> = SCALES
+            .iter()
+            .flat_map(|scale| LENGTHS.map(|length| (*scale, length)))
+            .flat_map(|(scale, length)| {
+                NUGGETS.map(|nugget| Kernel::Smooth { quadratic, scale, length, nugget })
+            })
+            .collect();
+        let evidences: Vec<f64> =
+            candidates.par_iter().map(|kernel| self.evidence(m, kernel)).collect();
+        let found = candidates.into_iter().zip(evidences);
+        let found = found.filter(|(_, evidence)| evidence.is_finite());
+        found.reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(kernel, _)| kernel)
+    }
+
+    /// The covariance of this shape of largest evidence.
+    pub(super) fn searched_kernel(&self, m: usize, shape: Shape, size: f64) -> Option<Kernel> {
+        let d = self.d;
+        let bounds = |i: usize| match i {
+            0 => LN_SCALE,
+            i if i > d => LN_NUGGET,
+            _ => LN_LENGTH,
         };
-        let beyond: f64 = x.iter().enumerate().map(|(i, x)| (x - clamped(i, *x)).abs()).sum();
-        half.evidence(m) - beyond
-    };
-    let (x, best, _) = best_of(&starts, SEARCH * numbers, &mut evidence);
-    best.is_finite().then(|| kernel(&x))
+        let clamped = |i: usize, x: f64| x.clamp(bounds(i)[0], bounds(i)[1]);
+        let kernel = |x: &[f64]| Kernel::Searched {
+            shape,
+            size,
+            scale: clamped(0, x[0]).exp(),
+            lengths: (1..=d).map(|i| clamped(i, x[i]).exp()).collect(),
+            nugget: clamped(d + 1, x[d + 1]).exp(),
+        };
+        let numbers = d + 2;
+        let mut axes = vec![0.0; numbers * numbers];
+        (0..numbers).for_each(|i| axes[i * numbers + i] = STEP);
+        axes[numbers * numbers - 1] = -STEP;
+        let starts = STARTS.map(|length| {
+            let mut point = vec![length.ln(); numbers];
+            point[0] = 0.0;
+            point[d + 1] = 0.0;
+            Start { point, axes: axes.clone() }
+        });
+        let mut evidence = |x: &[f64]| {
+            let beyond: f64 = x.iter().enumerate().map(|(i, x)| (x - clamped(i, *x)).abs()).sum();
+            self.evidence(m, &kernel(x)) - beyond
+        };
+        let (x, best, _) = best_of(&starts, SEARCH * numbers, &mut evidence);
+        best.is_finite().then(|| kernel(&x))
+    }
+
+    /// Log marginal likelihood of a covariance, without its constant, where these stand for `m` columns: values that were
+    /// narrowed have fewer.
+    pub(super) fn evidence(&self, m: usize, kernel: &Kernel) -> f64 {
+        let half = HalfFit::new(self, kernel);
+        half.map_or(f64::NEG_INFINITY, |half| half.evidence(m))
+    }
 }
 
 /// What the evidence of one kernel takes: half of the way to the process.
@@ -145,13 +158,8 @@ pub(super) struct HalfFit {
 }
 
 impl HalfFit {
-    pub(super) fn new(
-        d: usize,
-        points: &[f64],
-        values: &[f64],
-        nuggets: &[f64],
-        k: &Kernel,
-    ) -> Option<Self> {
+    pub(super) fn new(samples: &Samples<'_>, k: &Kernel) -> Option<Self> {
+        let Samples { d, points, values, nuggets } = *samples;
         let n = nuggets.len();
         let m = values.len() / n;
         let mut matrix = vec![0.0; n * n];
@@ -161,7 +169,7 @@ impl HalfFit {
                 matrix[i * n + j] = k;
                 matrix[j * n + i] = k;
             }
-            let nugget = k.nugget() * nuggets[i];
+            let nugget = k.nugget() * nuggets[i].min(NEAR) + (nuggets[i] - NEAR).max(0.0);
             matrix[i * n + i] = matrix[i * n + i] * (1.0 + 1e-11) + nugget * nugget;
         }
         let factor = cholesky(&matrix, n)?;
@@ -177,7 +185,7 @@ impl HalfFit {
         Some(Self { factor, solved })
     }
 
-    /// Log marginal likelihood of `m` columns, without its constant. Values that were narrowed have fewer.
+    /// Log marginal likelihood of `m` columns, without its constant.
     fn evidence(&self, m: usize) -> f64 {
         let n = self.factor.len().isqrt();
         let ln_det: f64 = (0..n).map(|i| self.factor[i * n + i].ln()).sum();
@@ -190,23 +198,13 @@ pub(super) struct Fit {
     pub(super) coefficients: Vec<f64>,
     /// Lower Cholesky factor of the covariance, row by row.
     pub(super) factor: Vec<f64>,
-    /// Log marginal likelihood, without its constant.
-    pub(super) evidence: f64,
 }
 
 impl Fit {
-    pub(super) fn new(
-        d: usize,
-        points: &[f64],
-        values: &[f64],
-        nuggets: &[f64],
-        k: &Kernel,
-    ) -> Option<Self> {
-        let n = nuggets.len();
-        let m = values.len() / n;
-        let half = HalfFit::new(d, points, values, nuggets, k)?;
-        let evidence = half.evidence(m);
-        let HalfFit { factor, solved: mut c } = half;
+    pub(super) fn new(samples: &Samples<'_>, k: &Kernel) -> Option<Self> {
+        let n = samples.nuggets.len();
+        let m = samples.values.len() / n;
+        let HalfFit { factor, solved: mut c } = HalfFit::new(samples, k)?;
         for i in (0..n).rev() {
             let (before, rest) = c.split_at_mut(i * m);
             let row = &mut rest[..m];
@@ -215,11 +213,7 @@ impl Fit {
                 other.iter_mut().zip(&*row).for_each(|(o, r)| *o -= l * r);
             }
         }
-        (evidence.is_finite() && c.iter().all(|c| c.is_finite())).then_some(Self {
-            coefficients: c,
-            factor,
-            evidence,
-        })
+        c.iter().all(|c| c.is_finite()).then_some(Self { coefficients: c, factor })
     }
 
     /// Values minus their predictions from the other samples, `c_i / (K^-1)_ii`.

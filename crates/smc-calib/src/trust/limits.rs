@@ -38,7 +38,7 @@ pub const SIMULATIONS_PER_SAMPLE: f64 = 3.0;
 pub const FEWEST_EFFECTIVE_SAMPLES: f64 = 40.0;
 
 /// Effective samples below which a small budget was too small, whatever else is known.
-pub const FEWEST_OF_SMALL_BUDGET: f64 = 10.0;
+pub const FEWEST_OF_SMALL_BUDGET: f64 = 7.0;
 
 /// Standard errors by which the two estimates of the log evidence may differ: by chance they do so in 0.3 % of runs.
 pub const EVIDENCE_ERRORS: f64 = 3.0;

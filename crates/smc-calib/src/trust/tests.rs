@@ -283,7 +283,7 @@ fn a_flattened_last_stage_with_few_samples_means_too_small_a_budget() {
 }
 
 #[test]
-fn a_small_budget_is_too_small_with_fewer_than_ten_samples_or_a_flattened_likelihood() {
+fn a_small_budget_is_too_small_with_fewer_than_seven_samples_or_a_flattened_likelihood() {
     let reason = |ess, beta| {
         let trust = after(|p| {
             p.settings.surrogate = true;
@@ -295,8 +295,8 @@ fn a_small_budget_is_too_small_with_fewer_than_ten_samples_or_a_flattened_likeli
             _ => None,
         })
     };
-    assert_eq!(reason(10.0, 1.0), None);
-    assert_eq!(reason(9.9, 1.0).as_deref(), Some("fewer than ten effective samples"));
+    assert_eq!(reason(7.0, 1.0), None);
+    assert_eq!(reason(6.9, 1.0).as_deref(), Some("fewer than seven effective samples"));
     assert!(reason(5000.0, 0.99).is_some_and(|r| r.contains("not yet known well enough")));
 }
 

@@ -80,7 +80,7 @@ fn settled(seed: u64) -> Result<Bed, BedError> {
 fn drive(mass_scaling: f64) -> Drive {
     let growing = Growing {
         kinetics: Kinetics::ThreeStage,
-        sintering: Sintering { c1: 1.177e-5, tau_s: 3.81, delta_c: 9.55e-8 },
+        sintering: Sintering { c1: 1.177e-5, tau_s: 3.81, delta_c: 9.55e-8, lambda: 0.0 },
         calibrated_radius_m: paper::PA12.radius_m,
     };
     Drive { growing: Some(growing), mass_scaling, ..Drive::default() }

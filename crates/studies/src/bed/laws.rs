@@ -110,7 +110,7 @@ fn bed(kinetics: Kinetics, approach: Approach, stiffer: f64) -> Result<Course, B
 /// What the closed formulas give, with `x = x0 + t/tau_s`.
 fn formulas(start: f64) -> Result<Vec<Course>, BedError> {
     let pair = PairSpec::new(paper::PA12, 2f64.cbrt()).build()?;
-    let sintering = Sintering { c1: 1e-5, tau_s: 1.0, delta_c: 1e-7 };
+    let sintering = Sintering { c1: 1e-5, tau_s: 1.0, delta_c: 1e-7, lambda: 0.0 };
     let mut courses: Vec<Course> = Densification::ALL
         .into_iter()
         .map(|law| {

@@ -84,4 +84,5 @@ impl Scene<'_> {
 }
 
 /// Sintering about as fast as that of PA12.
-pub(super) const SINTERING: Sintering = Sintering { c1: 2.4e-5, tau_s: 3.81, delta_c: 9.5e-8 };
+pub(super) const SINTERING: Sintering =
+    Sintering { c1: 2.4e-5, tau_s: 3.81, delta_c: 9.5e-8, lambda: 0.0 };

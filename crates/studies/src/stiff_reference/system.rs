@@ -61,7 +61,8 @@ pub(super) struct System {
     /// `(2/7) B T` and `T/tau_s`.
     zipping: f64,
     stretching: f64,
-    at_constant_volume: bool,
+    /// Whether stretching keeps the volume, and the relaxation time over tau_s.
+    at_constant_volume: Option<f64>,
     /// Rest of the regime map at its start, in units of time.
     pub(super) rest: f64,
 }
@@ -75,7 +76,7 @@ impl System {
         let end = scene.final_contact_ratio().powi(2);
         let start = scene.x0();
         let switch = match kinetics {
-            Kinetics::Frenkel | Kinetics::Pokluda => 0.0,
+            Kinetics::Frenkel | Kinetics::Pokluda | Kinetics::Bellehumeur => 0.0,
             Kinetics::ThreeStage | Kinetics::ThreeStagePokluda => {
                 (63.0 * PI.powi(3)).powf(0.4) * (s.delta_c / (8.0 * r)).powf(0.8)
             }
@@ -120,7 +121,11 @@ impl System {
             damping: scene.dissipation_kg_per_s() / scene.effective_mass_kg() * time_unit_s,
             zipping: 2.0 / 7.0 * b * time_unit_s,
             stretching: time_unit_s / s.tau_s,
-            at_constant_volume: matches!(kinetics, Kinetics::Pokluda | Kinetics::ThreeStagePokluda),
+            at_constant_volume: match kinetics {
+                Kinetics::Pokluda | Kinetics::ThreeStagePokluda => Some(0.0),
+                Kinetics::Bellehumeur => Some(s.lambda / s.tau_s),
+                _ => None,
+            },
             rest: rest_s / time_unit_s,
         }
     }
@@ -148,8 +153,10 @@ impl System {
         let x = overlap.max(self.start);
         match self.piece {
             Piece::Zipping => self.zipping * x.powf(-2.5),
-            Piece::Stretching if self.at_constant_volume => self.stretching * constant_volume(x),
-            Piece::Stretching => self.stretching,
+            Piece::Stretching => {
+                self.stretching
+                    * self.at_constant_volume.map_or(1.0, |lambda| constant_volume(x, lambda))
+            }
             Piece::Coalesced => 0.0,
         }
     }
@@ -191,8 +198,9 @@ impl System {
     }
 }
 
-/// `tau_s dx/dt` at constant volume, by the angle as Pokluda et al. published it.
-fn constant_volume(x: f64) -> f64 {
+/// `tau_s dx/dt` at constant volume, by the angle as Pokluda et al. and, with a relaxation time in tau_s, Bellehumeur et al.
+/// published it.
+fn constant_volume(x: f64, lambda: f64) -> f64 {
     let mut t = x.sqrt().min(1.5);
     let (mut low, mut high) = (0.0, PI / 2.0);
     let mut slope = 0.0;
@@ -215,8 +223,12 @@ fn constant_volume(x: f64) -> f64 {
         }
     }
     let c = t.cos();
-    let turning =
-        2f64.powf(-5.0 / 3.0) * c * t.sin() * (2.0 - c).cbrt() / ((1.0 - c) * (1.0 + c).cbrt());
+    let k1 = t.sin() / ((1.0 + c) * (2.0 - c));
+    let k2 = 2f64.powf(-5.0 / 3.0) * c * t.sin()
+        / ((1.0 + c).powf(4.0 / 3.0) * (2.0 - c).powf(5.0 / 3.0));
+    let squared = 8.0 * (lambda * k1).powi(2);
+    let linear = 2.0 * lambda * k1 + k1 * k1 / k2;
+    let turning = 2.0 / (linear + (linear * linear + 4.0 * squared).sqrt());
     x * slope * turning
 }
 

@@ -53,8 +53,10 @@ pub(super) fn curves(
         let mut curve = vec![0.0; model.times_s().len()];
         model.curve(&sintering, &mut curve).map(|()| Some(curve)).map_err(failed)
     };
-    let (paper, frenkel) =
-        (of.paper(), frenkel_tau_s.map(|tau_s| Sintering { c1: 1.0, tau_s, delta_c: 1.0 }));
+    let (paper, frenkel) = (
+        of.paper(),
+        frenkel_tau_s.map(|tau_s| Sintering { c1: 1.0, tau_s, delta_c: 1.0, lambda: 0.0 }),
+    );
     let between = on_grid.started_at(of.start_s()).heated_as(&of.posterior.map.theta);
     let at_data = of.reference();
     let at_data = AtData {

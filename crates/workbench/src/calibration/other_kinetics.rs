@@ -104,7 +104,7 @@ fn look(
 }
 
 /// The parameters of a pair with other kinetics, with the plan's priors; those of the material where the plan took its
-/// priors from there and has none for a parameter. None where there is no prior.
+/// priors from there and has none for a parameter; the default one of lambda. None where there is no prior.
 fn parameters(plan: &Plan, pair: &PairPlan) -> Result<Option<Vec<Parameter>>, InputError> {
     let built_in = match pair.material.map(PriorFile::of_material).transpose()? {
         Some(priors) if plan.prior_source.as_deref() == Some(&priors.file_name) => Some(priors),
@@ -117,7 +117,13 @@ fn parameters(plan: &Plan, pair: &PairPlan) -> Result<Option<Vec<Parameter>>, In
             let prior = built_in.as_ref()?.get(name)?;
             Some(Parameter::new(pair.calibrated(name), name.unit(), prior.clone()))
         };
-        match of_plan.cloned().or_else(of_material) {
+        let default = || {
+            let tau_s = pair.calibrated(ParameterName::TauS);
+            let tau_s = plan.parameters.iter().find(|one| one.name == tau_s)?;
+            let prior = name.default_prior(&tau_s.prior)?;
+            Some(Parameter::new(pair.calibrated(name), name.unit(), prior))
+        };
+        match of_plan.cloned().or_else(of_material).or_else(default) {
             Some(parameter) => found.push(parameter),
             None if !pair.needs(name) => {}
             None => return Ok(None),

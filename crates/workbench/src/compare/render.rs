@@ -20,8 +20,8 @@ fn preamble(report: &Report) -> String {
             .to_owned()
     };
     format!(
-        "Priors are fair: each parameter has the same prior in every kinetics that has it (tau_s in all five, C1 and \
-         delta_c in three-stage, three-stage-pokluda and regime-map), and that of sigma is the same in every noise model. \
+        "Priors are fair: each parameter has the same prior in every kinetics that has it (tau_s in all six, C1 and \
+         delta_c in three-stage, three-stage-pokluda and regime-map, lambda in bellehumeur), and that of sigma is the same in every noise model. \
          {phi}Errors are independent and normal (`--noise inferred`), correlated (alike near each other: an Ornstein-Uhlenbeck \
          process beside an independent part) or robust (independent, with outliers).\n\n\
          log Z is the natural logarithm of the evidence, with its Monte Carlo error, and comparable over the whole table; the \

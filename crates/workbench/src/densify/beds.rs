@@ -104,7 +104,8 @@ impl Wanted<'_> {
     /// How the contacts of a draw grow, and its final contact ratio where that was calibrated.
     pub(super) fn growing(&self, draw: &Draw) -> (Growing, Option<f64>) {
         let table = self.sintering;
-        let scene = Sintering { c1: table.c1, tau_s: table.tau_s, delta_c: table.delta_c };
+        let scene =
+            Sintering { c1: table.c1, tau_s: table.tau_s, delta_c: table.delta_c, lambda: 0.0 };
         let growing = Growing {
             kinetics: self.calibrated.pair.kinetics,
             sintering: self.calibrated.sintering(draw.row, scene),

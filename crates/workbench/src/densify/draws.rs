@@ -36,7 +36,7 @@ pub(super) fn choose(
             .found(count)
             .expected(format_args!("at most {rows}, as many as draws.csv holds")));
     }
-    let unused = Sintering { c1: 1.0, tau_s: 1.0, delta_c: 1.0 };
+    let unused = Sintering { c1: 1.0, tau_s: 1.0, delta_c: 1.0, lambda: 0.0 };
     let mut order: Vec<(f64, usize)> = (0..rows)
         .map(|row| {
             let sintering = calibrated.sintering(row, unused);

@@ -390,7 +390,7 @@ fn figure(
     let last_s = table.span_s()[1];
     let grid: Vec<f64> = (0..=POINTS).map(|k| last_s * k as f64 / POINTS as f64).collect();
     let mut frenkel = vec![0.0; grid.len()];
-    let sintering = Sintering { c1: 1.0, tau_s: fit.tau_s, delta_c: 1.0 };
+    let sintering = Sintering { c1: 1.0, tau_s: fit.tau_s, delta_c: 1.0, lambda: 0.0 };
     quick_fit::curve(&quick_fit::scene(powder, phi)?, &sintering, &grid, &mut frenkel)?;
     Ok(FitFigure {
         title: name.to_owned(),

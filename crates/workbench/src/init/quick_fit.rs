@@ -118,7 +118,7 @@ mod tests {
     fn table(phi: f64, tau_s: f64, last_s: f64, rows: usize) -> ObservationTable {
         let time_s: Vec<f64> = (1..=rows).map(|k| last_s * k as f64 / rows as f64).collect();
         let mut contact_ratio = vec![0.0; rows];
-        let sintering = Sintering { c1: 1.0, tau_s, delta_c: 1.0 };
+        let sintering = Sintering { c1: 1.0, tau_s, delta_c: 1.0, lambda: 0.0 };
         let scene = scene(paper::PA12, phi).expect("a pair");
         curve(&scene, &sintering, &time_s, &mut contact_ratio).expect("a curve");
         // A scatter of 0.01 that repeats itself.

@@ -7,6 +7,7 @@
 //! | `[tau_s]` | required | sintering time | s |
 //! | `[c1]` | required by kinetics with stage 2 | fluidity C1 | 1/(Pa s) |
 //! | `[delta_c]` | required by kinetics with stage 2 | cut-off distance of the adhesive traction | m |
+//! | `[lambda]` | optional | relaxation time of the kinetics `bellehumeur`; from a thousandth of tau_s to ten times it where not given | s |
 //! | `[phi]` | optional | final contact ratio, calibrated instead of taken from the experiment | 1 |
 //! | `[t0]` | optional | time of first contact in the table's clock, calibrated instead of zero; may be negative | s |
 //! | `[cooling_time]`, `[activation_energy]`, ... | where a `[heat]` leaves them open | [`ParameterName::is_of_heat`] | |
@@ -114,9 +115,10 @@ impl PriorFile {
                 continue;
             }
             let known = heat.and_then(|(heat, _)| heat.known.get(&parameter));
-            match (self.get(parameter), known) {
+            let default = || parameter.default_prior(self.get(ParameterName::TauS)?);
+            match (self.get(parameter).cloned().or_else(default), known) {
                 (Some(prior), None) => {
-                    found.push(Parameter::new(parameter.name(), parameter.unit(), prior.clone()));
+                    found.push(Parameter::new(parameter.name(), parameter.unit(), prior));
                 }
                 (Some(_), Some(known)) => return Err(self.stated(parameter, *known)),
                 (None, Some(_)) => {}
@@ -130,7 +132,7 @@ impl PriorFile {
                 }
                 (None, None) => {
                     return Err(missing(&self.file_name, parameter).help(format_args!(
-                        "or choose kinetics without it: --kinetics frenkel or pokluda, not {kinetics}"
+                        "or choose kinetics without it: --kinetics frenkel, pokluda or bellehumeur, not {kinetics}"
                     )));
                 }
             }
@@ -155,6 +157,7 @@ fn missing(file: &str, parameter: ParameterName) -> InputError {
         ParameterName::C1 => "lower = 1e-8, upper = 1e-2",
         ParameterName::TauS => "lower = 0.5, upper = 50.0",
         ParameterName::DeltaC => "lower = 1e-8, upper = 3e-6",
+        ParameterName::Lambda => "lower = 1e-3, upper = 10.0",
         ParameterName::Phi => "lower = 1.0, upper = 1.35",
         ParameterName::T0 => "lower = 0.01, upper = 10.0",
         ParameterName::Amplitude => "lower = 1e-3, upper = 10.0",

@@ -121,7 +121,7 @@ impl PairDraws {
         let calibrated = self.model.sintering(&self.theta(row));
         match self.pair.kinetics.uses_c1_delta_c() {
             true => calibrated,
-            false => Sintering { tau_s: calibrated.tau_s, ..unused },
+            false => Sintering { tau_s: calibrated.tau_s, lambda: calibrated.lambda, ..unused },
         }
     }
 

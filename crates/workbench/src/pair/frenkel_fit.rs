@@ -49,7 +49,10 @@ pub(crate) fn least_squares<E>(
     const SCAN: usize = 400;
     let mut curve = vec![0.0; observed.len()];
     let mut cost = |ln_tau: f64| -> Result<f64, E> {
-        curve_of(&Sintering { c1: 1.0, tau_s: ln_tau.exp(), delta_c: 1.0 }, &mut curve)?;
+        curve_of(
+            &Sintering { c1: 1.0, tau_s: ln_tau.exp(), delta_c: 1.0, lambda: 0.0 },
+            &mut curve,
+        )?;
         Ok(observed.iter().zip(&curve).map(|(o, c)| (o - c) * (o - c)).sum())
     };
     let last = last_s.max(f64::MIN_POSITIVE);
@@ -95,7 +98,7 @@ mod tests {
         let plan = options.plan().expect("a plan").plan;
         let model = NeckGrowth::of(&plan).expect("a model");
         let mut data = vec![0.0; model.times_s().len()];
-        let sintering = dem_core::Sintering { c1: 1.0, tau_s: 3.25, delta_c: 1.0 };
+        let sintering = dem_core::Sintering { c1: 1.0, tau_s: 3.25, delta_c: 1.0, lambda: 0.0 };
         model.with_kinetics(Kinetics::Frenkel).curve(&sintering, &mut data).expect("a curve");
         let tau = best_tau_s(&model, &data).expect("a fit").expect("times after zero");
         assert!((tau / 3.25 - 1.0).abs() < 1e-6, "{tau}");

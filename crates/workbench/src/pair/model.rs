@@ -180,13 +180,14 @@ impl NeckGrowth {
         ParameterName::ALL.into_iter().find(|parameter| self.place(*parameter) == Some(place))
     }
 
-    /// Sintering parameters at a parameter vector; those that are not calibrated are 1.
+    /// Sintering parameters at a parameter vector; those that are not calibrated are 1, lambda 0.
     pub fn sintering(&self, theta: &[f64]) -> Sintering {
         let value = |name| self.place(name).map_or(1.0, |place| theta[place]);
         Sintering {
             c1: value(ParameterName::C1),
             tau_s: value(ParameterName::TauS) * self.tau_s_factor,
             delta_c: value(ParameterName::DeltaC),
+            lambda: self.place(ParameterName::Lambda).map_or(0.0, |place| theta[place]),
         }
     }
 
@@ -369,7 +370,7 @@ mod tests {
     use super::*;
 
     /// Places without those of a heat.
-    fn places(first: [Option<usize>; 5]) -> [Option<usize>; ParameterName::ALL.len()] {
+    fn places(first: [Option<usize>; 6]) -> [Option<usize>; ParameterName::ALL.len()] {
         std::array::from_fn(|place| first.get(place).copied().flatten())
     }
 
@@ -378,7 +379,7 @@ mod tests {
         let powder = dem_core::paper::PS;
         let model = NeckGrowth {
             parameters: 3,
-            places: places([Some(0), Some(1), Some(2), None, None]),
+            places: places([Some(0), Some(1), Some(2), None, None, None]),
             heat: Heating::None,
             tau_s_factor: 1.0,
             powder,
@@ -418,7 +419,7 @@ mod tests {
     fn phi_as_a_fourth_parameter_moves_the_plateau_and_nothing_before_it() {
         let model = NeckGrowth {
             parameters: 2,
-            places: places([None, Some(0), None, Some(1), None]),
+            places: places([None, Some(0), None, None, Some(1), None]),
             heat: Heating::None,
             tau_s_factor: 1.0,
             powder: dem_core::paper::PS,
@@ -442,7 +443,7 @@ mod tests {
         let scene = PairSpec::new(dem_core::paper::PA12, 1.26).build().expect("a scene");
         let from_contact = NeckGrowth {
             parameters: 4,
-            places: places([Some(0), Some(1), Some(2), None, None]),
+            places: places([Some(0), Some(1), Some(2), None, None, None]),
             heat: Heating::None,
             tau_s_factor: 1.0,
             powder: dem_core::paper::PA12,
@@ -453,7 +454,7 @@ mod tests {
             scene,
         };
         let in_the_clock = NeckGrowth {
-            places: places([Some(0), Some(1), Some(2), None, Some(3)]),
+            places: places([Some(0), Some(1), Some(2), None, None, Some(3)]),
             times_s: vec![0.0, 1.0, 2.0, 2.5, 5.0],
             ..from_contact.clone()
         };

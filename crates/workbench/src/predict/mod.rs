@@ -141,7 +141,7 @@ pub fn predict(calibrated: &PairDraws, wanted: &Wanted) -> Result<Prediction, Fa
     });
     let enough = enough.transpose()?;
     let mut advice = calibrated.advice.clone();
-    if kinetics == Kinetics::Pokluda || kinetics == Kinetics::ThreeStagePokluda {
+    if kinetics.only_approaches_the_merged_pair() {
         let limit = 2f64.cbrt();
         if wanted.targets.iter().any(|target| (target - limit).abs() < 1e-3) {
             advice.push(Careful::NeverReached { kinetics: kinetics.to_string() }.to_string());
@@ -176,7 +176,7 @@ fn draws(
     radius_m: f64,
     heat: Option<&HeatPlan>,
 ) -> Result<Vec<Drawn>, InputError> {
-    let unused = Sintering { c1: 1.0, tau_s: 1.0, delta_c: 1.0 };
+    let unused = Sintering { c1: 1.0, tau_s: 1.0, delta_c: 1.0, lambda: 0.0 };
     (0..calibrated.len())
         .map(|row| {
             let scene = calibrated.pair_of(row, radius_m).map_err(carried)?;

@@ -381,6 +381,7 @@ pub(crate) fn symbol(name: &str, unit: &str) -> (String, String) {
         Some(ParameterName::C1) => ("C_{1}".to_owned(), "Pa^{-1} s^{-1}".to_owned()),
         Some(ParameterName::TauS) => ("τ_{s}".to_owned(), "s".to_owned()),
         Some(ParameterName::DeltaC) => ("δ_{c}".to_owned(), "m".to_owned()),
+        Some(ParameterName::Lambda) => ("λ".to_owned(), "s".to_owned()),
         Some(ParameterName::Phi) => ("φ".to_owned(), String::new()),
         Some(ParameterName::T0) => ("t_{0}".to_owned(), "s".to_owned()),
         Some(ParameterName::Amplitude) => ("M".to_owned(), String::new()),

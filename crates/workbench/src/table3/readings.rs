@@ -75,6 +75,7 @@ const READINGS: [(&str, &str, Read); 6] = [
         c1: p.c1,
         tau_s: p.tau_s,
         delta_c: p.delta_c,
+        lambda: 0.0,
     }),
     (
         "tau_s = R/(8 C1 gamma)",
@@ -86,13 +87,23 @@ const READINGS: [(&str, &str, Read); 6] = [
                 .map(Material::powder)
                 .find(|powder| powder.radius_m == radius_m)
                 .map_or(f64::NAN, |powder| powder.surface_tension_n_per_m);
-            Sintering { c1: p.c1, tau_s: radius_m / (8.0 * p.c1 * gamma), delta_c: p.delta_c }
+            Sintering {
+                c1: p.c1,
+                tau_s: radius_m / (8.0 * p.c1 * gamma),
+                delta_c: p.delta_c,
+                lambda: 0.0,
+            }
         },
     ),
     (
         "tau_s / R",
         "only stretching carries the factor R; C1 and delta_c as printed",
-        |p, radius_m| Sintering { c1: p.c1, tau_s: p.tau_s / radius_m, delta_c: p.delta_c },
+        |p, radius_m| Sintering {
+            c1: p.c1,
+            tau_s: p.tau_s / radius_m,
+            delta_c: p.delta_c,
+            lambda: 0.0,
+        },
     ),
     (
         "all rates times R",
@@ -101,6 +112,7 @@ const READINGS: [(&str, &str, Read); 6] = [
             c1: p.c1 * radius_m,
             tau_s: p.tau_s / radius_m,
             delta_c: p.delta_c,
+            lambda: 0.0,
         },
     ),
     (
@@ -110,6 +122,7 @@ const READINGS: [(&str, &str, Read); 6] = [
             c1: p.c1 * radius_m * radius_m / (512.0 * p.delta_c),
             tau_s: p.tau_s / radius_m,
             delta_c: p.delta_c / std::f64::consts::SQRT_2,
+            lambda: 0.0,
         },
     ),
     (

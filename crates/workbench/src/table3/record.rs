@@ -233,7 +233,7 @@ fn fits(one: &Calibrated, pair: Pair<'_>, model: &NeckGrowth) -> Result<Vec<Name
     let (observed, fit) = (&pair.measured.values, &pair.neck_growth.fit);
     let one_parameter = |kinetics: Kinetics, tau_s: f64| -> Result<FitError, SimError> {
         let mut curve = vec![0.0; observed.len()];
-        let sintering = Sintering { c1: 1.0, tau_s, delta_c: 1.0 };
+        let sintering = Sintering { c1: 1.0, tau_s, delta_c: 1.0, lambda: 0.0 };
         model.with_kinetics(kinetics).curve(&sintering, &mut curve)?;
         Ok(FitError::of(observed, &curve))
     };

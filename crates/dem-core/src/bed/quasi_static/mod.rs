@@ -70,10 +70,7 @@ impl Bed {
         report: &mut QuasiStaticReport,
     ) -> Result<(), BedError> {
         self.check_quasi_static(settings)?;
-        self.particles.velocity_m_per_s.fill(ZERO);
-        self.particles.half_velocity.fill(ZERO);
-        self.stop_turning();
-        self.fastest = 0.0;
+        self.stop_motion();
         let rate = self.rate();
         let ends = settings.ends_where_necks_meet && rate.is_some();
         let equal = self.equal_constants()?;
@@ -84,8 +81,10 @@ impl Bed {
         let mut step_s = report.next_step_s.unwrap_or_else(|| self.first_step_s(rate, &equal));
         let (mut strain_rate, mut fallen_m) = (0.0, 0.0);
         let mut balanced = self.clone();
-        while self.time_s < until_s {
-            let left_s = until_s - self.time_s;
+        // In the time of growth: a balance of forces knows no other.
+        let (mut now_s, last_s) = (self.growth_time_s(self.time_s), self.growth_time_s(until_s));
+        while now_s < last_s {
+            let left_s = last_s - now_s;
             let this_s = without_sliver(step_s, left_s);
             if report.steps + report.rejected >= settings.max_work {
                 let (max_work, time_s) = (settings.max_work, self.time_s);
@@ -99,7 +98,7 @@ impl Bed {
                 {
                     (error, mean_error, strain)
                 }
-                failed if this_s < 1e-12 * until_s => {
+                failed if this_s < 1e-12 * last_s => {
                     return Err(self
                         .cause(failed.err().unwrap_or(BedError::NoRest { time_s: self.time_s })));
                 }
@@ -118,7 +117,9 @@ impl Bed {
                     continue;
                 }
             };
-            self.time_s = if this_s == left_s { until_s } else { self.time_s + this_s };
+            now_s = if this_s == left_s { last_s } else { now_s + this_s };
+            self.time_s =
+                if this_s == left_s { until_s } else { self.time_of_growth_s(now_s, until_s) };
             report.steps += 1;
             report.mean_error += mean_error;
             report.squared_error += error * error;
@@ -132,6 +133,8 @@ impl Bed {
             }
             balanced.clone_from(self);
         }
+        // Time goes on where nothing grows.
+        self.time_s = if now_s < last_s { self.time_s } else { self.time_s.max(until_s) };
         report.balanced_at_s = Some(self.time_s);
         report.next_step_s = step_s.is_finite().then_some(step_s);
         self.particles.velocity_m_per_s.fill(ZERO);
@@ -141,8 +144,11 @@ impl Bed {
         Ok(())
     }
 
-    /// A balance of forces knows no springs of friction and necks, and no rotation but that within a step.
-    fn stop_turning(&mut self) {
+    /// A balance of forces knows no velocities, no springs of friction and necks, and no rotation but that within a step.
+    fn stop_motion(&mut self) {
+        self.particles.velocity_m_per_s.fill(ZERO);
+        self.particles.half_velocity.fill(ZERO);
+        self.fastest = 0.0;
         let (particles, pairs) = (&mut self.particles, &mut self.pairs);
         for values in [
             &mut particles.spin,

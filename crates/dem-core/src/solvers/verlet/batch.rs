@@ -68,9 +68,8 @@ fn run_lanes<K: Kinetic>(
     let mut waiting = sinterings.iter().enumerate();
     let start = Pair::start(scene, solver.from_contact);
     let mut pairs = Pair::splat(&start);
-    let (nothing, step_s) = (F64x8::splat(0.0), F64x8::splat(solver.step_s()));
-    let mut coefficients =
-        RateCoefficients { switch: nothing, zipping: nothing, stretching: nothing };
+    let step_s = F64x8::splat(solver.step_s());
+    let mut coefficients = RateCoefficients::splat(&RateCoefficients::NONE);
     let mut lanes: [Option<Curve<'_>>; WIDTH] = [const { None }; WIDTH];
     loop {
         for (i, lane) in lanes.iter_mut().enumerate() {

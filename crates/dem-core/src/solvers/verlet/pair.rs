@@ -280,12 +280,23 @@ impl Scheme<F64x8> {
 }
 
 impl RateCoefficients<F64x8> {
+    /// All lanes alike.
+    pub(super) fn splat(one: &RateCoefficients<f64>) -> Self {
+        Self {
+            switch: F64x8::splat(one.switch),
+            zipping: F64x8::splat(one.zipping),
+            stretching: F64x8::splat(one.stretching),
+            relaxation: F64x8::splat(one.relaxation),
+        }
+    }
+
     /// The coefficients of one lane.
     pub(super) fn lane(&self, i: usize) -> RateCoefficients<f64> {
         RateCoefficients {
             switch: self.switch.0[i],
             zipping: self.zipping.0[i],
             stretching: self.stretching.0[i],
+            relaxation: self.relaxation.0[i],
         }
     }
 
@@ -294,6 +305,7 @@ impl RateCoefficients<F64x8> {
         self.switch.0[i] = one.switch;
         self.zipping.0[i] = one.zipping;
         self.stretching.0[i] = one.stretching;
+        self.relaxation.0[i] = one.relaxation;
     }
 }
 
