@@ -14,7 +14,7 @@ use crate::sandbox::{Sandbox, root};
 #[test]
 fn every_file_of_the_repository_is_read_without_complaint() {
     let mut files = 0;
-    for folder in ["experiments", "experiments/scenes", "priors"] {
+    for folder in ["experiments", "experiments/heat", "experiments/scenes", "priors"] {
         for entry in fs::read_dir(root().join(folder)).expect("the folder") {
             let path = entry.expect("an entry").path();
             if path.is_dir() {
@@ -26,7 +26,7 @@ fn every_file_of_the_repository_is_read_without_complaint() {
             files += 1;
         }
     }
-    assert_eq!(files, 21, "a new file needs no change here but this number");
+    assert_eq!(files, 37, "a new file needs no change here but this number");
 }
 
 #[test]
@@ -54,6 +54,9 @@ fn built_in_experiments_are_the_files_of_the_repository() {
 fn the_tables_are_the_published_measurements() {
     for (name, rows, first, last) in [
         ("ps-r30", 44, [0.0070, 0.204], [1.0651, 1.035]),
+        ("ps-r60-e19", 40, [0.0036, 0.147], [0.8214, 0.274]),
+        ("ps-r60-e23", 39, [0.0025, 0.146], [0.8079, 0.606]),
+        ("ps-r60-e29", 26, [0.0013, 0.215], [0.7959, 1.073]),
         ("pa12-r32", 30, [0.0, 0.0], [15.0, 1.260]),
         ("pa12-r30", 30, [0.0, 0.0], [15.0, 1.290]),
         ("pa12-r29-3", 30, [0.0, 0.0], [15.0, 1.268]),

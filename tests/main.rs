@@ -17,6 +17,7 @@ mod exports;
 mod files;
 mod first_hour;
 mod guide;
+mod heat;
 mod hostile;
 mod lammps;
 mod main_job;

@@ -13,6 +13,8 @@ done
 for figure in fit corner recursion convergence; do
     cp "$scratch/peek/$figure.svg" "$pictures/peek-$figure.svg"
 done
+cargo run --quiet -p calibrate -- --plan experiments/heat/ps-power.toml --quiet --out "$scratch/ps-power"
+cp "$scratch/ps-power/fit-together.svg" "$pictures/ps-pulses.svg"
 cp "$scratch/pa12/residuals.svg" "$pictures/pa12-residuals.svg"
 for pair in r32 r30 r29-3 r28-9; do
     cargo run --quiet -p calibrate -- -e "pa12-$pair" --noise correlated --quiet --out "$scratch/pa12-$pair"

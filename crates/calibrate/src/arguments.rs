@@ -154,6 +154,20 @@ pub(crate) fn percent(text: &str) -> Result<f64, String> {
         .map_err(|_| "expected percent of a/R = 1, above 0, at most 200".to_owned())
 }
 
+/// Energy of a pulse, in the unit of the calibrated ones.
+pub(crate) fn pulse_energy(text: &str) -> Result<f64, String> {
+    let value = number(text)?;
+    let known = (1e-12..=1e12).contains(&value);
+    known.then_some(value).ok_or_else(|| "expected an energy from 1e-12 to 1e12".to_owned())
+}
+
+/// A probability that is neither nothing nor certainty.
+pub(crate) fn probability(text: &str) -> Result<f64, String> {
+    let value = number(text)?;
+    let open = value > 0.0 && value < 1.0;
+    open.then_some(value).ok_or_else(|| "expected a probability above 0 and below 1".to_owned())
+}
+
 /// A relative density.
 pub(crate) fn density(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {

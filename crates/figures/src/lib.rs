@@ -57,6 +57,7 @@ mod series;
 mod synthetic;
 #[cfg(test)]
 mod tests;
+mod together;
 mod work_precision;
 
 pub use axes::Axes;
@@ -80,4 +81,5 @@ pub use regime_map::RegimeMapFigure;
 pub use residuals::ResidualsFigure;
 pub use rules::broken_rules;
 pub use series::SeriesFigure;
+pub use together::{TogetherCurve, TogetherFigure};
 pub use work_precision::{WorkPrecisionFigure, WorkPrecisionGrid, WorkPrecisionSeries};

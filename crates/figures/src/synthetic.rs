@@ -4,8 +4,8 @@ use super::{
     Axes, Band, BedFigure, CompareFigure, ConvergenceFigure, ConvergenceStage, CornerFigure,
     CornerParameter, DensificationFigure, FailuresFigure, Figure, FitFigure, Knee, MarginalsFigure,
     MarginalsParameter, NamedCurve, RankedQuantity, RanksFigure, RecursionFigure,
-    RecursionParameter, RegimeMapFigure, ResidualsFigure, Role, SeriesFigure, WorkPrecisionFigure,
-    WorkPrecisionGrid, WorkPrecisionSeries,
+    RecursionParameter, RegimeMapFigure, ResidualsFigure, Role, SeriesFigure, TogetherCurve,
+    TogetherFigure, WorkPrecisionFigure, WorkPrecisionGrid, WorkPrecisionSeries,
 };
 
 /// Numbers that look random and are the same everywhere.
@@ -92,6 +92,7 @@ pub(crate) fn figures(
         ("failures", Box::new(data.failures())),
         ("regime-map", Box::new(data.regime_map())),
         ("compare", Box::new(data.compare())),
+        ("together", Box::new(data.together())),
         ("series", Box::new(data.series())),
         ("densification", Box::new(data.densification())),
         ("marginals", Box::new(marginals)),
@@ -357,6 +358,19 @@ impl Data {
             curves: curves.collect(),
             axes: Axes::default(),
         }
+    }
+
+    fn together(&self) -> TogetherFigure {
+        let curves = [0.4, 0.7, 1.0].iter().enumerate().map(|(i, factor)| TogetherCurve {
+            name: self.name(&format!("e{i}"), &format!("e{i}, the experiment of a long name")),
+            control: self.time_s.clone(),
+            value: scaled(&self.contact_ratio, *factor),
+            grid: self.grid_s.clone(),
+            mean: scaled(&self.mean, *factor),
+            band90: around(&scaled(&self.mean, *factor), 0.05),
+        });
+        let (title, axes) = (self.title.clone(), Axes::default());
+        TogetherFigure { title, curves: curves.collect(), axes }
     }
 
     fn series(&self) -> SeriesFigure {

@@ -464,6 +464,9 @@ proptest! {
                 control: sorted.clone(), value: ys.clone(), grid: sorted.clone(), curves: vec![curve],
                 axes, title: String::new(),
             }),
+            Box::new(TogetherFigure { curves: vec![TogetherCurve {
+                name: "m".into(), control: sorted.clone(), value: ys.clone(), grid: sorted.clone(), mean: xs.clone(), band90: band.clone(),
+            }; 2], ..Default::default() }),
             Box::new(WorkPrecisionGrid {
                 rows: vec![vec![work_precision.clone(); 2], vec![work_precision.clone()], vec![]],
                 title: String::new(),

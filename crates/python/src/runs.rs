@@ -226,7 +226,7 @@ pub(crate) fn predict(
     of: (Option<f64>, bool),
 ) -> PyResult<(String, String)> {
     let (radius_m, with_noise) = of;
-    let wanted = Wanted { targets, after_s, radius_m, with_noise };
+    let wanted = Wanted { targets, after_s, radius_m, with_noise, ..Wanted::default() };
     let predicted = py.detach(|| {
         let found = workbench::predict::predict(&PairDraws::read(&path)?, &wanted)?;
         let json = workbench::output::pretty(&found).map_err(Failure::from)?;

@@ -152,6 +152,11 @@ fn of(experiment: &Experiment) -> Understood {
     ));
     details.push(format!("table     {}: {}", experiment.table_name, of_table(&experiment.table)));
     details.extend(experiment.table.how.iter().map(|how| format!("read      {how}")));
+    // A plan may say what the experiment leaves out: the law of the mobility.
+    details.extend(experiment.heat.as_ref().map(|heat| match heat.plan() {
+        Ok(heat) => format!("heat      {}", heat.in_words()),
+        Err(error) => format!("heat      in part: {}", error.to_string().replace('\n', ";")),
+    }));
     let mut warnings = experiment.warnings();
     // A window without observations was refused on reading.
     if let Ok(used) = experiment.observations(None) {

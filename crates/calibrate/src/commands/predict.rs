@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use workbench::error::Failure;
 use workbench::output::{pretty, write_file};
 use workbench::pair::draws::PairDraws;
-use workbench::predict::{Wanted, predict, predict_average};
+use workbench::predict::{Wanted, predict, predict_average, read_heat};
 
 use crate::arguments;
 use crate::terminal;
@@ -18,7 +18,9 @@ Examples:
   calibrate predict --posterior results/pa12 --after 1,2,5 --radius-m 25e-6
   calibrate predict --average results/compare --of pa12 --contact-ratio 0.9
   calibrate predict --average results/compare --of pa12 --after 1,2,5 \\
-      --with-noise";
+      --with-noise
+  calibrate predict --posterior results/ps-heat --of e23 \\
+      --pulse-energy 25 --energy-for 1";
 
 /// Options of a prediction from a saved posterior.
 #[derive(Debug, Clone, PartialEq, clap::Args)]
@@ -38,8 +40,8 @@ pub(crate) struct PredictArgs {
     #[arg(long, value_name = "DIR")]
     average: Option<PathBuf>,
 
-    /// With --average: the material or experiment, where the comparison holds several
-    #[arg(long, value_name = "NAME", requires = "average")]
+    /// The experiment of a posterior of several, or with --average the material or experiment of a comparison of several
+    #[arg(long, value_name = "NAME")]
     of: Option<String>,
 
     /// When is this contact ratio a/R reached? Above 0, at most 2
@@ -62,6 +64,22 @@ pub(crate) struct PredictArgs {
     #[arg(short, long, value_name = "M", value_parser = arguments::radius, allow_negative_numbers = true)]
     radius_m: Option<f64>,
 
+    /// Under another heat: a file with [heat], or an experiment's description. What it leaves open is taken from the posterior
+    #[arg(long, value_name = "FILE")]
+    heat: Option<PathBuf>,
+
+    /// Under a pulse of this energy, from 1e-12 to 1e12 in the unit of the calibrated ones
+    #[arg(long, value_name = "E", value_parser = arguments::pulse_energy, allow_negative_numbers = true)]
+    pulse_energy: Option<f64>,
+
+    /// Which pulse energy reaches this contact ratio a/R, above 0 and at most 2, with --probability?
+    #[arg(long, value_name = "A/R", value_parser = arguments::contact_ratio, allow_negative_numbers = true)]
+    energy_for: Option<f64>,
+
+    /// With --energy-for: the probability with which the energy is to be enough, above 0 and below 1
+    #[arg(long, value_name = "P", default_value = "0.95", value_parser = arguments::probability, allow_negative_numbers = true)]
+    probability: f64,
+
     /// Write the predictions as CSV too
     #[arg(short, long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -81,10 +99,15 @@ pub(crate) fn run(args: &PredictArgs) -> Result<(), Failure> {
         after_s: args.after.clone(),
         radius_m: args.radius_m,
         with_noise: args.with_noise,
+        heat: args.heat.as_deref().map(read_heat).transpose()?,
+        pulse_energy: args.pulse_energy,
+        enough: args.energy_for.map(|ratio| (ratio, args.probability)),
     };
     let prediction = match (&args.average, &args.posterior) {
         (Some(folder), _) => predict_average(folder, args.of.as_deref(), &wanted)?,
-        (None, Some(posterior)) => predict(&PairDraws::read(posterior)?, &wanted)?,
+        (None, Some(posterior)) => {
+            predict(&PairDraws::read_of(posterior, args.of.as_deref())?, &wanted)?
+        }
         (None, None) => return Ok(()),
     };
     if let Some(out) = &args.out {

@@ -57,7 +57,8 @@ pub(super) fn curves(
         of.paper(),
         frenkel_tau_s.map(|tau_s| Sintering { c1: 1.0, tau_s, delta_c: 1.0, lambda: 0.0 }),
     );
-    let (at_data, between) = (of.reference(), on_grid.started_at(of.start_s()));
+    let between = on_grid.started_at(of.start_s()).heated_as(&of.posterior.map.theta);
+    let at_data = of.reference();
     let at_data = AtData {
         paper: run(&at_data, Kinetics::ThreeStage, paper)?,
         frenkel: run(&at_data, Kinetics::Frenkel, frenkel)?,

@@ -26,7 +26,8 @@ impl OfPair<'_> {
         let observed = &self.measured.values;
         let frenkel_tau_s = frenkel_fit::best_tau_s(&self.reference(), observed)
             .map_err(|error| simulation_failure(&error))?;
-        let paper = self.pair.material.map(|material| self.paper_comparison(material));
+        let paper = self.paper().zip(self.pair.material);
+        let paper = paper.map(|(_, material)| self.paper_comparison(material));
         let (curves, at_data) = curves(self, frenkel_tau_s)?;
         let AtData { paper: paper_at_data, frenkel: frenkel_at_data } = at_data;
         let kinetics = self.pair.kinetics;
@@ -43,6 +44,7 @@ impl OfPair<'_> {
                 frenkel_tau_s,
             },
             knee: if kinetics.separates_c1_from_delta_c() { self.knee()? } else { None },
+            freezes_at: self.freezes_at(),
             curves,
             doubts: self.doubts(trust, found.map_error, frenkel),
             other_kinetics: Vec::new(),
@@ -70,7 +72,7 @@ impl OfPair<'_> {
                 ParameterName::C1 => si.c1,
                 ParameterName::TauS => si.tau_s,
                 ParameterName::DeltaC => si.delta_c,
-                ParameterName::Lambda | ParameterName::Phi | ParameterName::T0 => return None,
+                _ => return None,
             };
             Some(100.0 * self.weighted(|theta| theta[place]).share_below(value))
         };
@@ -121,11 +123,31 @@ impl OfPair<'_> {
             .collect()
     }
 
+    /// Contact ratio after infinite time, where the heat ends before full coalescence.
+    fn freezes_at(&self) -> Option<Derived> {
+        let at = |theta: &[f64]| self.model.frozen_contact_ratio(theta).ok().flatten();
+        let map = at(&self.posterior.map.theta)?;
+        let samples = self.posterior.samples.iter().filter(|sample| sample.weight > 0.0);
+        let values = samples.filter_map(|sample| Some((at(&sample.theta)?, sample.weight)));
+        let marginal = Weighted::new(values);
+        Some(Derived {
+            map,
+            median: marginal.quantile(0.5),
+            eti95: marginal.interval(0.95),
+            paper: None,
+        })
+    }
+
     fn knee(&self) -> Result<Option<KneeSummary>, Failure> {
         let at = |theta: &[f64]| {
             let scene = self.model.scene(theta).ok()?;
             let knee = knee(&scene, &self.model.sintering(theta));
-            let time_s = knee.time_s + self.model.start_s(theta);
+            // With a heat the knee comes at its reduced time, or never.
+            let time_s = match self.model.heat(theta).ok()? {
+                Some(heat) => heat.time(knee.time_s)?,
+                None => knee.time_s,
+            };
+            let time_s = time_s + self.model.start_s(theta);
             (knee.has_zipping && knee.has_stretching).then_some(Knee { time_s, ..knee })
         };
         let Some(at_map) = at(&self.posterior.map.theta) else { return Ok(None) };

@@ -29,9 +29,10 @@ impl<'a> OfPair<'a> {
         Ok(Self { plan, pair, measured, group, model, posterior })
     }
 
-    /// The paper's parameters, where the powder is one of the paper's.
+    /// The paper's parameters, where the powder is one of the paper's: they hold for one temperature, and not with a heat.
     pub(super) fn paper(&self) -> Option<Sintering> {
-        self.pair.material.map(|material| material.table3_sintering_at(self.pair.powder.radius_m))
+        let material = self.pair.material.filter(|_| self.pair.heat.is_none());
+        material.map(|material| material.table3_sintering_at(self.pair.powder.radius_m))
     }
 
     /// Time of first contact in the clock of the table \[s\], that of the MAP where it is calibrated.
@@ -39,9 +40,9 @@ impl<'a> OfPair<'a> {
         self.model.start_s(&self.posterior.map.theta)
     }
 
-    /// The model for curves of other parameters than the calibrated ones, with first contact where the MAP has it.
+    /// The model for curves of other parameters than the calibrated ones, with first contact and heat as the MAP has them.
     pub(super) fn reference(&self) -> NeckGrowth {
-        self.model.started_at(self.start_s())
+        self.model.started_at(self.start_s()).heated_as(&self.posterior.map.theta)
     }
 
     /// Values with the weights of their samples.

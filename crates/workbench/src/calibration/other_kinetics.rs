@@ -111,7 +111,7 @@ fn parameters(plan: &Plan, pair: &PairPlan) -> Result<Option<Vec<Parameter>>, In
         _ => None,
     };
     let mut found = Vec::new();
-    for name in ParameterName::ALL.into_iter().filter(|name| name.is_used_by(pair.kinetics)) {
+    for name in ParameterName::ALL.into_iter().filter(|name| pair.takes(*name)) {
         let of_plan = plan.parameters.iter().find(|one| one.name == pair.calibrated(name));
         let of_material = || {
             let prior = built_in.as_ref()?.get(name)?;
@@ -125,7 +125,7 @@ fn parameters(plan: &Plan, pair: &PairPlan) -> Result<Option<Vec<Parameter>>, In
         };
         match of_plan.cloned().or_else(of_material).or_else(default) {
             Some(parameter) => found.push(parameter),
-            None if name.is_optional() => {}
+            None if !pair.needs(name) => {}
             None => return Ok(None),
         }
     }

@@ -93,10 +93,12 @@ impl OfPair<'_> {
         let first_s = self.measured.control.first().copied().unwrap_or_default();
         let Ok(scene) = self.model.scene(theta) else { return false };
         let knee = dem_core::knee(&scene, &self.model.sintering(theta));
+        let heat = self.model.heat(theta).ok().flatten();
+        let knee_s = heat.map_or(Some(knee.time_s), |heat| heat.time(knee.time_s));
         self.pair.kinetics.separates_c1_from_delta_c()
             && knee.has_zipping
             && first_s > 0.0
-            && first_s > UNSEEN_SHARE * knee.time_s
+            && knee_s.is_some_and(|knee_s| first_s > UNSEEN_SHARE * knee_s)
     }
 
     /// The time of first contact, anywhere from one length of the table before its first row to its last row.
@@ -125,6 +127,7 @@ impl OfPair<'_> {
             match name {
                 ParameterName::Phi => Some(parameter.clone()),
                 ParameterName::T0 => self.free_clock(),
+                name if name.is_of_heat() => Some(parameter.clone()),
                 _ => wider(parameter),
             }
         };

@@ -80,8 +80,8 @@ fn sintering_time(
     said: &Columns,
 ) -> Option<String> {
     let prior = priors.get(ParameterName::TauS)?;
-    // With a free clock the times themselves are open.
-    if priors.get(ParameterName::T0).is_some() {
+    // With a free clock, or a heat, the times themselves are open.
+    if priors.get(ParameterName::T0).is_some() || experiment.heat.is_some() {
         return None;
     }
     let options = PairOptions {

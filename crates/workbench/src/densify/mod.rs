@@ -93,6 +93,7 @@ impl DensifyJob {
             || Ok((PairDraws::read(&options.posterior)?, scene_file::read(&options.scene)?));
         let (files, read) = noted(files);
         let (calibrated, input) = files.map_err(|error: Failure| error)?;
+        agreement::isothermal(&options.posterior, &calibrated)?;
         let target = agreement::target(options.target, &input)?;
         let posterior = &calibrated.record.plan;
         let kinetics = calibrated.pair.kinetics;

@@ -16,6 +16,7 @@
 //! | `window_s` | default: all rows | `[from, to]`, the observations to fit \[s\] |
 //! | `source` | optional | who measured it, and where it was published |
 //! | `[columns]` | optional | what the header of the table does not say ([`Columns`]) |
+//! | `[heat]` | optional | what is known of the heat that the pair got ([`HeatFields`]) |
 //!
 //! Fields of the table `[powder]`, for a material that is not built in:
 //!
@@ -40,6 +41,7 @@ use self::particles::{particles, radius};
 use crate::careful::Careful;
 use crate::error::{InputError, Mistake};
 use crate::input::columns::Columns;
+use crate::input::heat::HeatFields;
 use crate::input::material::Material;
 use crate::input::observation_table::{LARGEST_CONTACT_RATIO, ObservationTable};
 use crate::input::text_file;
@@ -62,8 +64,11 @@ macro_rules! built_in {
     };
 }
 
-const BUILT_IN: [BuiltIn; 6] = [
+const BUILT_IN: [BuiltIn; 9] = [
     built_in!("ps-r30"),
+    built_in!("ps-r60-e19"),
+    built_in!("ps-r60-e23"),
+    built_in!("ps-r60-e29"),
     built_in!("pa12-r32"),
     built_in!("pa12-r30"),
     built_in!("pa12-r29-3"),
@@ -105,6 +110,8 @@ pub struct Experiment {
     pub window_s: Option<[f64; 2]>,
     /// Who measured it, and where it was published.
     pub source: Option<String>,
+    /// What is known of the heat that the pair got; one temperature, that of C1 and tau_s, where there is none.
+    pub heat: Option<HeatFields>,
     /// The observations, all of them.
     pub table: ObservationTable,
     /// The description's file, or `built-in`; the table's where there is no description.
@@ -226,6 +233,7 @@ impl Experiment {
             final_contact_ratio_reason: None,
             window_s: None,
             source: None,
+            heat: None,
             table,
             description_name: table_name.clone(),
             table_name,
@@ -266,7 +274,10 @@ impl Experiment {
         let window = fields.pair("window_s")?;
         let table_field = fields.text("table")?;
         let columns = fields.table("columns")?.map(|columns| Columns::of(&columns)).transpose()?;
+        let heat = fields.table("heat")?;
         fields.finish()?;
+        let folder = text_file::folder_of(Path::new(file));
+        let heat = heat.map(|heat| HeatFields::read(folder, &heat)).transpose()?;
 
         let Some(table_field) = table_field else {
             return Err(fields.missing("table").expected("the observation table").help(
@@ -296,6 +307,7 @@ impl Experiment {
             final_contact_ratio_reason,
             window_s: window.map(|at| at.value),
             source,
+            heat,
             table,
             description_name: file.to_owned(),
             table_name,

@@ -4,6 +4,7 @@ pub mod columns;
 pub mod data_table;
 pub mod experiment;
 pub(crate) mod files_read;
+pub mod heat;
 pub(crate) mod json_document;
 pub mod material;
 pub mod observation_table;

@@ -10,6 +10,7 @@
 //! | `[lambda]` | optional | relaxation time of the kinetics `bellehumeur`; from a thousandth of tau_s to ten times it where not given | s |
 //! | `[phi]` | optional | final contact ratio, calibrated instead of taken from the experiment | 1 |
 //! | `[t0]` | optional | time of first contact in the table's clock, calibrated instead of zero; may be negative | s |
+//! | `[cooling_time]`, `[activation_energy]`, ... | where a `[heat]` leaves them open | [`ParameterName::is_of_heat`] | |
 //!
 //! and in each the field `distribution` with what belongs to it, all required:
 //!
@@ -31,9 +32,11 @@ use smc_calib::{Parameter, Prior, PriorError, PriorSpec};
 
 use crate::error::{InputError, Mistake};
 use crate::input::experiment::is_toml;
+use crate::input::heat::field_of;
 use crate::input::material::Material;
 use crate::input::text_file;
 use crate::input::toml_fields::{At, Document, Fields};
+use crate::pair::heat::HeatPlan;
 use crate::pair::parameter::ParameterName;
 
 /// Checked priors.
@@ -42,7 +45,7 @@ pub struct PriorFile {
     /// The file, or `built-in`.
     pub file_name: String,
     /// Priors in the order of [`ParameterName::ALL`]; that of tau_s is always there.
-    priors: [Option<Prior>; 6],
+    priors: [Option<Prior>; ParameterName::ALL.len()],
 }
 
 impl PriorFile {
@@ -75,7 +78,7 @@ impl PriorFile {
         let fields = document.top();
         fields.text("title")?;
         fields.text("source")?;
-        let mut priors = [const { None }; 6];
+        let mut priors = [const { None }; ParameterName::ALL.len()];
         for (place, parameter) in priors.iter_mut().zip(ParameterName::ALL) {
             if let Some(table) = fields.table(parameter.name())? {
                 *place = Some(prior(parameter, &table)?);
@@ -93,26 +96,59 @@ impl PriorFile {
         self.priors[parameter as usize].as_ref()
     }
 
-    /// The parameters to calibrate under these kinetics, in the order c1, tau_s, delta_c, lambda, phi, t0.
+    /// The parameters to calibrate under these kinetics and this heat of a pair of a radius \[m\], in the order of
+    /// [`ParameterName::ALL`]. Priors that they have no use for are left alone.
     ///
     /// # Errors
     ///
-    /// [`InputError`] where the kinetics have a parameter that the file gives no prior for.
-    pub fn parameters(&self, kinetics: Kinetics) -> Result<Vec<Parameter>, InputError> {
-        let used =
-            ParameterName::ALL.into_iter().filter(|parameter| parameter.is_used_by(kinetics));
-        let given_or_default = |parameter: ParameterName| {
+    /// [`InputError`] where they have a parameter that the file gives no prior for, or where the heat states what has a prior.
+    pub fn parameters(
+        &self,
+        kinetics: Kinetics,
+        heat: Option<(&HeatPlan, f64)>,
+    ) -> Result<Vec<Parameter>, InputError> {
+        let needs = heat.map_or_else(Vec::new, |(heat, radius_m)| heat.needs(radius_m));
+        let mut found = Vec::new();
+        for parameter in ParameterName::ALL {
+            let by_heat = needs.iter().find(|(name, _)| *name == parameter);
+            if by_heat.is_none() && !parameter.is_used_by(kinetics) {
+                continue;
+            }
+            let known = heat.and_then(|(heat, _)| heat.known.get(&parameter));
             let default = || parameter.default_prior(self.get(ParameterName::TauS)?);
-            self.get(parameter).cloned().or_else(default)
-        };
-        used.filter(|&parameter| !parameter.is_optional() || self.get(parameter).is_some())
-            .map(|parameter| match given_or_default(parameter) {
-                Some(prior) => Ok(Parameter::new(parameter.name(), parameter.unit(), prior)),
-                None => Err(missing(&self.file_name, parameter).help(format_args!(
-                    "or choose kinetics without it: --kinetics frenkel, pokluda or bellehumeur, not {kinetics}"
-                ))),
-            })
-            .collect()
+            match (self.get(parameter).cloned().or_else(default), known) {
+                (Some(prior), None) => {
+                    found.push(Parameter::new(parameter.name(), parameter.unit(), prior));
+                }
+                (Some(_), Some(known)) => return Err(self.stated(parameter, *known)),
+                (None, Some(_)) => {}
+                (None, None) if by_heat.is_some_and(|(_, needed)| !needed) => {}
+                (None, None) if parameter.is_optional() => {}
+                (None, None) if by_heat.is_some() => {
+                    return Err(missing(&self.file_name, parameter).help(format_args!(
+                        "or state {} in [heat] of the experiment",
+                        field_of(parameter).unwrap_or_default()
+                    )));
+                }
+                (None, None) => {
+                    return Err(missing(&self.file_name, parameter).help(format_args!(
+                        "or choose kinetics without it: --kinetics frenkel, pokluda or bellehumeur, not {kinetics}"
+                    )));
+                }
+            }
+        }
+        Ok(found)
+    }
+
+    /// A prior of what the heat states.
+    fn stated(&self, parameter: ParameterName, known: f64) -> InputError {
+        let field = field_of(parameter).unwrap_or_default();
+        InputError::new(&self.file_name, Mistake::Conflict)
+            .in_field(format_args!("[{}]", parameter.name()))
+            .found(format_args!("a prior for what [heat] states: {field} = {known}"))
+            .help(format_args!(
+                "take {field} out of [heat] to calibrate it, or the prior out of this file"
+            ))
     }
 }
 
@@ -124,6 +160,17 @@ fn missing(file: &str, parameter: ParameterName) -> InputError {
         ParameterName::Lambda => "lower = 1e-3, upper = 10.0",
         ParameterName::Phi => "lower = 1.0, upper = 1.35",
         ParameterName::T0 => "lower = 0.01, upper = 10.0",
+        ParameterName::Amplitude => "lower = 1e-3, upper = 10.0",
+        ParameterName::CoolingTime => "lower = 0.01, upper = 10.0",
+        ParameterName::CoolingPower => "lower = 0.5, upper = 2.5",
+        ParameterName::ActivationEnergy => "lower = 3e4, upper = 3e5",
+        ParameterName::WlfC1 => "lower = 5.0, upper = 30.0",
+        ParameterName::WlfC2 => "lower = 20.0, upper = 200.0",
+        ParameterName::VogelB => "lower = 500.0, upper = 5000.0",
+        ParameterName::VogelT0 => "lower = 200.0, upper = 400.0",
+        ParameterName::Heating => "lower = 1.0, upper = 100.0",
+        ParameterName::ThresholdEnergy => "lower = 1.0, upper = 18.0",
+        ParameterName::EnergyPower => "lower = 0.5, upper = 4.0",
     };
     let name = parameter.name();
     InputError::new(file, Mistake::MissingField)

@@ -9,8 +9,8 @@ use crate::error::{Failure, InputError, Mistake};
 use crate::pair::model::NeckGrowth;
 use crate::pair::parameter::ParameterName;
 use crate::plan::PairPlan;
-use crate::record::{self, PopulationRecord, Record};
-use crate::report::{read_draws, read_sigma};
+use crate::record::{self, ObservableRecord, Pair, PopulationRecord, Record};
+use crate::report::{DrawColumns, read_draws, read_sigma};
 use smc_calib::ShapeSummary;
 
 /// Equally weighted draws of a posterior, and the pair that it was calibrated on.
@@ -31,6 +31,11 @@ pub struct PairDraws {
     model: NeckGrowth,
 }
 
+/// What draws of a calibrated pair need: its plan, its times, what was found.
+fn calibrated<'a>(pair: &Pair<'a>) -> (PairPlan, Vec<f64>, Option<&'a ObservableRecord>) {
+    (pair.plan.clone(), pair.measured.control.clone(), Some(pair.found))
+}
+
 impl PairDraws {
     /// Reads `posterior.json` and the `draws.csv` beside it; `path` is the file or its folder.
     ///
@@ -39,18 +44,44 @@ impl PairDraws {
     /// [`Failure::Input`] for files that are missing, damaged or not of one pair.
     pub fn read(path: &Path) -> Result<Self, Failure> {
         let record = record::read(path)?;
-        let pair = match &record.population {
-            None => record.pair()?.plan.clone(),
-            Some(population) => next_pair(path, population)?,
+        if record.population.is_none() {
+            record.pair()?;
+        }
+        Self::read_of(path, None)
+    }
+
+    /// As [`read`](Self::read), of the experiment of this name where several were calibrated together.
+    ///
+    /// # Errors
+    ///
+    /// As [`read`](Self::read), and for a name that the run has not.
+    pub fn read_of(path: &Path, experiment: Option<&str>) -> Result<Self, Failure> {
+        let record = record::read(path)?;
+        let (pair, control, found) = match (&record.population, experiment) {
+            (Some(population), None) => (next_pair(path, population)?, Vec::new(), None),
+            (_, Some(name)) => calibrated(&record.pair_named(name)?),
+            (None, None) => calibrated(&record.pair().map_err(|error| {
+                let of =
+                    record.pair_names().first().map(|name| format!("of one of them: --of {name}"));
+                error.help_if(of)
+            })?),
         };
         let file = record::locate(path);
         let folder = file.parent().unwrap_or(Path::new("."));
         let columns = read_draws(&record, folder).map_err(|error| {
             error.help("draws.csv is written beside posterior.json: name the folder of a run")
         })?;
-        let found = record.pair().ok().map(|pair| pair.found);
         let is_known = found.is_none_or(|found| found.sigma.is_some());
-        let sigma = if is_known { read_sigma(&record, folder)? } else { None };
+        let sigma = match (found.filter(|_| experiment.is_some()), is_known) {
+            (_, false) => None,
+            (None, true) => read_sigma(&record, folder)?,
+            (Some(found), true) => {
+                let place = record.observables().position(|(_, one)| std::ptr::eq(one, found));
+                let noise = DrawColumns::read(&record, folder)?.noise;
+                let own = place.and_then(|place| noise.get(place));
+                own.map(|own| own.iter().map(|noise| noise.sigma).collect())
+            }
+        };
         let outliers = match found.and_then(|found| found.noise_shape.as_ref()) {
             Some(ShapeSummary::Robust { outlier_share, outlier_width, .. }) => {
                 Some([*outlier_share, *outlier_width])
@@ -62,7 +93,7 @@ impl PairDraws {
             advice.insert(0, Careful::TunedDraws.to_string());
         }
         Ok(Self {
-            model: NeckGrowth::new(&pair, &record.plan.parameters, Vec::new())?,
+            model: NeckGrowth::new(&pair, &record.plan.parameters, control)?,
             record,
             pair,
             columns,

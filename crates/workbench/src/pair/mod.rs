@@ -3,6 +3,7 @@
 pub mod derived;
 pub mod draws;
 pub mod frenkel_fit;
+pub mod heat;
 pub mod model;
 pub mod parameter;
 pub mod product;

@@ -3,14 +3,16 @@
 
 use std::borrow::Cow;
 
+use dem_core::heat::{Heat, HeatError};
 use dem_core::{
     Kinetics, PairScene, PairSpec, Powder, Sintering, SolveError, SolverKind, SolverSettings,
-    contact_ratios, verlet_batch,
+    contact_ratios, heated_contact_ratios, verlet_batch,
 };
 use rayon::prelude::*;
 use smc_calib::{Parameter, SimError, Simulator};
 
-use crate::error::InputError;
+use crate::error::{InputError, Mistake};
+use crate::pair::heat::{HeatPlan, NoHeat};
 use crate::pair::parameter::ParameterName;
 use crate::plan::{PairPlan, Plan};
 
@@ -20,7 +22,7 @@ pub struct NeckGrowth {
     /// Length of a parameter vector.
     parameters: usize,
     /// Place of each of the model's parameters in it, in the order of [`ParameterName::ALL`].
-    places: [Option<usize>; 6],
+    places: [Option<usize>; ParameterName::ALL.len()],
     /// Factor from the calibrated tau_s to that of this pair.
     tau_s_factor: f64,
     powder: Powder,
@@ -30,6 +32,18 @@ pub struct NeckGrowth {
     times_s: Vec<f64>,
     /// Time of first contact in the clock of the times \[s\], where it is not calibrated.
     start_s: f64,
+    heat: Heating,
+}
+
+/// The heat of a model.
+#[derive(Debug, Clone)]
+enum Heating {
+    /// One temperature, that of C1 and tau_s.
+    None,
+    /// Known, whatever the parameters.
+    Known(Heat),
+    /// With numbers that are calibrated.
+    Open(HeatPlan),
 }
 
 impl NeckGrowth {
@@ -43,10 +57,28 @@ impl NeckGrowth {
         parameters: &[Parameter],
         times_s: Vec<f64>,
     ) -> Result<Self, InputError> {
-        let place = |model| parameters.iter().position(|p| p.name == pair.calibrated(model));
+        let place = |model: ParameterName| {
+            let taken = !model.is_of_heat() || pair.takes(model);
+            parameters.iter().position(|p| taken && p.name == pair.calibrated(model))
+        };
+        let places = ParameterName::ALL.map(place);
+        let open = |name: &ParameterName| name.is_of_heat() && places[*name as usize].is_some();
+        let heat = match &pair.heat {
+            None => Heating::None,
+            Some(heat) if ParameterName::ALL.iter().any(open) => Heating::Open(heat.clone()),
+            Some(heat) => {
+                let known = heat.at(pair.powder.radius_m, |_| None);
+                Heating::Known(known.map_err(|error| {
+                    InputError::new(&pair.experiment, Mistake::MissingField)
+                        .in_field("heat")
+                        .found(error)
+                        .help("state it in [heat], or give it a prior")
+                })?)
+            }
+        };
         Ok(Self {
             parameters: parameters.len(),
-            places: ParameterName::ALL.map(place),
+            places,
             tau_s_factor: pair.tau_s_radius_m.map_or(1.0, |radius| pair.powder.radius_m / radius),
             powder: pair.powder,
             scene: pair.scene()?,
@@ -54,6 +86,7 @@ impl NeckGrowth {
             solver: pair.solver.settings(),
             times_s,
             start_s: 0.0,
+            heat,
         })
     }
 
@@ -80,6 +113,51 @@ impl NeckGrowth {
     /// The same model with first contact at a time \[s\] of the clock of its times, where t0 is not calibrated.
     pub fn started_at(&self, start_s: f64) -> Self {
         Self { start_s, ..self.clone() }
+    }
+
+    /// The same model with the heat of a parameter vector, where it is calibrated.
+    pub fn heated_as(&self, theta: &[f64]) -> Self {
+        let heat = match self.heat(theta) {
+            Ok(Some(heat)) => Heating::Known(heat.into_owned()),
+            _ => Heating::None,
+        };
+        Self { heat, ..self.clone() }
+    }
+
+    /// The heat at a parameter vector; none for one temperature.
+    ///
+    /// # Errors
+    ///
+    /// A recoverable [`SimError`] for numbers that no heat has.
+    pub fn heat(&self, theta: &[f64]) -> Result<Option<Cow<'_, Heat>>, SimError> {
+        match &self.heat {
+            Heating::None => Ok(None),
+            Heating::Known(heat) => Ok(Some(Cow::Borrowed(heat))),
+            Heating::Open(plan) => {
+                let value = |name| self.place(name).map(|place| theta[place]);
+                let heat = plan.at(self.powder.radius_m, value);
+                heat.map(|heat| Some(Cow::Owned(heat))).map_err(|error| no_heat(&error))
+            }
+        }
+    }
+
+    /// Contact ratio at which a pair of a parameter vector stops growing as its heat ends; none where it has no heat, or one
+    /// without an end.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError`] as [`Simulator::simulate`].
+    pub fn frozen_contact_ratio(&self, theta: &[f64]) -> Result<Option<f64>, SimError> {
+        let Some(heat) = self.heat(theta)? else { return Ok(None) };
+        let end = heat.reduced_time_at_end();
+        if !end.is_finite() {
+            return Ok(None);
+        }
+        let exact = SolverSettings::of(SolverKind::ClosedForm);
+        let (scene, sintering, mut out) = (self.scene(theta)?, self.sintering(theta), [0.0]);
+        contact_ratios(&scene, self.kinetics, &sintering, &exact, &[end], &mut out)
+            .map_err(|error| failure(&error))?;
+        Ok(Some(out[0]))
     }
 
     /// The observation times \[s\].
@@ -133,25 +211,33 @@ impl NeckGrowth {
         self.place(ParameterName::T0).map_or(self.start_s, |place| theta[place])
     }
 
-    /// The curve of given sintering parameters at the plan's phi.
+    /// The curve of given sintering parameters at the plan's phi, and under its heat where that is known.
     ///
     /// # Errors
     ///
     /// [`SimError`] as [`Simulator::simulate`].
     pub fn curve(&self, sintering: &Sintering, out: &mut [f64]) -> Result<(), SimError> {
-        self.run(&self.scene, sintering, self.start_s, out)
+        let heat = match &self.heat {
+            Heating::Known(heat) => Some(heat),
+            Heating::None | Heating::Open(_) => None,
+        };
+        self.run((&self.scene, heat), sintering, self.start_s, out)
     }
 
     fn run(
         &self,
-        scene: &PairScene,
+        (scene, heat): (&PairScene, Option<&Heat>),
         sintering: &Sintering,
         start_s: f64,
         out: &mut [f64],
     ) -> Result<(), SimError> {
-        contact_ratios(scene, self.kinetics, sintering, &self.solver, &self.since(start_s), out)
-            .map(|_| ())
-            .map_err(|error| failure(&error))
+        let (times_s, law) = (self.since(start_s), (self.kinetics, sintering));
+        match heat {
+            None => contact_ratios(scene, law.0, law.1, &self.solver, &times_s, out),
+            Some(heat) => heated_contact_ratios(scene, law, heat, &self.solver, &times_s, out),
+        }
+        .map(|_| ())
+        .map_err(|error| failure(&error))
     }
 
     /// Times after first contact \[s\]: zero, where the contact has its starting value, until it happens.
@@ -176,7 +262,10 @@ impl NeckGrowth {
         // With another phi or another start for every curve there is no one scene, or no one set of times.
         let alike =
             [ParameterName::Phi, ParameterName::T0].map(|name| self.place(name)) == [None; 2];
-        let lanes = self.solver.kind == SolverKind::Verlet && alike && self.start_s == 0.0;
+        let lanes = self.solver.kind == SolverKind::Verlet
+            && alike
+            && self.start_s == 0.0
+            && matches!(self.heat, Heating::None);
         // Many curves to a lane, so that no lane waits long for the last one.
         let rows = if lanes {
             (count / (2 * threads)).clamp(8, 64)
@@ -216,6 +305,19 @@ impl NeckGrowth {
     }
 }
 
+/// Numbers that no heat has, in words that are the same for the same kind of failure.
+fn no_heat(error: &NoHeat) -> SimError {
+    match error {
+        NoHeat::OutOfRange(HeatError::Field { field, .. }) => {
+            SimError::recoverable(format!("{field} of the heat is out of the model's range"))
+        }
+        NoHeat::Threshold { .. } => {
+            SimError::recoverable("the threshold energy is not below the reference energy")
+        }
+        other => SimError::fatal(other.to_string()),
+    }
+}
+
 /// A curve's failure as the sampler sees it.
 fn failure(error: &SolveError) -> SimError {
     if error.is_recoverable() {
@@ -249,8 +351,8 @@ impl Simulator for NeckGrowth {
     }
 
     fn simulate(&self, theta: &[f64], out: &mut [f64]) -> Result<(), SimError> {
-        let scene = self.scene(theta)?;
-        self.run(&scene, &self.sintering(theta), self.start_s(theta), out)
+        let (scene, heat) = (self.scene(theta)?, self.heat(theta)?);
+        self.run((&scene, heat.as_deref()), &self.sintering(theta), self.start_s(theta), out)
     }
 
     fn simulate_batch(
@@ -267,12 +369,18 @@ impl Simulator for NeckGrowth {
 mod tests {
     use super::*;
 
+    /// Places without those of a heat.
+    fn places(first: [Option<usize>; 6]) -> [Option<usize>; ParameterName::ALL.len()] {
+        std::array::from_fn(|place| first.get(place).copied().flatten())
+    }
+
     #[test]
     fn curves_by_lanes_are_those_one_by_one_to_the_bit_and_so_are_failures() {
         let powder = dem_core::paper::PS;
         let model = NeckGrowth {
             parameters: 3,
-            places: [Some(0), Some(1), Some(2), None, None, None],
+            places: places([Some(0), Some(1), Some(2), None, None, None]),
+            heat: Heating::None,
             tau_s_factor: 1.0,
             powder,
             scene: PairSpec::new(powder, 1.08).build().expect("a scene"),
@@ -311,7 +419,8 @@ mod tests {
     fn phi_as_a_fourth_parameter_moves_the_plateau_and_nothing_before_it() {
         let model = NeckGrowth {
             parameters: 2,
-            places: [None, Some(0), None, None, Some(1), None],
+            places: places([None, Some(0), None, None, Some(1), None]),
+            heat: Heating::None,
             tau_s_factor: 1.0,
             powder: dem_core::paper::PS,
             scene: PairSpec::new(dem_core::paper::PS, 1.2).build().expect("a scene"),
@@ -334,7 +443,8 @@ mod tests {
         let scene = PairSpec::new(dem_core::paper::PA12, 1.26).build().expect("a scene");
         let from_contact = NeckGrowth {
             parameters: 4,
-            places: [Some(0), Some(1), Some(2), None, None, None],
+            places: places([Some(0), Some(1), Some(2), None, None, None]),
+            heat: Heating::None,
             tau_s_factor: 1.0,
             powder: dem_core::paper::PA12,
             kinetics: Kinetics::ThreeStage,
@@ -344,7 +454,7 @@ mod tests {
             scene,
         };
         let in_the_clock = NeckGrowth {
-            places: [Some(0), Some(1), Some(2), None, None, Some(3)],
+            places: places([Some(0), Some(1), Some(2), None, None, Some(3)]),
             times_s: vec![0.0, 1.0, 2.0, 2.5, 5.0],
             ..from_contact.clone()
         };

@@ -8,6 +8,7 @@ use smc_calib::{Noise, Parameter};
 use super::command::command;
 use super::earlier::EarlierPosterior;
 use super::executor::executor;
+use super::heats::check_heats;
 use super::input_files::check_places;
 use super::made_of;
 use super::observable::observable;
@@ -19,6 +20,7 @@ use super::types::{ExecutorPlan, ExperimentPlan, Plan, Planned, SimulatorPlan, i
 use crate::error::{InputError, Mistake};
 use crate::input::experiment::{checked_name, is_toml};
 use crate::input::files_read;
+use crate::input::heat::HeatFields;
 use crate::input::prior_file;
 use crate::input::text_file::{self, folder_of};
 use crate::input::toml_fields::{At, Document, Fields};
@@ -101,6 +103,7 @@ fn read_plan(
     let experiments_table = fields.table("experiments")?;
     let sampler_table = fields.table("sampler")?;
     let executor_table = fields.table("executor")?;
+    let heat_table = fields.table("heat")?;
     fields.finish()?;
 
     let Some(parameters_table) = parameters_table else {
@@ -120,8 +123,9 @@ fn read_plan(
             .expected("at least one experiment")
             .help("add [experiments.NAME] with a simulator and observables"));
     };
-    let experiments =
-        experiments(folder_of(path), &experiments_table, (&tables, &parameters), warnings)?;
+    let heat = heat_table.map(|heat| HeatFields::read(folder_of(path), &heat)).transpose()?;
+    let given = Given { tables: &tables, parameters: &parameters, heat: heat.as_ref() };
+    let experiments = experiments(folder_of(path), &experiments_table, &given, warnings)?;
     let commands = experiments.iter().any(|e| matches!(e.simulator, SimulatorPlan::Command(_)));
     let Sampling { settings, design, proposal } =
         sampler(folder_of(path), sampler_table.as_ref(), commands, &parameters)?;
@@ -161,26 +165,34 @@ fn some_tables<'d>(
     Ok(tables)
 }
 
-type NamedTables<'d> = [(At<&'d str>, Fields<'d>)];
+/// What a plan gives all its experiments.
+struct Given<'g> {
+    /// The tables of the parameters, with their names.
+    tables: &'g [(At<&'g str>, Fields<'g>)],
+    parameters: &'g [Parameter],
+    heat: Option<&'g HeatFields>,
+}
 
 fn experiments(
     folder: &Path,
     fields: &Fields<'_>,
-    (tables, parameters): (&NamedTables<'_>, &[Parameter]),
+    given: &Given<'_>,
     warnings: &mut Vec<String>,
 ) -> Result<Vec<ExperimentPlan>, InputError> {
+    let &Given { tables, parameters, heat } = given;
     let names: Vec<String> = parameters.iter().map(|p| p.name.clone()).collect();
     let own = some_tables(fields, "no experiments", "at least one [experiments.NAME]")?;
     let mut experiments = Vec::new();
     for (at, table) in &own {
         check_word(fields, *at, "an experiment")?;
-        let experiment = experiment(folder, at.value, table, &names, warnings)?;
+        let experiment = experiment(folder, at.value, table, (&names, heat), warnings)?;
         if let SimulatorPlan::Builtin(pair) = &experiment.simulator {
             check_priors(pair, tables, parameters)?;
         }
         experiments.push(experiment);
     }
     check_radii(fields, &own, &experiments)?;
+    check_heats(fields, &own, &experiments, heat)?;
     check_all_used(folder, tables, &experiments)?;
     let observables = experiments.iter().flat_map(|experiment| &experiment.observables);
     let tuned = |noise: &Noise| matches!(noise, Noise::EssTarget { .. });
@@ -198,7 +210,7 @@ fn experiment(
     folder: &Path,
     name: &str,
     fields: &Fields<'_>,
-    parameters: &[String],
+    (parameters, heat): (&[String], Option<&HeatFields>),
     warnings: &mut Vec<String>,
 ) -> Result<ExperimentPlan, InputError> {
     let simulator = fields.table("simulator")?;
@@ -223,7 +235,7 @@ fn experiment(
         simulator.missing("kind").expected("\"command\", \"worker\" or \"builtin\"")
     })?;
     if kind.value == Kind::Builtin {
-        let pair = pair(folder, &simulator, observables.as_ref(), parameters, warnings)?;
+        let pair = pair(folder, &simulator, observables.as_ref(), (parameters, heat), warnings)?;
         return Ok(ExperimentPlan { name: name.to_owned(), ..pair });
     }
     let worker = kind.value == Kind::Worker;

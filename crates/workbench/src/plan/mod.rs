@@ -9,6 +9,7 @@ mod earlier;
 mod executor;
 mod file;
 mod function;
+mod heats;
 mod input_files;
 mod made_of;
 mod observable;

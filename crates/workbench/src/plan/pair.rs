@@ -17,8 +17,10 @@ use crate::error::{InputError, Mistake};
 use crate::input::columns::Columns;
 use crate::input::experiment::Experiment;
 use crate::input::files_read;
+use crate::input::heat::HeatFields;
 use crate::input::material::Material;
 use crate::input::prior_file::PriorFile;
+use crate::pair::heat::HeatPlan;
 use crate::pair::parameter::ParameterName;
 
 /// Name of the one observable of the built-in simulator.
@@ -102,7 +104,6 @@ impl PairOptions {
                     .help("calibrate init TABLE proposes priors; priors/example-my-powder.toml shows what can stand there"));
             }
         };
-        let parameters = priors.parameters(self.kinetics)?;
         self.check_noise(&experiment)?;
         let pair = pair_experiment(
             &experiment,
@@ -112,10 +113,15 @@ impl PairOptions {
                 tolerance: self.tolerance,
                 tau_s_radius_m: None,
                 parameters: BTreeMap::new(),
+                heat: None,
             },
             self.window_s,
             self.noise.clone(),
         )?;
+        let parameters = match &pair.simulator {
+            SimulatorPlan::Builtin(pair) => priors.parameters(self.kinetics, heat_of(pair))?,
+            _ => Vec::new(),
+        };
         // A built-in experiment of a material goes by the name that the user typed.
         let by_default = self.experiment.is_none();
         let (name, title) = match (experiment.material, &experiment.title) {
@@ -214,6 +220,13 @@ pub(super) struct PairModel {
     pub(super) tau_s_radius_m: Option<f64>,
     /// Calibrated parameters by the model's names, where they differ.
     pub(super) parameters: BTreeMap<ParameterName, String>,
+    /// What the plan says of the heat; it goes before what the experiment says.
+    pub(super) heat: Option<HeatFields>,
+}
+
+/// The heat of a pair, with the radius that it heats \[m\].
+fn heat_of(pair: &PairPlan) -> Option<(&HeatPlan, f64)> {
+    Some((pair.heat.as_ref()?, pair.powder.radius_m))
 }
 
 /// The experiment of one pair, checked.
@@ -224,6 +237,10 @@ pub(super) fn pair_experiment(
     noise: Noise,
 ) -> Result<ExperimentPlan, InputError> {
     let table = experiment.observations(window_s)?;
+    let heat = match (model.heat, &experiment.heat) {
+        (Some(plan), Some(own)) => Some(plan.or(own)),
+        (plan, own) => plan.or_else(|| own.clone()),
+    };
     let mut pair = PairPlan {
         experiment: experiment.description_name.clone(),
         material: experiment.material,
@@ -239,6 +256,7 @@ pub(super) fn pair_experiment(
         },
         tau_s_radius_m: model.tau_s_radius_m,
         parameters: model.parameters,
+        heat: heat.map(|heat| heat.plan()).transpose()?,
     };
     let scene = pair.scene()?;
     (pair.solver.name, pair.solver.reason) = solver(&scene, &pair, model.solver);

@@ -14,6 +14,7 @@ use super::types::{ExperimentPlan, PairPlan, SimulatorPlan, SolverPlan};
 use crate::error::{InputError, Mistake, nearest};
 use crate::input::columns::Columns;
 use crate::input::experiment::{BUILT_IN_NAMES, Experiment};
+use crate::input::heat::{HeatFields, field_of};
 use crate::input::material::Material;
 use crate::input::prior_file;
 use crate::input::toml_fields::{At, Fields};
@@ -24,7 +25,7 @@ pub(super) fn pair(
     folder: &Path,
     fields: &Fields<'_>,
     observables: Option<&Fields<'_>>,
-    parameters: &[String],
+    (parameters, heat): (&[String], Option<&HeatFields>),
     warnings: &mut Vec<String>,
 ) -> Result<ExperimentPlan, InputError> {
     let experiment_field = fields.text("experiment")?;
@@ -52,7 +53,9 @@ pub(super) fn pair(
     let renamed = renamed.map_or_else(|| Ok(BTreeMap::new()), |table| names(&table, parameters))?;
     let experiment = experiment(folder, fields, experiment_field, material)?;
     warnings.extend(experiment.warnings());
-    let model = PairModel { kinetics, solver, tolerance, tau_s_radius_m, parameters: renamed };
+    let heat = heat.cloned();
+    let model =
+        PairModel { kinetics, solver, tolerance, tau_s_radius_m, parameters: renamed, heat };
     let (window, noise) = observable(observables)?;
     let plan = pair_experiment(&experiment, model, window, noise)?;
     if let SimulatorPlan::Builtin(pair) = &plan.simulator {
@@ -157,21 +160,20 @@ fn check_needed(
     fields: &Fields<'_>,
     parameters: &[String],
 ) -> Result<(), InputError> {
-    let kinetics = pair.kinetics;
     let missing = ParameterName::ALL.into_iter().find(|&model| {
-        !model.is_optional()
-            && model.is_used_by(kinetics)
-            && !parameters.iter().any(|name| name == pair.calibrated(model))
+        pair.needs(model) && !parameters.iter().any(|name| name == pair.calibrated(model))
     });
-    match missing.map(|model| pair.calibrated(model)) {
-        None => Ok(()),
-        Some(calibrated) => Err(fields
-            .table_error(Mistake::MissingField)
-            .found(format_args!("no parameter {calibrated}"))
-            .expected(format_args!(
-                "[parameters.{calibrated}], which the {kinetics} kinetics need"
-            ))),
-    }
+    let Some(model) = missing else { return Ok(()) };
+    let calibrated = pair.calibrated(model);
+    let who = match field_of(model) {
+        Some(_) => "heat needs".to_owned(),
+        None => format!("{} kinetics need", pair.kinetics),
+    };
+    Err(fields
+        .table_error(Mistake::MissingField)
+        .found(format_args!("no parameter {calibrated}"))
+        .expected(format_args!("[parameters.{calibrated}], which the {who}"))
+        .help_if(field_of(model).map(|field| format!("or state {field} in [heat]"))))
 }
 
 /// The priors of a pair's parameters allow only what the model has.
@@ -236,8 +238,12 @@ pub(super) fn check_all_used(
 ) -> Result<(), InputError> {
     let commands = pairs(experiments).count() < experiments.len();
     for (at, table) in tables {
-        let used = pairs(experiments)
-            .any(|(_, pair)| ParameterName::ALL.iter().any(|m| pair.calibrated(*m) == at.value));
+        let used = pairs(experiments).any(|(_, pair)| {
+            ParameterName::ALL.iter().any(|m| {
+                let read = !m.is_of_heat() || pair.takes(*m);
+                read && pair.calibrated(*m) == at.value
+            })
+        });
         if !used && !commands_name(folder, experiments, at.value) {
             if commands {
                 return Err(table

@@ -19,6 +19,7 @@ use crate::careful::{self, Careful, Simulations};
 use crate::error::{InputError, Mistake};
 use crate::input::material::Material;
 use crate::output::inputs::Inputs;
+use crate::pair::heat::HeatPlan;
 use crate::pair::parameter::ParameterName;
 
 /// A calibration: parameters, experiments, sampler.
@@ -105,6 +106,9 @@ pub struct PairPlan {
     pub tau_s_radius_m: Option<f64>,
     /// Name of the calibrated parameter for each parameter of the model that is called otherwise (`phi = "phi_r30"`).
     pub parameters: BTreeMap<ParameterName, String>,
+    /// Heat of the pair; one temperature, that of C1 and tau_s, where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heat: Option<HeatPlan>,
 }
 
 /// Solver of a neck growth curve.

@@ -156,6 +156,7 @@ fn pair_lines(pair: &PairPlan) -> Vec<String> {
         let factor = significant(powder.radius_m / radius, 4);
         lines.push(format!("  tau_s       is {factor} times the calibrated one"));
     }
+    lines.extend(pair.heat.as_ref().map(|heat| format!("  heat        {}", heat.in_words())));
     for (model, calibrated) in &pair.parameters {
         lines.push(format!("  {:<11} is {calibrated}", model.name()));
     }

@@ -7,7 +7,8 @@ use dem_core::{Kinetics, PairSpec, Powder};
 use serde::Serialize;
 use smc_calib::Parameter;
 
-use super::{Drawn, Predicted, Prediction, Scatter, Wanted, carried, predicted};
+use super::drawn::{Drawn, Predicted, Scatter};
+use super::{Prediction, Wanted, carried, freezing, heated, predicted};
 use crate::compare::{self, KeptModel, KeptModels};
 use crate::error::{Failure, InputError, Mistake};
 use crate::pair::model::NeckGrowth;
@@ -45,6 +46,12 @@ pub fn predict_average(
 /// The average of kept models.
 pub(crate) fn average(kept: &KeptModels, wanted: &Wanted) -> Result<Prediction, Failure> {
     wanted.checked()?;
+    if wanted.enough.is_some() {
+        return Err(InputError::new("--energy-for", Mistake::Conflict)
+            .found("the average of several models")
+            .expected("one posterior: --posterior")
+            .into());
+    }
     let weights =
         compare::weights(&kept.models.iter().map(|model| model.log_evidence).collect::<Vec<_>>());
     let mut drawn = Vec::new();
@@ -95,6 +102,8 @@ pub(crate) fn average(kept: &KeptModels, wanted: &Wanted) -> Result<Prediction, 
         first_contact_s: Predicted::of(starts),
         sintering,
         after,
+        freezes: freezing(&drawn)?,
+        enough: None,
         advice,
     })
 }
@@ -110,6 +119,7 @@ fn first_contacts(model: &KeptModel, weight: f64) -> impl Iterator<Item = (f64, 
 /// The draws of a model at the wanted radius; together they weigh `weight`.
 fn draws_of(model: &KeptModel, weight: f64, wanted: &Wanted) -> Result<Vec<Drawn>, InputError> {
     let growth = NeckGrowth::new(&model.pair, &model.parameters, Vec::new())?;
+    let heat = heated::heat_of(&model.pair, wanted)?;
     let count = model.columns.first().map_or(0, Vec::len);
     let calibrated = model.pair.powder.radius_m;
     let radius_m = wanted.radius_m.unwrap_or(calibrated);
@@ -127,6 +137,9 @@ fn draws_of(model: &KeptModel, weight: f64, wanted: &Wanted) -> Result<Vec<Drawn
                 .place(ParameterName::Phi)
                 .and_then(|place| theta.get(place).copied())
                 .unwrap_or(model.pair.final_contact_ratio);
+            let value = |name| growth.place(name).and_then(|place| theta.get(place).copied());
+            let heat = heat.as_ref().map(|heat| heat.at(radius_m, value)).transpose();
+            let heat = heat.map_err(|error| heated::refused(&error))?;
             let scene = PairSpec::new(Powder { radius_m, ..model.pair.powder }, phi).build();
             let sigma = model.sigma.as_ref().and_then(|sigma| sigma.get(row).copied());
             Ok(Drawn {
@@ -134,6 +147,7 @@ fn draws_of(model: &KeptModel, weight: f64, wanted: &Wanted) -> Result<Vec<Drawn
                 sintering: growth.sintering(&theta).at_radius(calibrated, radius_m),
                 kinetics: model.pair.kinetics,
                 weight: weight / count as f64,
+                heat,
                 scatter: sigma.map(|sigma| Scatter { sigma, outliers: model.outliers }),
             })
         })

@@ -2,65 +2,33 @@
 //!
 //! Every posterior draw is pushed through the exact curve; nothing is calibrated again. For another radius
 //! tau_s moves with it, tau_s(R) = tau_s R/R_cal; C1 and delta_c belong to the material and stay. [`predict_average`] does the
-//! same with the draws of several models, weighted by their evidence.
+//! same with the draws of several models, weighted by their evidence. With a heat, that of the calibration or another, times are those
+//! at which its reduced time gets there.
 
 mod average;
+mod drawn;
+mod heated;
+mod text;
+mod wanted;
 
 pub use average::{AveragedModel, predict_average};
+pub use drawn::Predicted;
+pub use heated::{EnoughEnergy, read_heat};
+pub use wanted::Wanted;
 
+use dem_core::heat::Heat;
 use dem_core::{
-    Kinetics, PairScene, SceneError, Sintering, SolverKind, SolverSettings, contact_ratios,
-    time_to_contact_ratio,
+    Kinetics, SceneError, Sintering, SolverKind, SolverSettings, contact_ratios,
+    heated_contact_ratios, heated_time_to_contact_ratio, time_to_contact_ratio,
 };
 use serde::Serialize;
 
+use self::drawn::{Drawn, Scatter};
 use crate::careful::Careful;
 use crate::error::{Failure, InputError, Mistake, RunError};
-use crate::number::{digits_of, significant};
 use crate::pair::draws::PairDraws;
+use crate::pair::heat::{HeatPlan, LawPlan};
 use crate::pair::parameter::ParameterName;
-use smc_calib::Weighted;
-
-/// A quantity over the posterior draws that have it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Predicted {
-    /// Posterior median.
-    pub median: f64,
-    /// Equal-tailed 50 % interval.
-    pub eti50: [f64; 2],
-    /// Equal-tailed 90 % interval.
-    pub eti90: [f64; 2],
-    /// Equal-tailed 95 % interval.
-    pub eti95: [f64; 2],
-}
-
-impl Predicted {
-    /// Of values with their weights.
-    fn of(values: impl IntoIterator<Item = (f64, f64)>) -> Option<Self> {
-        let draws = Weighted::new(values);
-        let median = draws.quantile(0.5);
-        median.is_finite().then(|| Self {
-            median,
-            eti50: draws.interval(0.5),
-            eti90: draws.interval(0.9),
-            eti95: draws.interval(0.95),
-        })
-    }
-
-    fn text(&self, unit: &str) -> String {
-        let digits = digits_of(self.eti95);
-        let interval = |ends: [f64; 2]| {
-            let [a, b] = ends.map(|end| significant(end, digits));
-            format!("{a} .. {b}{unit}")
-        };
-        format!(
-            "{}{unit} (50 % {}, 95 % {})",
-            significant(self.median, digits),
-            interval(self.eti50),
-            interval(self.eti95)
-        )
-    }
-}
 
 /// The time at which a contact ratio is reached.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -87,67 +55,6 @@ pub struct ContactAfter {
     /// A new measurement of it, in an experiment of its own: with the noise of each draw.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub measured: Option<Predicted>,
-}
-
-/// What is to be predicted.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Wanted {
-    /// Contact ratios whose times are asked for.
-    pub targets: Vec<f64>,
-    /// Times \[s\] whose contact ratios are asked for.
-    pub after_s: Vec<f64>,
-    /// Radius of the pair \[m\]; the calibrated one where there is none.
-    pub radius_m: Option<f64>,
-    /// Whether contact ratios are given as measured, with noise, too.
-    pub with_noise: bool,
-}
-
-impl Wanted {
-    fn checked(&self) -> Result<(), InputError> {
-        let nothing = || InputError::new("predict", Mistake::MissingField);
-        if self.targets.is_empty() && self.after_s.is_empty() {
-            return Err(nothing()
-                .found("nothing to predict")
-                .expected("--contact-ratio A/R, --coalescence PERCENT or --after SECONDS")
-                .help("calibrate predict --posterior results/pa12 --contact-ratio 0.9"));
-        }
-        if self.with_noise && self.after_s.is_empty() {
-            return Err(nothing().found("--with-noise without a time").expected(
-                "--after SECONDS: a contact ratio is measured, a sintering time is not",
-            ));
-        }
-        Ok(())
-    }
-}
-
-/// A draw at the radius that is predicted for.
-struct Drawn {
-    scene: PairScene,
-    sintering: Sintering,
-    kinetics: Kinetics,
-    weight: f64,
-    /// None where the noise is not known at other times than the observed ones.
-    scatter: Option<Scatter>,
-}
-
-/// How measurements scatter around the curve of a draw.
-#[derive(Debug, Clone, Copy)]
-struct Scatter {
-    sigma: f64,
-    /// Share of outliers, and how much wider they scatter.
-    outliers: Option<[f64; 2]>,
-}
-
-impl Scatter {
-    /// The error of draw number `k`: by golden-ratio sequences, the same for every time.
-    fn error(&self, k: usize) -> f64 {
-        let u = |step: f64| ((k as f64 + 0.5) * step).fract();
-        let widening = match self.outliers {
-            Some([share, width]) if u(0.754_877_666_246_692_8) < share => width,
-            _ => 1.0,
-        };
-        self.sigma * widening * smc_calib::normal::quantile(u(0.618_033_988_749_894_9))
-    }
 }
 
 fn is_zero<T: Default + PartialEq>(value: &T) -> bool {
@@ -189,8 +96,23 @@ pub struct Prediction {
     pub sintering: Vec<SinteringTime>,
     /// Contact ratios, one per time.
     pub after: Vec<ContactAfter>,
+    /// Where the pair stops growing, with a heat that ends.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub freezes: Option<Freezing>,
+    /// The energy of a pulse that is enough, where it is asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub enough: Option<EnoughEnergy>,
     /// Reasons to be careful.
     pub advice: Vec<String>,
+}
+
+/// Where a pair stops growing because its heat ends.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Freezing {
+    /// a/R there.
+    pub contact_ratio: Predicted,
+    /// Probability that the heat ends; the contact ratio is conditional on it.
+    pub probability: f64,
 }
 
 /// Predicts the times at which contact ratios are reached and the contact ratios at some times, for a pair of another
@@ -206,7 +128,18 @@ pub fn predict(calibrated: &PairDraws, wanted: &Wanted) -> Result<Prediction, Fa
     let kinetics = pair.kinetics;
     let calibrated_radius_m = pair.powder.radius_m;
     let radius_m = wanted.radius_m.unwrap_or(calibrated_radius_m);
-    let (sintering, after) = predicted(&draws(calibrated, radius_m)?, wanted)?;
+    let heat = heated::heat_of(pair, wanted)?;
+    let drawn = draws(calibrated, radius_m, heat.as_ref())?;
+    let (sintering, after) = predicted(&drawn, wanted)?;
+    let enough = wanted.enough.map(|asked| {
+        let heat = heat.as_ref().filter(|heat| heat.law != LawPlan::Direct);
+        let own = heat.and_then(|heat| Some((heat, heat.energy()?)));
+        let (heat, energy) = own.ok_or_else(heated::no_law_for_energies)?;
+        let value = |row: usize| move |name| calibrated.value(name, row);
+        let at = |row: usize, energy: f64| heat.with_energy(energy)?.at(radius_m, value(row)).ok();
+        Ok::<_, InputError>(heated::enough(&drawn, asked, energy, at))
+    });
+    let enough = enough.transpose()?;
     let mut advice = calibrated.advice.clone();
     if kinetics.only_approaches_the_merged_pair() {
         let limit = 2f64.cbrt();
@@ -231,19 +164,28 @@ pub fn predict(calibrated: &PairDraws, wanted: &Wanted) -> Result<Prediction, Fa
         ),
         sintering,
         after,
+        freezes: freezing(&drawn)?,
+        enough,
         advice,
     })
 }
 
-/// The pair of every draw at a radius, with its sintering parameters there.
-fn draws(calibrated: &PairDraws, radius_m: f64) -> Result<Vec<Drawn>, InputError> {
+/// The pair of every draw at a radius, with its sintering parameters and its heat there.
+fn draws(
+    calibrated: &PairDraws,
+    radius_m: f64,
+    heat: Option<&HeatPlan>,
+) -> Result<Vec<Drawn>, InputError> {
     let unused = Sintering { c1: 1.0, tau_s: 1.0, delta_c: 1.0, lambda: 0.0 };
     (0..calibrated.len())
         .map(|row| {
             let scene = calibrated.pair_of(row, radius_m).map_err(carried)?;
             let sintering = calibrated.sintering(row, unused);
             let sigma = calibrated.sigma.as_ref().and_then(|sigma| sigma.get(row).copied());
+            let value = |name| calibrated.value(name, row);
+            let heat = heat.map(|heat| heat.at(radius_m, value)).transpose();
             Ok(Drawn {
+                heat: heat.map_err(|error| heated::refused(&error))?,
                 scene,
                 sintering: sintering.at_radius(calibrated.pair.powder.radius_m, radius_m),
                 kinetics: calibrated.pair.kinetics,
@@ -268,8 +210,13 @@ fn predicted(
     let time_to = |target: f64| {
         let times: Vec<(f64, f64)> = drawn
             .iter()
-            .filter_map(|Drawn { scene, sintering, kinetics, weight, .. }| {
-                Some((time_to_contact_ratio(scene, *kinetics, sintering, target)?, *weight))
+            .filter_map(|Drawn { scene, sintering, kinetics, weight, heat, .. }| {
+                let law = (*kinetics, sintering);
+                let time_s = match heat {
+                    None => time_to_contact_ratio(scene, law.0, law.1, target),
+                    Some(heat) => heated_time_to_contact_ratio(scene, law, heat, target),
+                };
+                Some((time_s?, *weight))
             })
             .collect();
         let reached: f64 = times.iter().map(|(_, weight)| weight).sum();
@@ -284,6 +231,26 @@ fn predicted(
     };
     let sintering = wanted.targets.iter().map(|target| time_to(*target)).collect();
     Ok((sintering, contact_after(drawn, wanted)?))
+}
+
+/// Contact ratios after infinite time of the draws whose heat ends.
+fn freezing(drawn: &[Drawn]) -> Result<Option<Freezing>, Failure> {
+    let settings = SolverSettings::of(SolverKind::ClosedForm);
+    let mut ends = Vec::new();
+    for Drawn { scene, sintering, kinetics, weight, heat, .. } in drawn {
+        let end = heat.as_ref().map_or(f64::INFINITY, Heat::reduced_time_at_end);
+        if end.is_finite() {
+            let mut out = [0.0];
+            contact_ratios(scene, *kinetics, sintering, &settings, &[end], &mut out)
+                .map_err(RunError::new)?;
+            ends.push((out[0], *weight));
+        }
+    }
+    let weigh = |weights: &mut dyn Iterator<Item = f64>| weights.sum::<f64>();
+    let all = weigh(&mut drawn.iter().map(|draw| draw.weight));
+    let frozen = weigh(&mut ends.iter().map(|(_, weight)| *weight));
+    let found = Predicted::of(ends);
+    Ok(found.map(|contact_ratio| Freezing { contact_ratio, probability: (frozen / all).min(1.0) }))
 }
 
 fn contact_after(drawn: &[Drawn], wanted: &Wanted) -> Result<Vec<ContactAfter>, Failure> {
@@ -303,9 +270,13 @@ fn contact_after(drawn: &[Drawn], wanted: &Wanted) -> Result<Vec<ContactAfter>, 
     }
     let mut columns = vec![Vec::with_capacity(drawn.len()); times_s.len()];
     let mut curve = vec![0.0; times_s.len()];
-    for Drawn { scene, sintering, kinetics, weight, .. } in drawn {
-        contact_ratios(scene, *kinetics, sintering, &settings, &times_s, &mut curve)
-            .map_err(RunError::new)?;
+    for Drawn { scene, sintering, kinetics, weight, heat, .. } in drawn {
+        let law = (*kinetics, sintering);
+        match heat {
+            None => contact_ratios(scene, law.0, law.1, &settings, &times_s, &mut curve),
+            Some(heat) => heated_contact_ratios(scene, law, heat, &settings, &times_s, &mut curve),
+        }
+        .map_err(RunError::new)?;
         for (column, value) in columns.iter_mut().zip(&curve) {
             column.push((*value, *weight));
         }
@@ -326,102 +297,4 @@ fn contact_after(drawn: &[Drawn], wanted: &Wanted) -> Result<Vec<ContactAfter>, 
             Ok(ContactAfter { time_s, contact_ratio, measured })
         })
         .collect()
-}
-
-impl Prediction {
-    /// As text.
-    pub fn text(&self) -> String {
-        let elsewhere = if self.radius_m == self.calibrated_radius_m {
-            String::new()
-        } else {
-            let calibrated_um = significant(1e6 * self.calibrated_radius_m, 3);
-            format!(" (calibrated at {calibrated_um} um; tau_s moved in proportion to R)")
-        };
-        let radius_um = significant(1e6 * self.radius_m, 3);
-        let of = match self.kinetics {
-            Some(kinetics) => format!("{kinetics} kinetics"),
-            None => format!("average of {} by evidence", models(self.averaged.len())),
-        };
-        let mut lines = vec![format!("{}, R = {radius_um} um, {of}{elsewhere}", self.title)];
-        lines.extend(self.averaged.iter().map(|model| {
-            format!("  {:.3}  {} with {} errors", model.weight, model.kinetics, model.noise)
-        }));
-        if self.left_out_models > 0 {
-            lines.push(format!(
-                "  {:.0e}  {}, left out",
-                self.left_out_probability,
-                models(self.left_out_models)
-            ));
-        }
-        if let Some(start) = &self.first_contact_s {
-            lines.push(format!(
-                "  times count from first contact, at t0 = {} in the table's clock",
-                start.text(" s")
-            ));
-        }
-        for target in &self.sintering {
-            let ratio = significant(target.contact_ratio, 3);
-            lines.push(match &target.time_s {
-                Some(time) => format!("  a/R = {ratio} is reached after {}", time.text(" s")),
-                None => format!("  a/R = {ratio} is never reached"),
-            });
-            if target.never > 0 && !self.averaged.is_empty() {
-                lines.push(format!(
-                    "    with probability {} it is never reached, which is not in the interval (phi = {})",
-                    significant(target.never_probability, 2),
-                    significant(self.final_contact_ratio, 4)
-                ));
-            } else if target.never > 0 {
-                lines.push(format!(
-                    "    {} of {} draws never reach it and are not in the interval (phi = {})",
-                    target.never,
-                    target.draws,
-                    significant(self.final_contact_ratio, 4)
-                ));
-            }
-        }
-        for after in &self.after {
-            let time_s = significant(after.time_s, 4);
-            lines.push(format!("  after {time_s} s a/R is {}", after.contact_ratio.text("")));
-            if let Some(measured) = &after.measured {
-                lines.push(format!("    and is measured as {}", measured.text("")));
-            }
-        }
-        lines.extend(self.advice.iter().map(|line| format!("  careful: {line}")));
-        lines.push(String::new());
-        lines.join("\n")
-    }
-
-    /// As CSV, a row per prediction.
-    pub fn csv(&self) -> String {
-        let mut text = String::from(
-            "predicted,given,unit,median,eti50_lower,eti50_upper,eti90_lower,eti90_upper,eti95_lower,eti95_upper,draws_never\n",
-        );
-        let mut row = |what: &str, given: f64, unit: &str, p: Option<&Predicted>, never: usize| {
-            let numbers = p.map_or_else(
-                || [const { String::new() }; 7],
-                |p| {
-                    let ([a, b], [c, d], [e, f]) = (p.eti50, p.eti90, p.eti95);
-                    [p.median, a, b, c, d, e, f].map(|number| number.to_string())
-                },
-            );
-            text.push_str(&format!("{what},{given},{unit},{},{never}\n", numbers.join(",")));
-        };
-        for target in &self.sintering {
-            let time_s = target.time_s.as_ref();
-            row("time to contact_ratio", target.contact_ratio, "s", time_s, target.never);
-        }
-        for after in &self.after {
-            row("contact_ratio after time_s", after.time_s, "1", Some(&after.contact_ratio), 0);
-            if let Some(measured) = &after.measured {
-                row("measured contact_ratio after time_s", after.time_s, "1", Some(measured), 0);
-            }
-        }
-        text
-    }
-}
-
-/// A number of models in words.
-fn models(count: usize) -> String {
-    if count == 1 { "1 model".to_owned() } else { format!("{count} models") }
 }

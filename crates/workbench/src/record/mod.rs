@@ -30,7 +30,7 @@ pub use read::{FILE_NAME, SCHEMA_VERSION, locate, parse, read};
 pub use sensitivity::{Method, Sensitivity, SensitivityOf};
 
 use crate::error::{InputError, Mistake};
-use crate::plan::{ObservablePlan, PairPlan, Plan};
+use crate::plan::{ObservablePlan, PairPlan, Plan, SimulatorPlan};
 
 /// A calibration that was done.
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -170,6 +170,39 @@ impl Record {
     pub fn trusted(&self) -> bool {
         let of_pairs = self.experiments.iter().filter_map(|one| one.neck_growth.as_ref());
         self.trust.trusted() && of_pairs.flat_map(|neck| &neck.doubts).next().is_none()
+    }
+
+    /// The pair of one of the built-in experiments of a run.
+    ///
+    /// # Errors
+    ///
+    /// [`InputError`] for a name that no built-in experiment of the run has.
+    pub fn pair_named(&self, name: &str) -> Result<Pair<'_>, InputError> {
+        self.pairs().find(|(own, _)| *own == name).map(|(_, pair)| pair).ok_or_else(|| {
+            let names = self.pair_names();
+            InputError::new("--of", Mistake::UnknownName)
+                .found(format_args!("\"{name}\""))
+                .expected(match names.len() {
+                    0 => "a run of pairs of particles with the built-in simulator".to_owned(),
+                    _ => format!("one of {}", names.join(", ")),
+                })
+                .did_you_mean(name, names)
+        })
+    }
+
+    /// Names of the built-in experiments of a run.
+    pub fn pair_names(&self) -> Vec<&str> {
+        self.pairs().map(|(name, _)| name).collect()
+    }
+
+    fn pairs(&self) -> impl Iterator<Item = (&str, Pair<'_>)> {
+        let planned = self.plan.experiments.iter().zip(&self.experiments);
+        planned.filter_map(|(plan, found)| {
+            let SimulatorPlan::Builtin(pair) = &plan.simulator else { return None };
+            let (measured, own) = (plan.observables.first()?, found.observables.first()?);
+            let neck_growth = found.neck_growth.as_ref()?;
+            Some((plan.name.as_str(), Pair { plan: pair, measured, found: own, neck_growth }))
+        })
     }
 
     /// The pair of a run with one built-in experiment.

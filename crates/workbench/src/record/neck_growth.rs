@@ -20,6 +20,9 @@ pub struct NeckGrowthRecord {
     pub fit: Fit,
     /// Where stage 2 gives way to stage 3, for kinetics with a knee.
     pub knee: Option<KneeSummary>,
+    /// Contact ratio at which the pair stops growing because it has cooled, where its heat ends.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub freezes_at: Option<Derived>,
     /// Posterior predictive bands on a fine grid of times, with the curves of the fit plot.
     pub curves: Curves,
     /// Reasons to suspect the clock of the table, or the priors, before the measurements and the model.

@@ -3,6 +3,7 @@
 mod details;
 mod drawing;
 mod noise;
+mod notation;
 mod of_calibration;
 mod pictures;
 mod population;
@@ -32,8 +33,9 @@ pub use details::{details, understood};
 pub(crate) use drawing::draw_watched;
 pub use drawing::{NamedFigures, draw_all};
 pub(crate) use noise::length_unit;
-pub(crate) use pictures::symbol;
-pub use pictures::{TimeScale, fit, pictures};
+pub use notation::TimeScale;
+pub(crate) use notation::symbol;
+pub use pictures::{fit, pictures};
 pub use population::csv as population_csv;
 pub use samples::{
     DrawColumns, SampleColumns, parse_draws, parse_samples, read_draws, read_samples, read_sigma,

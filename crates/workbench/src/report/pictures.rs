@@ -2,46 +2,29 @@
 
 use figures::{
     Axes, Band, ConvergenceFigure, ConvergenceStage, CornerFigure, CornerParameter, FailuresFigure,
-    FitFigure, Knee, RecursionFigure, RecursionParameter, ResidualsFigure,
+    FitFigure, Knee, RecursionFigure, RecursionParameter, ResidualsFigure, TogetherCurve,
+    TogetherFigure,
 };
 use smc_calib::{BandPoint, Coordinate, Parameter, PathParameter};
 
 use super::drawing::NamedFigures;
+use super::notation::{TimeScale, symbol};
 use super::population;
 use super::samples::SampleColumns;
 use super::summary::{neck_growth, paper_place};
-use crate::pair::parameter::ParameterName;
 use crate::plan::ObservablePlan;
 use crate::record::{NeckGrowthRecord, ObservableRecord, Record};
 
+/// Most parameters that a corner plot, and a figure of the recursion, has room for.
+const MOST_IN_CORNER: usize = 5;
+const MOST_IN_RECURSION: usize = 8;
+/// Most experiments that one figure tells apart.
+const MOST_TOGETHER: usize = 8;
 /// Number of points at which the corner plot draws a prior's density.
 const PRIOR_POINTS: usize = 161;
 
-/// Scale of the axes of time, or of another control variable.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum TimeScale {
-    /// Logarithmic where the measured values change early, so that a linear axis would hide it ([`Axes::change_early`]).
-    #[default]
-    ByData,
-    /// Linear.
-    Linear,
-    /// Logarithmic.
-    Log,
-}
-
-impl TimeScale {
-    /// Whether it is logarithmic for measured values.
-    pub(crate) fn is_log(self, control: &[f64], value: &[f64]) -> bool {
-        match self {
-            Self::ByData => Axes::change_early(control, value),
-            Self::Linear => false,
-            Self::Log => true,
-        }
-    }
-}
-
-/// The figures by name of file: `corner`, `recursion`, `convergence`, `failures` where simulations failed, and for every observable with two points or more
-/// `fit` and `residuals`, with its label behind where there are several.
+/// The figures by name of file: `corner`, `recursion`, `convergence`, `failures` where simulations failed, `fit-together` of several pairs, and for every
+/// observable with two points or more `fit` and `residuals`, with its label behind where there are several.
 pub fn pictures(record: &Record, samples: &SampleColumns, scale: TimeScale) -> NamedFigures {
     if let Some(population) = &record.population {
         let mut figures: NamedFigures = vec![
@@ -58,6 +41,9 @@ pub fn pictures(record: &Record, samples: &SampleColumns, scale: TimeScale) -> N
     ];
     if let Some(failures) = failures(record) {
         figures.push(("failures".to_owned(), Box::new(failures)));
+    }
+    if let Some(together) = together(record, scale) {
+        figures.push(("fit-together".to_owned(), Box::new(together)));
     }
     let several = record.plan.observables().count() > 1;
     let found = record.experiments.iter().flat_map(|experiment| {
@@ -88,6 +74,45 @@ pub fn pictures(record: &Record, samples: &SampleColumns, scale: TimeScale) -> N
         figures.push((format!("residuals{suffix}"), Box::new(residuals)));
     }
     figures
+}
+
+/// All pairs of a run with several, each with its 90 % band; none where there are more than can be told apart.
+fn together(record: &Record, scale: TimeScale) -> Option<TogetherFigure> {
+    let pairs = record.experiments.iter().zip(&record.plan.experiments);
+    let pairs = pairs.filter_map(|(found, plan)| {
+        Some((found, plan.observables.first()?, found.neck_growth.as_ref()?))
+    });
+    let mut log_control = false;
+    let curves: Vec<TogetherCurve> = pairs
+        .map(|(found, plan, neck)| {
+            log_control |= scale.is_log(&plan.control, &plan.values);
+            let curves = &neck.curves;
+            let [lower, upper] = curves.noisy90.as_ref().unwrap_or(&curves.curve90).clone();
+            TogetherCurve {
+                name: found.name.clone(),
+                control: plan.control.clone(),
+                value: plan.values.clone(),
+                grid: curves.time_s.clone(),
+                mean: curves.mean.clone(),
+                band90: Band { lower, upper },
+            }
+        })
+        .collect();
+    let axes = Axes { log_control, ..Axes::default() };
+    let title = record.plan.title.clone();
+    (2..=MOST_TOGETHER).contains(&curves.len()).then_some(TogetherFigure { title, curves, axes })
+}
+
+/// Places of the parameters that a figure has room for, in their order: all, or those that the data say most of.
+fn shown(record: &Record, most: usize) -> Vec<usize> {
+    let gain = |place: &usize| record.parameters[*place].information_gain_bits;
+    let mut places: Vec<usize> = (0..record.parameters.len()).collect();
+    if places.len() > most {
+        places.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
+        places.truncate(most);
+        places.sort_unstable();
+    }
+    places
 }
 
 /// Where simulations failed; none where none did.
@@ -200,12 +225,12 @@ fn axes(plan: &ObservablePlan, scale: TimeScale) -> Axes {
 
 /// Marginals and pairs of the parameters.
 fn corner(record: &Record, samples: &SampleColumns) -> CornerFigure {
-    let parameters = record
-        .parameters
-        .iter()
-        .zip(&samples.parameters)
-        .enumerate()
-        .map(|(place, (summary, column))| {
+    let parameters = shown(record, MOST_IN_CORNER)
+        .into_iter()
+        .filter_map(|place| {
+            Some((place, &record.parameters[place], samples.parameters.get(place)?))
+        })
+        .map(|(place, summary, column)| {
             let coordinate = summary.coordinate;
             let (symbol, unit) = symbol(&summary.parameter.name, &summary.parameter.unit);
             let draws: Vec<f64> = column.iter().map(|&value| coordinate.of(value)).collect();
@@ -280,10 +305,9 @@ fn recursion(record: &Record, scale: TimeScale) -> RecursionFigure {
             ("observation".to_owned(), String::new(), number, false)
         }
     };
-    let parameters = record
-        .parameters
-        .iter()
-        .enumerate()
+    let parameters = shown(record, MOST_IN_RECURSION)
+        .into_iter()
+        .map(|place| (place, &record.parameters[place]))
         .map(|(place, summary)| {
             let (symbol, unit) = symbol(&summary.parameter.name, &summary.parameter.unit);
             let of = |pick: fn(&PathParameter) -> f64| -> Vec<f64> {
@@ -332,19 +356,6 @@ fn convergence(record: &Record) -> ConvergenceFigure {
         k_hat_limit: record.trust.khat_limit,
         k_hat_of_result: Some(record.khat),
         ess_target: record.plan.sampler.ess_target,
-    }
-}
-
-/// How a parameter is written in a figure: symbol and unit.
-pub(crate) fn symbol(name: &str, unit: &str) -> (String, String) {
-    match ParameterName::from_name(name) {
-        Some(ParameterName::C1) => ("C_{1}".to_owned(), "Pa^{-1} s^{-1}".to_owned()),
-        Some(ParameterName::TauS) => ("τ_{s}".to_owned(), "s".to_owned()),
-        Some(ParameterName::DeltaC) => ("δ_{c}".to_owned(), "m".to_owned()),
-        Some(ParameterName::Lambda) => ("λ".to_owned(), "s".to_owned()),
-        Some(ParameterName::Phi) => ("φ".to_owned(), String::new()),
-        Some(ParameterName::T0) => ("t_{0}".to_owned(), "s".to_owned()),
-        None => (name.to_owned(), unit.to_owned()),
     }
 }
 

@@ -6,7 +6,7 @@ use figures::{Axes, Band, FitFigure, MarginalsFigure, MarginalsParameter};
 use smc_calib::{Coordinate, Moments, ParameterSummary, Weighted};
 
 use super::drawing::NamedFigures;
-use super::pictures::{TimeScale, symbol};
+use super::notation::{TimeScale, symbol};
 use super::samples::SampleColumns;
 use crate::input::data_table::quoted;
 use crate::number::significant;

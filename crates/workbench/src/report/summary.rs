@@ -13,8 +13,8 @@ use crate::number::{digits_of, percentile, shown_unit, significant};
 use crate::output::pretty;
 use crate::plan::{ObservablePlan, SimulatorPlan};
 use crate::record::{
-    FitError, KneeSummary, NeckGrowthRecord, ObservableRecord, PaperComparison, PrintedParameter,
-    ProductSummary, Record,
+    ExperimentRecord, FitError, KneeSummary, NeckGrowthRecord, ObservableRecord, PaperComparison,
+    PrintedParameter, ProductSummary, Record,
 };
 
 /// Why the paper's C1 has another percentile in the form of Table 3 than in SI.
@@ -69,6 +69,10 @@ pub fn text(record: &Record, seconds: Option<f64>, out: Option<&Path>) -> String
     for (plan, found) in record.observables() {
         text.push_str(&fit_line(plan, found, neck));
         text.push_str(&noise_line(plan, found));
+    }
+    for experiment in &record.experiments {
+        let several = record.experiments.len() > 1;
+        text.push_str(&freezes_line(experiment, several));
     }
     if let Some(knee) = neck.and_then(|neck| neck.knee.as_ref()) {
         text.push_str(&knee_line(knee));
@@ -220,6 +224,19 @@ fn fit_line(
         unit => format!("{unit} "),
     };
     format!("  fit of {}: RMSE {rmse} {unit}(MAP){noise}\n", found.label)
+}
+
+/// Where a pair stops growing as its heat ends; empty where it has none, or one without an end.
+fn freezes_line(experiment: &ExperimentRecord, several: bool) -> String {
+    let neck = experiment.neck_growth.as_ref();
+    let Some(freezes) = neck.and_then(|neck| neck.freezes_at.as_ref()) else {
+        return String::new();
+    };
+    let digits = digits_of(freezes.eti95);
+    let [median, lower, upper] =
+        [freezes.median, freezes.eti95[0], freezes.eti95[1]].map(|end| significant(end, digits));
+    let name = if several { format!("{} ", experiment.name) } else { String::new() };
+    format!("  {name}freezes at a/R {median} (95 % {lower} .. {upper})\n")
 }
 
 fn knee_line(knee: &KneeSummary) -> String {

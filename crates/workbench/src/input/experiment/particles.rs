@@ -64,7 +64,7 @@ pub(super) fn particles(fields: &Fields<'_>) -> Result<(Option<Material>, Powder
 
 /// Explains a field of the top that stands below `[powder]`: in TOML it then belongs to that table.
 fn misplaced(error: InputError) -> InputError {
-    const TOP: [&str; 12] = [
+    const TOP: [&str; 13] = [
         "name",
         "title",
         "material",
@@ -77,6 +77,7 @@ fn misplaced(error: InputError) -> InputError {
         "source",
         "powder",
         "columns",
+        "heat",
     ];
     let field = error.field.as_deref().and_then(|field| field.strip_prefix("field powder."));
     match field.filter(|field| TOP.contains(field)).map(str::to_owned) {

@@ -13,7 +13,7 @@ fn default_priors_are_the_documented_ones() {
         (Material::Peek, bounds(1e-9, 1e-3), bounds(3.0, 300.0)),
     ] {
         let priors = PriorFile::of_material(material).expect("built in");
-        let parameters = priors.parameters(Kinetics::ThreeStage).expect("complete");
+        let parameters = priors.parameters(Kinetics::ThreeStage, None).expect("complete");
         let specs: Vec<_> =
             parameters.iter().map(|parameter| parameter.prior.spec().clone()).collect();
         assert_eq!(specs, [c1, tau_s, bounds(1e-8, 3e-6)]);
@@ -25,13 +25,13 @@ fn default_priors_are_the_documented_ones() {
 #[test]
 fn kinetics_ask_only_for_the_priors_they_use() {
     let priors = PriorFile::parse("p.toml", TAU).expect("valid");
-    assert_eq!(priors.parameters(Kinetics::Frenkel).expect("tau_s").len(), 1);
-    let error = priors.parameters(Kinetics::ThreeStage).expect_err("no c1");
+    assert_eq!(priors.parameters(Kinetics::Frenkel, None).expect("tau_s").len(), 1);
+    let error = priors.parameters(Kinetics::ThreeStage, None).expect_err("no c1");
     assert_eq!(error.mistake, Mistake::MissingField);
     assert!(error.to_string().contains("[c1]"), "{error}");
     let with_phi = format!("{TAU}[phi]\ndistribution = \"uniform\"\nlower = 1.0\nupper = 1.35\n");
     let priors = PriorFile::parse("p.toml", &with_phi).expect("valid");
-    let parameters = priors.parameters(Kinetics::Pokluda).expect("both");
+    let parameters = priors.parameters(Kinetics::Pokluda, None).expect("both");
     let names: Vec<_> = parameters.iter().map(|parameter| parameter.name.as_str()).collect();
     assert_eq!(names, ["tau_s", "phi"]);
 }
@@ -44,7 +44,7 @@ fn the_time_of_first_contact_is_optional_comes_last_and_may_be_negative() {
         "distribution = \"normal\", mean = 0, sd = 3",
         "distribution = \"truncated-normal\", mean = -1, sd = 3, lower = -9, upper = -0.5",
     ] {
-        let parameters = with(t0).expect(t0).parameters(Kinetics::Frenkel).expect("both");
+        let parameters = with(t0).expect(t0).parameters(Kinetics::Frenkel, None).expect("both");
         let names: Vec<_> = parameters.iter().map(|p| (p.name.as_str(), p.unit.as_str())).collect();
         assert_eq!(names, [("tau_s", "s"), ("t0", "s")], "{t0}");
     }

@@ -1,0 +1,115 @@
+//! What parameters a pair takes with its heat, and heats of several experiments of a plan beside each other.
+
+use super::types::{ExperimentPlan, PairPlan, SimulatorPlan};
+use crate::error::{InputError, Mistake};
+use crate::input::heat::HeatFields;
+use crate::input::toml_fields::{At, Fields};
+use crate::pair::heat::{HeatPlan, HistoryPlan, LawPlan};
+use crate::pair::parameter::ParameterName;
+
+/// Heats that cannot be meant: of no pair, one amplitude for several energies, one cooling time for several radii, or parameters
+/// of different references under one name.
+pub(super) fn check_heats(
+    fields: &Fields<'_>,
+    tables: &[(At<&str>, Fields<'_>)],
+    experiments: &[ExperimentPlan],
+    heat: Option<&HeatFields>,
+) -> Result<(), InputError> {
+    let heated: Vec<Heated<'_>> = experiments.iter().filter_map(Heated::of).collect();
+    if heated.is_empty() && heat.is_some() {
+        return Err(fields
+            .table_error(Mistake::Conflict)
+            .in_field("heat")
+            .found("a heat, and no experiment of kind = \"builtin\" that has it")
+            .help("a program gets its heat from its own input files"));
+    }
+    for (place, one) in heated.iter().enumerate() {
+        for other in &heated[..place] {
+            if let Some(error) = one.beside(other, fields) {
+                let line =
+                    tables.iter().find(|(at, _)| at.value == one.name).map(|(at, _)| at.line);
+                return Err(InputError { line, ..error });
+            }
+        }
+    }
+    Ok(())
+}
+
+impl PairPlan {
+    /// Whether a curve of the pair depends on one of the model's parameters, so that it is calibrated where it has a prior.
+    pub fn takes(&self, parameter: ParameterName) -> bool {
+        let radius_m = self.powder.radius_m;
+        parameter.is_used_by(self.kinetics)
+            || self.heat.as_ref().is_some_and(|heat| heat.leaves_open(parameter, radius_m))
+    }
+
+    /// Whether there is no curve of the pair without a prior of one of the model's parameters.
+    pub fn needs(&self, parameter: ParameterName) -> bool {
+        let needs = self.heat.as_ref().map(|heat| heat.needs(self.powder.radius_m));
+        let by_heat = needs.into_iter().flatten().any(|needed| needed == (parameter, true));
+        self.takes(parameter) && (by_heat || !(parameter.is_optional() || parameter.is_of_heat()))
+    }
+}
+
+/// An experiment with a heat.
+struct Heated<'a> {
+    name: &'a str,
+    pair: &'a PairPlan,
+    heat: &'a HeatPlan,
+}
+
+impl<'a> Heated<'a> {
+    fn of(experiment: &'a ExperimentPlan) -> Option<Self> {
+        let SimulatorPlan::Builtin(pair) = &experiment.simulator else { return None };
+        Some(Self { name: &experiment.name, pair, heat: pair.heat.as_ref()? })
+    }
+
+    fn shares(&self, other: &Self, name: ParameterName) -> bool {
+        self.pair.calibrated(name) == other.pair.calibrated(name)
+    }
+
+    /// What speaks against calibrating two heats together.
+    fn beside(&self, other: &Self, fields: &Fields<'_>) -> Option<InputError> {
+        let error = |mistake, field: &str| {
+            fields
+                .table_error(mistake)
+                .in_field(format_args!("experiments.{}.simulator.{field}", self.name))
+        };
+        let amplitude = ParameterName::Amplitude;
+        let direct = |one: &Self| {
+            one.heat.law == LawPlan::Direct && !one.heat.known.contains_key(&amplitude)
+        };
+        if direct(self) && direct(other) && self.shares(other, amplitude) {
+            let (own, others) = (self.heat.energy()?, other.heat.energy()?);
+            let name = self.pair.calibrated(amplitude);
+            return (own != others).then(|| {
+                error(Mistake::Conflict, "parameters")
+                    .found(format_args!(
+                        "one {name} for a pulse of energy {own} and one of {others} in {}",
+                        other.name
+                    ))
+                    .expected("an amplitude for each energy, or a law of the energy")
+                    .help("give it its own: parameters = { amplitude = \"amplitude_2\" } and [parameters.amplitude_2]")
+                    .help("or choose mobility = \"threshold-power\", \"arrhenius\" or \"wlf\" in [heat]")
+            });
+        }
+        let cooling = |one: &Self| match one.heat.history {
+            HistoryPlan::Pulse { cooling_radius_m, .. } => {
+                Some(cooling_radius_m.unwrap_or(one.pair.powder.radius_m))
+            }
+            _ => None,
+        };
+        let (own, others) = (cooling(self)?, cooling(other)?);
+        let open = self.pair.takes(ParameterName::CoolingTime);
+        (open && own != others && self.shares(other, ParameterName::CoolingTime)).then(|| {
+            error(Mistake::MissingField, "heat.cooling_radius_m")
+                .found(format_args!(
+                    "one cooling_time for R = {own} m and for {others} m in {}",
+                    other.name
+                ))
+                .expected("the radius that the shared cooling_time belongs to [m]")
+                .help("state cooling_radius_m in [heat], and cooling_power or a prior of it")
+                .help("or give each experiment its own: parameters = { cooling_time = \"...\" }")
+        })
+    }
+}
