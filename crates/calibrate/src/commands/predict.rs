@@ -64,7 +64,7 @@ pub(crate) struct PredictArgs {
     #[arg(short, long, value_name = "M", value_parser = arguments::radius, allow_negative_numbers = true)]
     radius_m: Option<f64>,
 
-    /// Under another heat: a file with [heat], or an experiment's description. What it leaves open is taken from the posterior
+    /// Under another heat: a file with a heat section, or an experiment's description. What it leaves open is taken from the posterior
     #[arg(long, value_name = "FILE")]
     heat: Option<PathBuf>,
 
