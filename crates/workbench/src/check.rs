@@ -11,6 +11,7 @@ use smc_calib::Prior;
 use crate::error::{InputError, Mistake};
 use crate::input::columns::Columns;
 use crate::input::experiment::{Experiment, is_toml};
+use crate::input::heat::HeatFields;
 use crate::input::observation_table::ObservationTable;
 use crate::input::prior_file::PriorFile;
 use crate::input::toml_fields::Document;
@@ -28,7 +29,9 @@ pub fn file_at(path: &Path, said: &Columns) -> Result<Understood, InputError> {
         let text = text_file::read(path)?;
         return match toml_kind(&name, &text)? {
             TomlKind::Prior => PriorFile::read(path).map(|priors| of_priors(&priors)),
-            TomlKind::Experiment => Experiment::read(path, said).map(|experiment| of(&experiment)),
+            TomlKind::Experiment => {
+                Experiment::read(path, said).and_then(|experiment| of(&experiment))
+            }
             TomlKind::Scene => of_scene(&name, &text, false),
             TomlKind::Plan => Planned::parse(path, text).map(|plan| understood(&plan)),
         };
@@ -134,7 +137,7 @@ pub fn few_points(table: &ObservationTable, parameters: usize) -> Option<String>
     })
 }
 
-fn of(experiment: &Experiment) -> Understood {
+fn of(experiment: &Experiment) -> Result<Understood, InputError> {
     let powder = experiment.powder;
     let mut details = vec![format!(
         "powder    {}: R = {} um, E = {} GPa, gamma = {} mN/m, rho = {} kg/m3",
@@ -153,10 +156,14 @@ fn of(experiment: &Experiment) -> Understood {
     details.push(format!("table     {}: {}", experiment.table_name, of_table(&experiment.table)));
     details.extend(experiment.table.how.iter().map(|how| format!("read      {how}")));
     // A plan may say what the experiment leaves out: the law of the mobility.
-    details.extend(experiment.heat.as_ref().map(|heat| match heat.plan() {
-        Ok(heat) => format!("heat      {}", heat.in_words()),
-        Err(error) => format!("heat      in part: {}", error.to_string().replace('\n', ";")),
-    }));
+    match experiment.heat.as_ref().map(HeatFields::plan) {
+        None => {}
+        Some(Ok(heat)) => details.push(format!("heat      {}", heat.in_words())),
+        Some(Err(error)) if error.mistake == Mistake::MissingField => {
+            details.push(format!("heat      in part: {}", error.to_string().replace('\n', ";")));
+        }
+        Some(Err(error)) => return Err(error),
+    }
     let mut warnings = experiment.warnings();
     // A window without observations was refused on reading.
     if let Ok(used) = experiment.observations(None) {
@@ -169,7 +176,7 @@ fn of(experiment: &Experiment) -> Understood {
         details.push(format!("source    {source}"));
     }
     let title = experiment.title.as_deref();
-    Understood {
+    Ok(Understood {
         headline: format!(
             "the experiment {}{}",
             experiment.name,
@@ -177,7 +184,7 @@ fn of(experiment: &Experiment) -> Understood {
         ),
         details,
         warnings,
-    }
+    })
 }
 
 /// The priors of a file, a line each.

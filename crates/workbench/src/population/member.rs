@@ -9,6 +9,7 @@ use smc_calib::{Coordinate, Parameter};
 use crate::error::{Failure, InputError, Mistake};
 use crate::input::data_table::DataTable;
 use crate::output::checksums;
+use crate::pair::heat::HistoryPlan;
 use crate::pair::parameter::ParameterName;
 use crate::plan::PairPlan;
 use crate::record::{self, Record};
@@ -238,8 +239,9 @@ fn one_model(runs: &[Run]) -> Result<(), InputError> {
                 let observables = run.record.plan.observables();
                 observables.map(|(_, one)| (one.control.clone(), one.values.clone())).collect()
             };
-            if values(run) == values(earlier) {
-                return Err(refused(format!("the measurements of {} once more", earlier.given))
+            let known = values(earlier);
+            if values(run).iter().any(|one| known.contains(one)) {
+                return Err(refused(format!("measurements of {} once more", earlier.given))
                     .expected("a calibration of another member for each run")
                     .help("leave one of the two out"));
             }
@@ -283,7 +285,17 @@ fn same_pair(
     }
     let calibrated = first.parameter(one.calibrated(ParameterName::Phi)).is_some();
     let [phi, of_first] = [other.final_contact_ratio, one.final_contact_ratio];
+    let cools = first.parameter(one.calibrated(ParameterName::CoolingTime)).is_some();
     let first = &first.given;
+    let pulse = one.heat.as_ref().map(|heat| &heat.history);
+    if let Some(HistoryPlan::Pulse { cooling_radius_m: None, .. }) = pulse
+        && cools
+        && one.powder.radius_m != other.powder.radius_m
+    {
+        return Err(refused(format!("a cooling time of another radius than that of {first}"))
+            .expected("cooling times of one radius: they go with a power of R")
+            .help("state the same cooling_radius_m, and a cooling_power, in [heat] of all experiments"));
+    }
     if phi != of_first && !calibrated {
         return Err(refused(format!("a final contact ratio of {phi}, in {first} {of_first}"))
             .expected("one final contact ratio, or one that is calibrated in all runs")

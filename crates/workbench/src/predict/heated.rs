@@ -24,7 +24,7 @@ pub struct EnoughEnergy {
     pub contact_ratio: f64,
     /// The probability with which the energy is to be enough.
     pub probability: f64,
-    /// The energy that is enough with this probability, in the unit of the pulses; none where no energy is.
+    /// The energy that is enough with this probability, in the unit of the pulses; 0 where any is, none where no energy is.
     pub energy: Option<f64>,
     /// The least energy that is enough, over the draws; none where it is not known with 95 % probability that there is one.
     pub least_energy: Option<Predicted>,
@@ -92,14 +92,21 @@ fn asked(pair: &PairPlan, mut heat: HeatPlan) -> Result<HeatPlan, InputError> {
             .expected(format_args!("{}, which the posterior was calibrated with", words(&own.law)))
             .help("C1, tau_s and the constants of the law belong to it"));
     }
+    heat.frozen_below_k = heat.frozen_below_k.or(own.frozen_below_k);
     for (name, value) in &own.known {
         heat.known.entry(*name).or_insert(*value);
     }
     if let (
-        HistoryPlan::Pulse { cooling_radius_m: of, .. },
-        HistoryPlan::Pulse { cooling_radius_m, .. },
+        HistoryPlan::Pulse {
+            energy: own_energy,
+            ambient_temperature_k: own_ambient_k,
+            cooling_radius_m: of,
+        },
+        HistoryPlan::Pulse { energy, ambient_temperature_k, cooling_radius_m },
     ) = (&own.history, &mut heat.history)
     {
+        *energy = energy.or(*own_energy);
+        *ambient_temperature_k = ambient_temperature_k.or(*own_ambient_k);
         *cooling_radius_m = cooling_radius_m.or(*of);
     }
     Ok(heat)
@@ -139,10 +146,38 @@ pub(super) fn refused(error: &NoHeat) -> InputError {
     }
 }
 
-/// Bisections of the logarithm of an energy: to 1e-9 of it.
-const BISECTIONS: usize = 40;
-/// Energies that are looked through, over the calibrated one.
-const OVER: [f64; 2] = [1e-2, 1e2];
+/// Bisections of a factor of two between energies: to 1e-9 of them.
+const BISECTIONS: usize = 30;
+/// Most doublings, or halvings, of the calibrated energy.
+const DOUBLINGS: usize = 60;
+
+/// The least energy that is enough: 0 where any is, infinite where none is. `reached` says whether an energy is; nothing where it is
+/// more than the model takes. More energy is never worse.
+fn least(calibrated: f64, reached: impl Fn(f64) -> Option<bool>) -> f64 {
+    let is_enough = |energy: &f64| reached(*energy) == Some(true);
+    let halves = (0..DOUBLINGS as i32).map(|k| calibrated * 0.5f64.powi(k));
+    let doubles = (0..DOUBLINGS as i32).map(|k| calibrated * 2f64.powi(k));
+    let (mut low, mut high, mut found) = if is_enough(&calibrated) {
+        match halves.into_iter().find(|energy| !is_enough(energy)) {
+            Some(low) => (low, 2.0 * low, true),
+            None => return 0.0,
+        }
+    } else {
+        match doubles.into_iter().find(|energy| reached(*energy) != Some(false)) {
+            Some(high) => (0.5 * high, high, is_enough(&high)),
+            None => return f64::INFINITY,
+        }
+    };
+    for _ in 0..BISECTIONS {
+        let middle = 0.5 * (low + high);
+        match reached(middle) {
+            Some(false) => low = middle,
+            Some(true) => (high, found) = (middle, true),
+            None => high = middle,
+        }
+    }
+    if found { high } else { f64::INFINITY }
+}
 
 /// The energy that is enough for a contact ratio; `heated` gives the heat of a draw at an energy.
 pub(super) fn enough(
@@ -151,24 +186,17 @@ pub(super) fn enough(
     calibrated: f64,
     heated: impl Fn(usize, f64) -> Option<Heat>,
 ) -> EnoughEnergy {
-    let mut least = Vec::with_capacity(drawn.len());
+    let mut energies = Vec::with_capacity(drawn.len());
     for (place, Drawn { scene, sintering, kinetics, weight, .. }) in drawn.iter().enumerate() {
         let needed = time_to_contact_ratio(scene, *kinetics, sintering, contact_ratio);
-        let reached = |energy: f64| {
-            let end = heated(place, energy).map(|heat| heat.reduced_time_at_end());
-            needed.zip(end).is_some_and(|(needed, end)| end >= needed)
-        };
-        let [mut low, mut high] = OVER.map(|over| (over * calibrated).ln());
-        let mut found = f64::INFINITY;
-        if reached(high.exp()) {
-            for _ in 0..BISECTIONS {
-                let middle = 0.5 * (low + high);
-                if reached(middle.exp()) { high = middle } else { low = middle }
-            }
-            found = high.exp();
-        }
-        least.push((found, *weight));
+        let found = needed.map_or(f64::INFINITY, |needed| {
+            least(calibrated, |energy| {
+                heated(place, energy).map(|heat| heat.reduced_time_at_end() >= needed)
+            })
+        });
+        energies.push((found, *weight));
     }
+    let least = energies;
     let all: f64 = least.iter().map(|(_, weight)| weight).sum();
     let without: f64 =
         least.iter().filter(|(energy, _)| energy.is_infinite()).map(|(_, weight)| weight).sum();

@@ -133,7 +133,9 @@ pub fn predict(calibrated: &PairDraws, wanted: &Wanted) -> Result<Prediction, Fa
     let (sintering, after) = predicted(&drawn, wanted)?;
     let enough = wanted.enough.map(|asked| {
         let heat = heat.as_ref().filter(|heat| heat.law != LawPlan::Direct);
-        let own = heat.and_then(|heat| Some((heat, heat.energy()?)));
+        // The search begins at the calibrated energy, whatever else is asked for.
+        let calibrated_at = pair.heat.as_ref().and_then(HeatPlan::energy);
+        let own = heat.and_then(|heat| Some((heat, calibrated_at.or(heat.energy())?)));
         let (heat, energy) = own.ok_or_else(heated::no_law_for_energies)?;
         let value = |row: usize| move |name| calibrated.value(name, row);
         let at = |row: usize, energy: f64| heat.with_energy(energy)?.at(radius_m, value(row)).ok();

@@ -137,6 +137,9 @@ fn enough(found: &EnoughEnergy) -> String {
     let (ratio, percent) =
         (significant(found.contact_ratio, 3), significant(100.0 * found.probability, 4));
     match (&found.energy, &found.least_energy) {
+        (Some(0.0), _) => {
+            format!("  a/R = {ratio} is reached with {percent} % probability by any pulse energy")
+        }
         (Some(energy), Some(least)) => format!(
             "  a/R = {ratio} is reached with {percent} % probability by a pulse energy of {}; least energy {}",
             significant(*energy, 4),
