@@ -208,3 +208,29 @@ pub(super) fn enough(
     let energy = energy.filter(|energy| energy.is_finite());
     EnoughEnergy { contact_ratio, probability, energy, least_energy }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::least;
+
+    #[test]
+    fn the_least_energy_is_that_of_the_powder_wherever_the_search_begins_and_up_to_the_end_of_the_model()
+     {
+        for begin in [1e-6, 0.3, 27.9, 28.1, 2900.0, 1e12] {
+            let found = least(begin, |energy| Some(energy >= 28.0));
+            assert!((found / 28.0 - 1.0).abs() < 2e-9, "{begin}: {found}");
+            // The model ends at 40, and at 20.
+            let up_to = |end: f64| move |energy: f64| (energy <= end).then_some(energy >= 28.0);
+            if begin < 40.0 {
+                let found = least(begin, up_to(40.0));
+                assert!((found / 28.0 - 1.0).abs() < 2e-9, "{begin}: {found}");
+            }
+            if begin < 20.0 {
+                assert!(least(begin, up_to(20.0)).is_infinite());
+            }
+            assert!(least(begin, |_| Some(false)).is_infinite());
+            assert!(least(begin, |_| None).is_infinite());
+            assert!(least(begin, |_| Some(true)).abs() < f64::MIN_POSITIVE);
+        }
+    }
+}

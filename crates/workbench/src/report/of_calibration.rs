@@ -2,6 +2,7 @@
 
 use smc_calib::trust::limits::{KHAT_LIMIT, khat_in_words};
 
+use super::pictures::not_in_corner;
 use super::summary::{neck_growth, text};
 use super::tables::{observable_cells, posterior_cells};
 use crate::number::{shown_unit, significant, with_error};
@@ -38,7 +39,16 @@ pub(crate) fn page(record: &Record, drawn: &[Drawn], inputs: Option<&Inputs>, su
     if let Some(source) = &plan.source {
         page.cite.say(format!("The data: {source}."));
     }
-    page.show(drawn, |name| caption(name).to_owned());
+    page.show(drawn, |name| {
+        let left_out = not_in_corner(record);
+        match name {
+            "corner" if !left_out.is_empty() => format!(
+                "Posterior of the parameters that the data say most of, and of each pair of them, beside the prior. Not drawn: {}.",
+                left_out.join(", ")
+            ),
+            _ => caption(name).to_owned(),
+        }
+    });
     page
 }
 

@@ -115,6 +115,13 @@ fn shown(record: &Record, most: usize) -> Vec<usize> {
     places
 }
 
+/// Names of the parameters that the corner plot has no room for: those that the data say least of.
+pub(super) fn not_in_corner(record: &Record) -> Vec<&str> {
+    let shown = shown(record, MOST_IN_CORNER);
+    let named = record.parameters.iter().map(|summary| summary.parameter.name.as_str());
+    named.enumerate().filter(|(place, _)| !shown.contains(place)).map(|(_, name)| name).collect()
+}
+
 /// Where simulations failed; none where none did.
 fn failures(record: &Record) -> Option<FailuresFigure> {
     let place = record.failing.as_ref()?.place.as_ref()?;
