@@ -1,6 +1,6 @@
 //! Coalescence of viscoelastic particles.
 
-use super::pokluda::{CBRT_4, neck_shape, overlap_of};
+use super::pokluda::{CBRT_4, Neck, neck_shape, overlap_of};
 use super::{Kinetic, RateCoefficients};
 use crate::lanes::Lanes;
 use crate::{PairScene, Sintering, SolveError};
@@ -134,15 +134,10 @@ impl Kinetic for Bellehumeur {
 
     #[inline(always)]
     fn rate_after_switch<L: Lanes>(coefficients: &RateCoefficients<L>, overlap: L) -> (L, L) {
-        let w = neck_shape(overlap);
-        let squared = w * w;
-        let cubed = squared * w;
-        let one = L::splat(1.0);
-        let left = (one - cubed).max(L::splat(0.0));
+        let Neck { squared, left, growth } = Neck::at(overlap);
         let elastic = coefficients.relaxation * left;
         let p = L::splat(2.0) * elastic + L::splat(VISCOUS) * squared;
         let root = (p * p + L::splat(32.0) * elastic * elastic).sqrt();
-        let growth = (one + L::splat(2.0) * cubed) * left;
         let numerator = L::splat(4.0 / 3.0 * CBRT_4) * coefficients.stretching * growth;
         (numerator, squared * (p + root))
     }

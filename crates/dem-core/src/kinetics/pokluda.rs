@@ -145,6 +145,28 @@ pub(super) fn neck_shape<L: Lanes>(overlap: L) -> L {
     w
 }
 
+/// What the rate of stretching has of the neck.
+pub(super) struct Neck<L> {
+    /// `w^2`.
+    pub(super) squared: L,
+    /// `1 - w^3`, 0 for the merged pair.
+    pub(super) left: L,
+    /// `(1 + 2 w^3) (1 - w^3)`.
+    pub(super) growth: L,
+}
+
+impl<L: Lanes> Neck<L> {
+    #[inline(always)]
+    pub(super) fn at(overlap: L) -> Self {
+        let w = neck_shape(overlap);
+        let squared = w * w;
+        let cubed = squared * w;
+        let one = L::splat(1.0);
+        let left = (one - cubed).max(L::splat(0.0));
+        Self { squared, left, growth: (one + L::splat(2.0) * cubed) * left }
+    }
+}
+
 /// Overlap of `w`.
 #[inline]
 pub(super) fn overlap_of(w: f64) -> f64 {
@@ -198,12 +220,7 @@ impl Kinetic for Pokluda {
 
     #[inline(always)]
     fn rate_after_switch<L: Lanes>(coefficients: &RateCoefficients<L>, overlap: L) -> (L, L) {
-        let w = neck_shape(overlap);
-        let squared = w * w;
-        let cubed = squared * w;
-        let one = L::splat(1.0);
-        let left = (one - cubed).max(L::splat(0.0));
-        let growth = (one + L::splat(2.0) * cubed) * left;
+        let Neck { squared, growth, .. } = Neck::at(overlap);
         (L::splat(CBRT_2 / 9.0) * coefficients.stretching * growth, squared * squared)
     }
 

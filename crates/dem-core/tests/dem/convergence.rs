@@ -1,7 +1,7 @@
 //! The solvers with steps against independent references and against each other.
 
 use crate::kinetics::reference_time;
-use crate::reference::{integrate, materials, motion};
+use crate::reference::{integrate, largest_difference, materials, motion, quasi_static, verlet};
 use dem_core::{
     Damping, Kinetics, PairScene, PairSpec, Sintering, SolverKind, SolverSettings, StopReason,
     contact_ratios, paper, simulate, verlet_batch,
@@ -17,18 +17,6 @@ fn ratios(
     let mut out = vec![0.0; times.len()];
     contact_ratios(scene, kinetics, s, settings, times, &mut out).expect("valid");
     out
-}
-
-fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
-}
-
-fn quasi_static(tolerance: f64) -> SolverSettings {
-    SolverSettings { tolerance, ..SolverSettings::of(SolverKind::QuasiStatic) }
-}
-
-fn verlet(step_over_collision_time: f64) -> SolverSettings {
-    SolverSettings { step_over_collision_time, ..SolverSettings::of(SolverKind::Verlet) }
 }
 
 #[test]

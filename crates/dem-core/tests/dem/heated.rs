@@ -1,7 +1,7 @@
 //! The solvers under a heat: the closed form in reduced time against runs with m in their rates.
 
 use crate::kinetics::reference_time;
-use crate::reference::{integrate, materials, motion};
+use crate::reference::{integrate, largest_difference, materials, motion, quasi_static, verlet};
 use dem_core::heat::{CoolDown, Heat, History, Mobility, MobilityLaw, literature};
 use dem_core::{
     Kinetics, PairScene, PairSpec, Sintering, SolverKind, SolverSettings, StopReason,
@@ -19,18 +19,6 @@ fn heated(
     let mut out = vec![0.0; times.len()];
     heated_contact_ratios(scene, law, heat, settings, times, &mut out).expect("valid");
     out
-}
-
-fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
-}
-
-fn quasi_static(tolerance: f64) -> SolverSettings {
-    SolverSettings { tolerance, ..SolverSettings::of(SolverKind::QuasiStatic) }
-}
-
-fn verlet(step_over_collision_time: f64) -> SolverSettings {
-    SolverSettings { step_over_collision_time, ..SolverSettings::of(SolverKind::Verlet) }
 }
 
 /// Heats that take a time like `scale_s`: of every kind, with jumps and bends, that freeze and that do not.

@@ -4,7 +4,9 @@
 use std::f64::consts::PI;
 
 use dem_core::printed::from_printed;
-use dem_core::{Kinetics, PairScene, PairSpec, Powder, Sintering, paper};
+use dem_core::{
+    Kinetics, PairScene, PairSpec, Powder, Sintering, SolverKind, SolverSettings, paper,
+};
 
 /// The three pairs of the paper with the parameters of its Table 3, and a relaxation time.
 pub(crate) fn materials() -> [(PairScene, Sintering); 3] {
@@ -18,6 +20,19 @@ pub(crate) fn materials() -> [(PairScene, Sintering); 3] {
         material(paper::PA12, &paper::PA12_TABLE3, 2f64.cbrt()),
         material(paper::PEEK_450PF, &paper::PEEK_450PF_TABLE3, 2f64.cbrt()),
     ]
+}
+
+/// The largest difference between two curves at the same times.
+pub(crate) fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+pub(crate) fn quasi_static(tolerance: f64) -> SolverSettings {
+    SolverSettings { tolerance, ..SolverSettings::of(SolverKind::QuasiStatic) }
+}
+
+pub(crate) fn verlet(step_over_collision_time: f64) -> SolverSettings {
+    SolverSettings { step_over_collision_time, ..SolverSettings::of(SolverKind::Verlet) }
 }
 
 /// `dx/dt` \[1/s\], from the equations as they are printed.
