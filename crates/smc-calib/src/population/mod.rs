@@ -255,15 +255,19 @@ impl Found<'_> {
             let kept = |i: usize, what: usize| pool.kept[i * pool.kept_width + 2 * m + what];
             let own = (0..self.len()).map(|i| (kept(i, 0), weights[i].max(0.0)));
             let effective = Weighted::new(own);
-            let d = member.parameters();
-            let beyond = |j: usize| some.iter().map(|one| member.outside(one)[j]).sum::<f64>();
+            let mut outside = vec![0.0; member.parameters()];
+            for one in &some {
+                for (sum, beyond) in outside.iter_mut().zip(member.outside(one)) {
+                    *sum += beyond;
+                }
+            }
             let [alone, shrunk] = member.shrunk(&some);
             MemberSummary {
                 name: member.name.clone(),
                 effective: effective.quantile(0.5),
                 effective_least: effective.quantile(0.05),
                 fitted: self.estimator.mean(|i| kept(i, 1)).clamp(0.0, 1.0),
-                outside: (0..d).map(|j| beyond(j) / some.len().max(1) as f64).collect(),
+                outside: outside.iter().map(|sum| sum / some.len().max(1) as f64).collect(),
                 alone,
                 shrunk,
             }

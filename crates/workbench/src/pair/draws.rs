@@ -47,7 +47,7 @@ impl PairDraws {
         if record.population.is_none() {
             record.pair()?;
         }
-        Self::read_of(path, None)
+        Self::of_record(path, record, None)
     }
 
     /// As [`read`](Self::read), of the experiment of this name where several were calibrated together.
@@ -56,7 +56,10 @@ impl PairDraws {
     ///
     /// As [`read`](Self::read), and for a name that the run has not.
     pub fn read_of(path: &Path, experiment: Option<&str>) -> Result<Self, Failure> {
-        let record = record::read(path)?;
+        Self::of_record(path, record::read(path)?, experiment)
+    }
+
+    fn of_record(path: &Path, record: Record, experiment: Option<&str>) -> Result<Self, Failure> {
         let (pair, control, found) = match (&record.population, experiment) {
             (Some(population), None) => (next_pair(path, population)?, Vec::new(), None),
             (_, Some(name)) => calibrated(&record.pair_named(name)?),

@@ -187,6 +187,16 @@ impl HeatPlan {
         needed
     }
 
+    /// The radius that the cooling time of a pulse belongs to \[m\]: that of the pair where none is stated.
+    pub fn cooling_radius_m(&self, pair_radius_m: f64) -> Option<f64> {
+        match self.history {
+            HistoryPlan::Pulse { cooling_radius_m, .. } => {
+                Some(cooling_radius_m.unwrap_or(pair_radius_m))
+            }
+            _ => None,
+        }
+    }
+
     /// Whether a parameter is to be calibrated where it has a prior: the heat depends on it and it is not known.
     pub fn leaves_open(&self, name: ParameterName, radius_m: f64) -> bool {
         !self.known.contains_key(&name)

@@ -4,7 +4,7 @@ use super::types::{ExperimentPlan, PairPlan, SimulatorPlan};
 use crate::error::{InputError, Mistake};
 use crate::input::heat::HeatFields;
 use crate::input::toml_fields::{At, Fields};
-use crate::pair::heat::{HeatPlan, HistoryPlan, LawPlan};
+use crate::pair::heat::{HeatPlan, LawPlan};
 use crate::pair::parameter::ParameterName;
 
 /// Heats that cannot be meant: of no pair, one amplitude for several energies, one cooling time for several radii, or parameters
@@ -93,12 +93,7 @@ impl<'a> Heated<'a> {
                     .help("or choose mobility = \"threshold-power\", \"arrhenius\" or \"wlf\" in [heat]")
             });
         }
-        let cooling = |one: &Self| match one.heat.history {
-            HistoryPlan::Pulse { cooling_radius_m, .. } => {
-                Some(cooling_radius_m.unwrap_or(one.pair.powder.radius_m))
-            }
-            _ => None,
-        };
+        let cooling = |one: &Self| one.heat.cooling_radius_m(one.pair.powder.radius_m);
         let (own, others) = (cooling(self)?, cooling(other)?);
         let open = self.pair.takes(ParameterName::CoolingTime);
         (open && own != others && self.shares(other, ParameterName::CoolingTime)).then(|| {

@@ -9,9 +9,8 @@ use smc_calib::{Coordinate, Parameter};
 use crate::error::{Failure, InputError, Mistake};
 use crate::input::data_table::DataTable;
 use crate::output::checksums;
-use crate::pair::heat::HistoryPlan;
 use crate::pair::parameter::ParameterName;
-use crate::plan::PairPlan;
+use crate::plan::{ObservablePlan, PairPlan};
 use crate::record::{self, Record};
 
 /// Share of a prior without bounds that is left out at either end where the range of a mean is taken from it.
@@ -235,12 +234,14 @@ fn one_model(runs: &[Run]) -> Result<(), InputError> {
         }
         let earlier = std::iter::once(first).chain(&others[..place]);
         for earlier in earlier {
-            let values = |run: &Run| -> Vec<(Vec<f64>, Vec<f64>)> {
-                let observables = run.record.plan.observables();
-                observables.map(|(_, one)| (one.control.clone(), one.values.clone())).collect()
+            let mut measured = run.record.plan.observables();
+            let again = |one: &ObservablePlan| {
+                let mut known = earlier.record.plan.observables();
+                known.any(|(_, other)| {
+                    (&one.control, &one.values) == (&other.control, &other.values)
+                })
             };
-            let known = values(earlier);
-            if values(run).iter().any(|one| known.contains(one)) {
+            if measured.any(|(_, one)| again(one)) {
                 return Err(refused(format!("measurements of {} once more", earlier.given))
                     .expected("a calibration of another member for each run")
                     .help("leave one of the two out"));
@@ -287,11 +288,9 @@ fn same_pair(
     let [phi, of_first] = [other.final_contact_ratio, one.final_contact_ratio];
     let cools = first.parameter(one.calibrated(ParameterName::CoolingTime)).is_some();
     let first = &first.given;
-    let pulse = one.heat.as_ref().map(|heat| &heat.history);
-    if let Some(HistoryPlan::Pulse { cooling_radius_m: None, .. }) = pulse
-        && cools
-        && one.powder.radius_m != other.powder.radius_m
-    {
+    let cooling_radius_m =
+        |pair: &PairPlan| pair.heat.as_ref()?.cooling_radius_m(pair.powder.radius_m);
+    if cools && cooling_radius_m(one) != cooling_radius_m(other) {
         return Err(refused(format!("a cooling time of another radius than that of {first}"))
             .expected("cooling times of one radius: they go with a power of R")
             .help("state the same cooling_radius_m, and a cooling_power, in [heat] of all experiments"));

@@ -1,6 +1,6 @@
 //! Figures written as files.
 
-use figures::{Figure, Width};
+use figures::{Band, Figure, Width};
 use rayon::prelude::*;
 
 use crate::error::RunError;
@@ -10,6 +10,11 @@ use crate::watch::{Unwatched, Watch};
 
 /// Figures by the names of their files.
 pub type NamedFigures = Vec<(String, Box<dyn Figure + Send + Sync>)>;
+
+/// A band between its lower and its upper ends.
+pub(super) fn band([lower, upper]: &[Vec<f64>; 2]) -> Band {
+    Band { lower: lower.clone(), upper: upper.clone() }
+}
 
 /// Writes figures as PNG and SVG, and gives what was written, in their order.
 ///

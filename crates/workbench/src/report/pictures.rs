@@ -7,7 +7,7 @@ use figures::{
 };
 use smc_calib::{BandPoint, Coordinate, Parameter, PathParameter};
 
-use super::drawing::NamedFigures;
+use super::drawing::{NamedFigures, band};
 use super::notation::{TimeScale, symbol};
 use super::population;
 use super::samples::SampleColumns;
@@ -154,7 +154,6 @@ fn fit_of_pair(
     scale: TimeScale,
 ) -> FitFigure {
     let curves = &neck.curves;
-    let band = |[lower, upper]: &[Vec<f64>; 2]| Band { lower: lower.clone(), upper: upper.clone() };
     FitFigure {
         title,
         control: plan.control.clone(),

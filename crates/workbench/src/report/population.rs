@@ -2,10 +2,10 @@
 
 use std::fmt::Write as _;
 
-use figures::{Axes, Band, FitFigure, MarginalsFigure, MarginalsParameter};
+use figures::{Axes, FitFigure, MarginalsFigure, MarginalsParameter};
 use smc_calib::{Coordinate, Moments, ParameterSummary, Weighted};
 
-use super::drawing::NamedFigures;
+use super::drawing::{NamedFigures, band};
 use super::notation::{TimeScale, symbol};
 use super::samples::SampleColumns;
 use crate::input::data_table::quoted;
@@ -193,7 +193,6 @@ pub(super) fn figures(
 }
 
 fn curves(record: &Record, next: &NextPair, scale: TimeScale) -> FitFigure {
-    let band = |[lower, upper]: &[Vec<f64>; 2]| Band { lower: lower.clone(), upper: upper.clone() };
     FitFigure {
         title: record.plan.title.clone(),
         control: next.control.clone(),
