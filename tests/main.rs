@@ -24,6 +24,7 @@ mod main_job;
 mod noise;
 mod plot;
 mod pointers;
+mod population;
 mod predict;
 mod readme;
 mod report;
