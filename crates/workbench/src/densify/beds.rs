@@ -11,8 +11,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::Sender;
 
 use dem_core::Sintering;
-use dem_core::heat::Heat;
 use dem_core::bed::{BedError, Growing, Run, Scene, SceneFile, SinteringTable};
+use dem_core::heat::Heat;
 
 use super::agreement::no_volume;
 use super::curve::{Curve, Moment, Target};

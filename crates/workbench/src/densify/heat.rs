@@ -1,18 +1,14 @@
-//! The heat of the beds: that of the options, of the scene or of the calibration, and where it ends.
+//! The heat of the beds: that of the options, of the scene or of the calibration.
 
 use dem_core::heat::Heat;
-use serde::Serialize;
 
-use super::curve::{Band, Curve, Target};
-use super::draws::Draw;
 use super::options::DensifyOptions;
 use crate::error::InputError;
 use crate::input::heat::HeatFields;
 use crate::input::scene_file::SceneInput;
-use crate::number::significant;
 use crate::pair::asked_heat::{heat_of, refused};
 use crate::pair::draws::PairDraws;
-use crate::pair::heat::{GrowthSeen, HeatPlan};
+use crate::pair::heat::HeatPlan;
 
 /// The heat of all beds, whose numbers may be those of each draw.
 #[derive(Debug, Clone, PartialEq)]
@@ -52,73 +48,5 @@ impl BedHeat {
     pub(super) fn of(&self, calibrated: &PairDraws, row: usize) -> Result<Heat, InputError> {
         let heat = self.plan.at(self.radius_m, |name| calibrated.value(name, row));
         heat.map_err(|error| refused(&self.place, &error))
-    }
-}
-
-/// Where the beds stop growing because their heat ends.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Freezing {
-    /// The target's quantity there, over the draws that have come to rest; none where none has.
-    pub at: Option<Band>,
-    /// Draws that have come to rest.
-    pub draws: usize,
-    /// Those of them that have below the target.
-    pub below: usize,
-    /// Draws whose heat ends too, but after the run of their bed.
-    pub later: usize,
-}
-
-impl Freezing {
-    /// Of the beds of draws; none where no heat ends.
-    pub(super) fn of(computed: &[(Draw, Curve)], target: Target) -> Option<Self> {
-        let (mut ends, mut later) = (Vec::new(), 0);
-        for (draw, curve) in computed {
-            let (Some(heat), Some(last)) = (&draw.heat, curve.moments.last()) else { continue };
-            let growth = GrowthSeen::of(heat, last.time_s);
-            match growth.in_all_s {
-                None => {}
-                // A full bed has nowhere to go.
-                Some(_) if growth.is_frozen() || last.relative_density >= 1.0 => {
-                    ends.push(last.of_target(target));
-                }
-                Some(_) => later += 1,
-            }
-        }
-        let (draws, below) = (ends.len(), ends.iter().filter(|end| **end < target.value()).count());
-        let at = Band::of(ends.into_iter());
-        (draws + later > 0).then_some(Self { at, draws, below, later })
-    }
-
-    /// As lines of the summary; of all `draws` so many come `late`: they do not reach the target, though their pairs have not ended.
-    pub(super) fn lines(&self, target: Target, (late, draws): (usize, usize)) -> Vec<String> {
-        let interval = |[low, high]: [f64; 2]| {
-            format!("{} .. {}", significant(low, 3), significant(high, 3))
-        };
-        let mut lines = Vec::new();
-        if let Some(at) = &self.at {
-            lines.push(format!(
-                "  it freezes at a {} of {} (50 % {}, 90 % {})",
-                target.name(),
-                significant(at.median, 3),
-                interval(at.eti50),
-                interval(at.eti90)
-            ));
-        }
-        let below = self.below.min(late);
-        let mut tell = |count: usize, what: &str| {
-            if count > 0 {
-                lines.push(format!("    {count} of {draws} draws {what}"));
-            }
-        };
-        tell(below, "freeze below the target and count as later than all others");
-        tell(
-            late - below,
-            "do not reach it within the scene's time and count as later than all others",
-        );
-        tell(
-            self.later,
-            "have not come to rest by the end of the scene, which is to last longer to say where they freeze",
-        );
-        lines
     }
 }

@@ -4,6 +4,7 @@ mod agreement;
 mod beds;
 mod curve;
 mod draws;
+mod freezing;
 mod heat;
 mod laws;
 mod options;
@@ -36,7 +37,7 @@ use report::FailedDraw;
 
 pub use curve::{Band, Curve, Moment, Point, Target, TimeTo, crossing};
 pub use draws::Draw;
-pub use heat::Freezing;
+pub use freezing::Freezing;
 pub use laws::OtherLaw;
 pub use options::DensifyOptions;
 pub use report::{DensifyPlan, Report};
@@ -81,13 +82,11 @@ impl DensifyJob {
     /// [`Failure::Input`] for files that are wrong or do not go together.
     pub fn read(options: &DensifyOptions) -> Result<Self, Failure> {
         let files = || {
-            let calibrated = match &options.of {
-                None => PairDraws::read(&options.posterior)?,
-                of => PairDraws::read_of(&options.posterior, of.as_deref())?,
-            };
+            let calibrated = PairDraws::read_of(&options.posterior, options.of.as_deref())?;
             let input = scene_file::read(&options.scene)?;
             let heat = BedHeat::read(options, &calibrated, &input)?;
-            Ok((calibrated, input, heat))
+            // The heat of the beds is told by itself.
+            Ok((calibrated, SceneInput { heat: None, ..input }, heat))
         };
         let (files, read) = noted(files);
         let (calibrated, input, heat) = files.map_err(|error: Failure| error)?;
@@ -173,7 +172,7 @@ impl DensifyJob {
             names.join(", ")
         ));
         if let Some(heat) = &plan.heat {
-            lines.push(format!("  heat of beds  {}", heat.in_words()));
+            lines.push(format!("  heat          {}", heat.in_words()));
         }
         lines.push(format!("  target        {quantity} {level}"));
         lines.push(format!("  results to    {}\n", self.out().display()));

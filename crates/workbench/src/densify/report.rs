@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::curve::{Curve, Point, Target, TimeTo, bands};
 use super::draws::Draw;
-use super::heat::Freezing;
+use super::freezing::Freezing;
 use super::laws::{self, OtherLaw};
 use super::spread::{Spread, divide};
 use crate::careful::Careful;
@@ -354,27 +354,7 @@ impl Report {
             None => lines.push("  necks do not meet within the scene's time".to_owned()),
         }
         lines.extend(laws::lines(&self.other_laws, target.time_s.median));
-        if let Some(spread) = &self.spread {
-            lines.push(format!(
-                "  spread of ln(time) {}; of its variance comes from",
-                significant(spread.sd_ln_time, 2)
-            ));
-            for share in &spread.shares {
-                lines.push(format!(
-                    "    {:<8} {:>4.0} % +- {:.0}  ({:.0} % alone, {:.0} % last)",
-                    share.parameter,
-                    100.0 * share.share,
-                    100.0 * share.se,
-                    100.0 * share.alone,
-                    100.0 * share.last
-                ));
-            }
-            lines.push(format!(
-                "    a linear regression explains {:.0} % ({:.0} % of draws left out)",
-                100.0 * spread.r_squared,
-                100.0 * spread.r_squared_left_out
-            ));
-        }
+        lines.extend(self.spread.iter().flat_map(spread_in_words));
         for line in &self.advice {
             lines.push(format!("  careful: {line}"));
         }
@@ -382,6 +362,30 @@ impl Report {
         lines.push(String::new());
         lines.join("\n")
     }
+}
+
+/// Where the spread of the time comes from, in lines.
+fn spread_in_words(spread: &Spread) -> Vec<String> {
+    let mut lines = vec![format!(
+        "  spread of ln(time) {}; of its variance comes from",
+        significant(spread.sd_ln_time, 2)
+    )];
+    for share in &spread.shares {
+        lines.push(format!(
+            "    {:<8} {:>4.0} % +- {:.0}  ({:.0} % alone, {:.0} % last)",
+            share.parameter,
+            100.0 * share.share,
+            100.0 * share.se,
+            100.0 * share.alone,
+            100.0 * share.last
+        ));
+    }
+    lines.push(format!(
+        "    a linear regression explains {:.0} % ({:.0} % of draws left out)",
+        100.0 * spread.r_squared,
+        100.0 * spread.r_squared_left_out
+    ));
+    lines
 }
 
 pub(super) fn interval([lower, upper]: [Option<f64>; 2]) -> String {

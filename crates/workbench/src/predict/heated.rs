@@ -24,8 +24,7 @@ pub struct EnoughEnergy {
 
 /// Energies are asked for, and there is no pulse with a law of them.
 pub(super) fn no_law_for_energies() -> InputError {
-    no_law("--energy-for")
-        .found("no pulse whose amplitude goes with its energy")
+    no_law("--energy-for").found("no pulse whose amplitude goes with its energy")
 }
 
 /// Bisections of a factor of two between energies: to 1e-9 of them.

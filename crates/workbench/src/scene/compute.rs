@@ -56,7 +56,8 @@ pub(super) fn compute(
     threads: rayon::ThreadPool,
     watch: &dyn Watch,
 ) -> Result<Computed, Failure> {
-    let engine = Engine { input: input.clone(), heat: heat.clone(), checkpoint: work.get(CHECKPOINT), vtk };
+    let engine =
+        Engine { input: input.clone(), heat: heat.clone(), checkpoint: work.get(CHECKPOINT), vtk };
     let worker = Worker::start(move |send| threads.install(|| engine.work(send)));
     let total = observations(input);
     watch.begin(total as u64, 0, "observations");

@@ -116,7 +116,8 @@ impl SceneJob {
         watch.end();
         let computed = computed?;
         let seconds = start.elapsed().as_secs_f64();
-        let record = SceneRecord::new(&self.input, self.plan.clone(), &computed.run, self.heat.as_ref());
+        let record =
+            SceneRecord::new(&self.input, self.plan.clone(), &computed.run, self.heat.as_ref());
         let timings = json!({ "threads": cores, "seconds": seconds });
         let published = self.publish(&record, computed, &work, &pretty(&timings)?, watch)?;
         work.finish();
