@@ -231,6 +231,14 @@ fn beds_of_the_same_posterior_freeze_where_its_pairs_do(sandbox: &Sandbox) {
     assert_eq!(bed["parameters"].as_array().expect("names").len(), 6);
     assert_eq!(bed["plan"]["heat"]["law"]["kind"], "threshold-power");
     sandbox.run(&format!("{common} scene.toml")).refused(&["3 experiments", "--of e19"]);
+    // A scene's own heat is another history, with the numbers of the draws in place of its own.
+    let own = "[heat]\nhistory = \"pulse\"\nmobility = \"threshold-power\"\nreference_energy = 29.0\npulse_energy = 25.0\n\
+               cooling_time_s = 9.0\nthreshold_energy = 1.0\nenergy_power = 3.0\n";
+    sandbox.write("scene.toml", format!("{scene}{own}"));
+    sandbox.run(&format!("{common} scene.toml --of e29 --out own --quiet")).succeeded();
+    let text = fs::read_to_string(sandbox.path().join("own/densify.json")).expect("a record");
+    let own: Value = serde_json::from_str(&text).expect("JSON");
+    assert_eq!(own["draws"], bed["draws"]);
     sandbox.write("scene.toml", scene.replace("60e-6", "30e-6").replace("119.94e-6", "59.97e-6"));
     sandbox.run(&format!("{common} scene.toml --of e29")).refused(&["cooling_power", "the radius"]);
     let power = "[heat]\nhistory = \"pulse\"\nmobility = \"threshold-power\"\nreference_energy = 29.0\npulse_energy = 25.0\n\

@@ -171,7 +171,7 @@ struct Events {
     knee_s: Option<f64>,
     contact_ratio_1_s: Option<f64>,
     phi_s: Option<f64>,
-    /// a/R where the heat ends.
+    /// a/R where the heat ends, below phi.
     freezes_at: Option<f64>,
 }
 
@@ -188,12 +188,14 @@ impl Events {
             contact_ratios(scene, *kinetics, sintering, &closed, &[end], &mut out).ok()?;
             Some(out[0])
         };
+        let phi_s = when(scene.final_contact_ratio());
         Self {
             knee_s: knee.and_then(|knee| at(knee.time_s)),
             knee,
             contact_ratio_1_s: when(1.0),
-            phi_s: when(scene.final_contact_ratio()),
-            freezes_at: end.and_then(freezes_at),
+            phi_s,
+            // Nothing freezes that has coalesced.
+            freezes_at: end.filter(|_| phi_s.is_none()).and_then(freezes_at),
         }
     }
 }

@@ -24,7 +24,7 @@ Examples:
 Takes draws of the posterior, evenly spread over the sintering time of their pair, runs the scene with the parameters of each, \
 and writes densify.json (all of it), densify.csv (bands over time), draws.csv (a row per draw), series/ (the bed of each draw) \
 and the fan chart densify.png and .svg. Finished draws are kept: the same command goes on with the others after an \
-interruption, and another target is read from the same beds.";
+interruption, and another target is read from the same beds. Under a heat that ends, the summary says where the bed freezes.";
 
 /// A powder bed for draws of a posterior.
 #[derive(Debug, Clone, PartialEq, clap::Args)]

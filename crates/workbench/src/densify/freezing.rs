@@ -14,7 +14,7 @@ pub struct Freezing {
     pub at: Option<Band>,
     /// Draws that have come to rest.
     pub draws: usize,
-    /// Those of them that have below the target.
+    /// Those of them that are below the target then.
     pub below: usize,
     /// Draws whose heat ends too, but after the run of their bed.
     pub later: usize,
@@ -47,8 +47,12 @@ impl Freezing {
             |[low, high]: [f64; 2]| format!("{} .. {}", significant(low, 3), significant(high, 3));
         let mut lines = Vec::new();
         if let Some(at) = &self.at {
+            let of = match self.later {
+                0 => String::new(),
+                _ => format!(", for the {} of {draws} draws that come to rest", self.draws),
+            };
             lines.push(format!(
-                "  it freezes at a {} of {} (50 % {}, 90 % {})",
+                "  it freezes at a {} of {} (50 % {}, 90 % {}){of}",
                 target.name(),
                 significant(at.median, 3),
                 interval(at.eti50),
@@ -68,7 +72,7 @@ impl Freezing {
         );
         tell(
             self.later,
-            "have not come to rest by the end of the scene, which is to last longer to say where they freeze",
+            "grow still at the end of their run: a scene that lasts longer says where they freeze",
         );
         lines
     }

@@ -30,14 +30,15 @@ impl BedHeat {
         input: &SceneInput,
     ) -> Result<Option<Self>, InputError> {
         let asked = options.heat.as_deref().map(HeatFields::open).transpose()?;
-        let (fields, place) = match (&asked, &input.heat) {
-            (Some(asked), _) => (Some(asked), asked.file_name().to_owned()),
-            (None, Some(own)) => (Some(own), own.file_name().to_owned()),
-            (None, None) => (None, "--heat".to_owned()),
-        };
-        let Some(plan) = heat_of(&calibrated.pair, fields, options.pulse_energy)? else {
+        let fields = asked.as_ref().or(input.heat.as_ref());
+        let place = fields.map_or("--heat", HeatFields::file_name).to_owned();
+        let Some(mut plan) = heat_of(&calibrated.pair, fields, options.pulse_energy)? else {
             return Ok(None);
         };
+        if asked.is_none() {
+            // As those of [sintering], numbers of a scene give way to those of the draws.
+            plan.known.retain(|name, _| calibrated.value(*name, 0).is_none());
+        }
         let radius_m = plan.unrounded(input.outline.mean_radius_m);
         let heated = input.file.phases.iter().skip_while(|phase| !phase.heated);
         let lasts_s = heated.map(|phase| phase.duration_s).sum();

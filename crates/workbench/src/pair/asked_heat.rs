@@ -33,7 +33,8 @@ pub fn heat_of(
         && own.is_some_and(|own| own.law == LawPlan::Direct)
         && of_another
     {
-        return Err(no_law("--pulse-energy"));
+        let place = fields.filter(|_| pulse_energy.is_none()).map(HeatFields::file_name);
+        return Err(no_law(place.unwrap_or("--pulse-energy")));
     }
     // Without a radius of its own a calibrated cooling time is that of the calibrated pair.
     if let HistoryPlan::Pulse { cooling_radius_m, .. } = &mut heat.history {

@@ -161,8 +161,9 @@ pub enum NoHeat {
     OutOfRange(#[from] HeatError),
 }
 
-/// Share of the growth of a heat that is so little that nothing moves any more.
-const NOTHING_LEFT: f64 = 1e-3;
+/// Share of the growth of a heat, in reduced time, that is so little that nothing moves any more: of a neck that grows as a power of
+/// it below one, less than a hundredth of its size.
+const NOTHING_LEFT: f64 = 1e-2;
 
 /// How much of the growth of a heat a run of a bed has seen, in reduced time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -180,7 +181,7 @@ impl GrowthSeen {
         Self { reduced_time_s: heat.reduced_time(time_s), in_all_s }
     }
 
-    /// Whether nothing moves any more: less than a thousandth of all growth is still to come.
+    /// Whether nothing moves any more: less than a hundredth of all growth is still to come.
     pub fn is_frozen(&self) -> bool {
         self.in_all_s.is_some_and(|all| self.reduced_time_s >= (1.0 - NOTHING_LEFT) * all)
     }
