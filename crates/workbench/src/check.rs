@@ -33,6 +33,7 @@ pub fn file_at(path: &Path, said: &Columns) -> Result<Understood, InputError> {
                 Experiment::read(path, said).and_then(|experiment| of(&experiment))
             }
             TomlKind::Scene => of_scene(path, &text, false),
+            TomlKind::Heat => of_heat(path),
             TomlKind::Plan => Planned::parse(path, text).map(|plan| understood(&plan)),
         };
     }
@@ -60,6 +61,7 @@ pub fn file_at(path: &Path, said: &Columns) -> Result<Understood, InputError> {
 enum TomlKind {
     Scene,
     Experiment,
+    Heat,
     Prior,
     Plan,
 }
@@ -74,6 +76,8 @@ fn toml_kind(name: &str, text: &str) -> Result<TomlKind, InputError> {
         Ok(TomlKind::Plan)
     } else if any_of(&["table", "material", "powder"]) {
         Ok(TomlKind::Experiment)
+    } else if keys == ["heat"] {
+        Ok(TomlKind::Heat)
     } else if any_of(&ParameterName::ALL.map(ParameterName::name)) {
         Ok(TomlKind::Prior)
     } else {
@@ -92,6 +96,12 @@ fn toml_kind(name: &str, text: &str) -> Result<TomlKind, InputError> {
         )
         .help("see experiments/example-my-powder.toml and priors/example-my-powder.toml"))
     }
+}
+
+/// A heat for the option `--heat`.
+fn of_heat(path: &Path) -> Result<Understood, InputError> {
+    let heat = HeatFields::open(path)?.plan()?;
+    Ok(Understood { headline: format!("a heat, {}", heat.in_words()), ..Understood::default() })
 }
 
 /// A scene of many particles. What it says is checked; its packing is not made.
