@@ -303,14 +303,8 @@ impl HeatPlan {
 
     /// The radius that the cooling time belongs to where `radius_m` differs from it by rounding alone, as a mean of equal radii does.
     pub fn unrounded(&self, radius_m: f64) -> f64 {
-        match self.history {
-            HistoryPlan::Pulse { cooling_radius_m: Some(of), .. }
-                if (radius_m / of - 1.0).abs() < 1e-9 =>
-            {
-                of
-            }
-            _ => radius_m,
-        }
+        let of = self.cooling_radius_m(radius_m).unwrap_or(radius_m);
+        if (radius_m / of - 1.0).abs() < 1e-9 { of } else { radius_m }
     }
 
     /// The file of a table of temperatures.
