@@ -196,6 +196,74 @@ fn pulses_of_one_powder_are_calibrated_together_and_give_the_energy_that_is_enou
     let [a, b] = ["e19", "e29"]
         .map(|of| predicted(&sandbox, &format!("--of {of} --pulse-energy 25 --after 1")));
     assert_eq!(a["after"], b["after"]);
+    beds_of_the_same_posterior_freeze_where_its_pairs_do(&sandbox);
+}
+
+/// The pair of the pulses through the engine of beds.
+fn beds_of_the_same_posterior_freeze_where_its_pairs_do(sandbox: &Sandbox) {
+    let scene = fs::read_to_string(root().join("experiments/scenes/pair.toml")).expect("the scene");
+    let scene = scene
+        .replace("youngs_modulus_pa = 1.65e9", "youngs_modulus_pa = 1.6e9")
+        .replace("[62.9685e-6, 0.0", "[119.94e-6, 0.0")
+        .replace("radii_m = [31.5e-6, 31.5e-6]", "radii_m = [60e-6, 60e-6]")
+        .replace("duration_s = 8.0", "duration_s = 3.0\nmode = \"quasi-static\"\noutputs = 300");
+    sandbox.write("scene.toml", &scene);
+    let common = "densify --posterior run --contact-ratio 0.5 --draws 30 --scene";
+    let densified = |of: &str| {
+        let out = format!("bed-{of}");
+        let options = format!("--of {of} --pulse-energy 25 --out {out} --quiet");
+        sandbox.run(&format!("{common} scene.toml {options}")).succeeded();
+        let path = sandbox.path().join(out).join("densify.json");
+        serde_json::from_str::<Value>(&fs::read_to_string(path).expect("a record")).expect("JSON")
+    };
+    let bed = densified("e29");
+    let pair = predicted(sandbox, "--of e29 --pulse-energy 25 --contact-ratio 0.5");
+    assert_eq!(bed["freezes"]["draws"], 30, "{}", bed["freezes"]);
+    for (found, exact) in [
+        (&bed["freezes"]["at"], &pair["freezes"]["contact_ratio"]),
+        (&bed["target"]["time_s"], &pair["sintering"][0]["time_s"]),
+    ] {
+        let relative = number(&found["median"]) / number(&exact["median"]) - 1.0;
+        assert!(relative.abs() < 0.01, "{found}, exactly {exact}");
+    }
+    assert_eq!(densified("e19")["draws"], bed["draws"], "any of the three is the same powder");
+    // Which parameter the spread comes from is asked of those that the pair has.
+    assert_eq!(bed["parameters"].as_array().expect("names").len(), 6);
+    assert_eq!(bed["plan"]["heat"]["law"]["kind"], "threshold-power");
+    sandbox.run(&format!("{common} scene.toml")).refused(&["3 experiments", "--of e19"]);
+    // A scene's own heat is another history, with the numbers of the draws in place of its own.
+    let own = "[heat]\nhistory = \"pulse\"\nmobility = \"threshold-power\"\nreference_energy = 29.0\npulse_energy = 25.0\n\
+               cooling_time_s = 9.0\nthreshold_energy = 1.0\nenergy_power = 3.0\n";
+    sandbox.write("scene.toml", format!("{scene}{own}"));
+    sandbox.run(&format!("{common} scene.toml --of e29 --out own --quiet")).succeeded();
+    let text = fs::read_to_string(sandbox.path().join("own/densify.json")).expect("a record");
+    let own: Value = serde_json::from_str(&text).expect("JSON");
+    assert_eq!(own["draws"], bed["draws"]);
+    sandbox.write("scene.toml", scene.replace("60e-6", "30e-6").replace("119.94e-6", "59.97e-6"));
+    sandbox.run(&format!("{common} scene.toml --of e29")).refused(&["cooling_power", "the radius"]);
+    let power = "[heat]\nhistory = \"pulse\"\nmobility = \"threshold-power\"\nreference_energy = 29.0\npulse_energy = 25.0\n\
+                 cooling_power = 1.0\n";
+    sandbox.write("power.toml", power);
+    sandbox.run(&format!("{common} scene.toml --of e29 --heat power.toml --out small")).succeeded();
+}
+
+#[test]
+fn a_bed_takes_the_amplitude_of_its_own_pulse_and_no_other() {
+    let sandbox = calibrated(&plan("direct"), 512);
+    let scene = root().join("experiments/scenes/pair.toml").display().to_string();
+    let said = |more: &[&str]| {
+        let common = ["densify", "--posterior", "run", "--scene", &scene, "--of", "e23"];
+        let target = ["--contact-ratio", "0.5", "--dry-run", "--draws", "9"];
+        sandbox.run_args(&[&common[..], &target, more].concat())
+    };
+    let small = "[heat]\nhistory = \"pulse\"\nmobility = \"direct\"\ncooling_power = 1.0\n";
+    sandbox.write("small.toml", small);
+    let ran = said(&["--heat", "small.toml"]);
+    let draws = ran.succeeded().stdout.lines().find(|line| line.starts_with("  draws"));
+    let draws = draws.expect("a line of the parameters");
+    assert!(draws.contains("amplitude_23") && draws.contains("cooling_time"), "{draws}");
+    assert!(!draws.contains("amplitude_19") && !draws.contains("amplitude_29"), "{draws}");
+    said(&["--pulse-energy", "25"]).refused(&["--pulse-energy", "threshold-power"]);
 }
 
 #[test]

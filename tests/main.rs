@@ -18,6 +18,7 @@ mod files;
 mod first_hour;
 mod guide;
 mod heat;
+mod heated_beds;
 mod hostile;
 mod lammps;
 mod main_job;

@@ -233,17 +233,21 @@ fn a_killed_scene_goes_on_to_the_same_bits() {
     let sandbox = Sandbox::new();
     // Dynamic and long enough for a few checkpoints.
     let text = pair(10).replace("mode = \"quasi-static\"", "step_over_collision_time = 0.0005");
-    sandbox.write("pair.toml", text.replace("outputs = 10", "outputs = 60"));
-    kill_when(
-        &sandbox,
-        &["scene", "pair.toml", "--out", "killed", "--vtk"],
-        ".killed.work-",
-        "checkpoint",
-    );
-    assert!(!sandbox.path().join("killed").exists(), "half a result");
-    sandbox.run("scene pair.toml --out killed --vtk").succeeded();
-    sandbox.run("scene pair.toml --out whole --vtk").succeeded();
-    same_files(&sandbox.path().join("killed"), &sandbox.path().join("whole"));
+    let text = text.replace("outputs = 10", "outputs = 60");
+    let pulse = "\n[heat]\nhistory = \"pulse\"\nmobility = \"direct\"\ncooling_time_s = 3.0\n";
+    for (text, killed) in [(text.clone(), "killed"), (format!("{text}{pulse}"), "pulse")] {
+        sandbox.write("pair.toml", text);
+        kill_when(
+            &sandbox,
+            &["scene", "pair.toml", "--out", killed, "--vtk"],
+            &format!(".{killed}.work-"),
+            "checkpoint",
+        );
+        assert!(!sandbox.path().join(killed).exists(), "half a result");
+        sandbox.run(&format!("scene pair.toml --out {killed} --vtk")).succeeded();
+        sandbox.run("scene pair.toml --out whole --vtk").succeeded();
+        same_files(&sandbox.path().join(killed), &sandbox.path().join("whole"));
+    }
 }
 
 #[test]

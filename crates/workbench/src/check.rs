@@ -32,7 +32,8 @@ pub fn file_at(path: &Path, said: &Columns) -> Result<Understood, InputError> {
             TomlKind::Experiment => {
                 Experiment::read(path, said).and_then(|experiment| of(&experiment))
             }
-            TomlKind::Scene => of_scene(&name, &text, false),
+            TomlKind::Scene => of_scene(path, &text, false),
+            TomlKind::Heat => of_heat(path),
             TomlKind::Plan => Planned::parse(path, text).map(|plan| understood(&plan)),
         };
     }
@@ -41,7 +42,7 @@ pub fn file_at(path: &Path, said: &Columns) -> Result<Understood, InputError> {
         let object: serde_json::Map<_, _> = serde_json::from_str(&text).unwrap_or_default();
         let has = |key| object.contains_key(key);
         return if has("particles") && has("phases") {
-            of_scene(&name, &text, true)
+            of_scene(path, &text, true)
         } else if has("experiments") && !has("schema_version") {
             Planned::parse(path, text).map(|plan| understood(&plan))
         } else {
@@ -60,6 +61,7 @@ pub fn file_at(path: &Path, said: &Columns) -> Result<Understood, InputError> {
 enum TomlKind {
     Scene,
     Experiment,
+    Heat,
     Prior,
     Plan,
 }
@@ -74,6 +76,8 @@ fn toml_kind(name: &str, text: &str) -> Result<TomlKind, InputError> {
         Ok(TomlKind::Plan)
     } else if any_of(&["table", "material", "powder"]) {
         Ok(TomlKind::Experiment)
+    } else if keys == ["heat"] {
+        Ok(TomlKind::Heat)
     } else if any_of(&ParameterName::ALL.map(ParameterName::name)) {
         Ok(TomlKind::Prior)
     } else {
@@ -94,9 +98,15 @@ fn toml_kind(name: &str, text: &str) -> Result<TomlKind, InputError> {
     }
 }
 
+/// A heat for the option `--heat`.
+fn of_heat(path: &Path) -> Result<Understood, InputError> {
+    let heat = HeatFields::open(path)?.plan()?;
+    Ok(Understood { headline: format!("a heat, {}", heat.in_words()), ..Understood::default() })
+}
+
 /// A scene of many particles. What it says is checked; its packing is not made.
-fn of_scene(name: &str, text: &str, json: bool) -> Result<Understood, InputError> {
-    let file = scene_file::parse(name.to_owned(), text, json)?;
+fn of_scene(path: &Path, text: &str, json: bool) -> Result<Understood, InputError> {
+    let file = scene_file::parse(path, text, json)?;
     Ok(Understood {
         headline: format!("a scene of many particles, {}", file.file.name),
         details: file.describe(),

@@ -3,18 +3,22 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
+use dem_core::heat::Heat;
 use dem_core::{
     Curve, Kinetics, Knee, PairScene, PairSpec, Sintering, SolveError, SolverKind, SolverSettings,
-    StopReason, choose_solver, knee, printed, time_to_contact_ratio,
+    StopReason, choose_solver, contact_ratios, knee, printed, simulate_heated,
+    time_to_contact_ratio,
 };
 use serde_json::json;
 
 use crate::error::{Failure, InputError, Mistake, RunError};
 use crate::input::columns::Columns;
 use crate::input::experiment::Experiment;
+use crate::input::heat::HeatFields;
 use crate::input::material::Material;
 use crate::number::significant;
 use crate::output::pretty;
+use crate::pair::heat::{HeatPlan, LawPlan};
 use crate::{input::observation_table, input::text_file};
 
 /// Options of a curve.
@@ -38,6 +42,8 @@ pub struct CurveOptions {
     pub table3: bool,
     /// How the neck grows.
     pub kinetics: Kinetics,
+    /// A file with another heat than the experiment's.
+    pub heat: Option<PathBuf>,
     /// How the curve is computed; the cheapest way within the tolerance by default.
     pub solver: Option<SolverKind>,
     /// Largest error of a/R allowed to the solver.
@@ -81,8 +87,11 @@ pub struct Simulated {
 pub fn simulate(options: &CurveOptions) -> Result<Simulated, Failure> {
     let request = Request::new(options)?;
     let Request { scene, kinetics, sintering, settings, times_s, .. } = &request;
-    let curve =
-        dem_core::simulate(scene, *kinetics, sintering, settings, times_s).map_err(refused)?;
+    let curve = match &request.heat {
+        None => dem_core::simulate(scene, *kinetics, sintering, settings, times_s),
+        Some((_, heat)) => simulate_heated(scene, (*kinetics, sintering), heat, settings, times_s),
+    };
+    let curve = curve.map_err(refused)?;
     Ok(Simulated { events: Events::of(&request), request, curve })
 }
 
@@ -93,6 +102,7 @@ struct Request {
     scene: PairScene,
     kinetics: Kinetics,
     sintering: Sintering,
+    heat: Option<(HeatPlan, Heat)>,
     from_table3: bool,
     settings: SolverSettings,
     reason: String,
@@ -117,7 +127,9 @@ impl Request {
         let sintering = sintering(options, &experiment)?;
         let (settings, reason) = solver(options, &scene)?;
         let times_s = times(options, &experiment)?;
+        let heat = heat(options, &experiment)?;
         Ok(Self {
+            heat,
             experiment,
             scene,
             kinetics: options.kinetics,
@@ -130,34 +142,74 @@ impl Request {
     }
 }
 
+/// The heat of the pair: that of the experiment, or of a file, which leaves to the experiment's what it does not say.
+fn heat(
+    options: &CurveOptions,
+    experiment: &Experiment,
+) -> Result<Option<(HeatPlan, Heat)>, InputError> {
+    let asked = options.heat.as_deref().map(HeatFields::open).transpose()?;
+    let own = experiment.heat.as_ref();
+    let Some(fields) = asked.as_ref().or(own) else { return Ok(None) };
+    let mut plan = fields.plan()?;
+    // A direct amplitude is that of its own pulse.
+    let fits = |own: &HeatPlan| {
+        let same = own.energy() == plan.energy() || plan.energy().is_none();
+        own.law == plan.law && (same || own.law != LawPlan::Direct)
+    };
+    if let Some(own) = own.and_then(|own| own.plan().ok()).filter(fits) {
+        plan.complete_with(&own);
+    }
+    let heat = fields.stated(&plan, experiment.powder.radius_m)?;
+    Ok(Some((plan, heat)))
+}
+
 /// When things happen, in the quasi-static limit.
 #[derive(Debug)]
 struct Events {
     knee: Option<Knee>,
+    /// When the knee is; none where its heat ends before.
+    knee_s: Option<f64>,
     contact_ratio_1_s: Option<f64>,
     phi_s: Option<f64>,
+    /// a/R where the heat ends, below phi.
+    freezes_at: Option<f64>,
 }
 
 impl Events {
     fn of(request: &Request) -> Self {
         let Request { scene, kinetics, sintering, .. } = request;
-        let when = |target| time_to_contact_ratio(scene, *kinetics, sintering, target);
+        let heat = request.heat.as_ref().map(|(_, heat)| heat);
+        let at = |reduced_s| heat.map_or(Some(reduced_s), |heat| heat.time(reduced_s));
+        let when = |target| at(time_to_contact_ratio(scene, *kinetics, sintering, target)?);
+        let knee = kinetics.separates_c1_from_delta_c().then(|| knee(scene, sintering));
+        let end = heat.map(Heat::reduced_time_at_end).filter(|end| end.is_finite());
+        let freezes_at = |end| {
+            let (mut out, closed) = ([0.0], SolverSettings::of(SolverKind::ClosedForm));
+            contact_ratios(scene, *kinetics, sintering, &closed, &[end], &mut out).ok()?;
+            Some(out[0])
+        };
+        let phi_s = when(scene.final_contact_ratio());
         Self {
-            knee: kinetics.separates_c1_from_delta_c().then(|| knee(scene, sintering)),
+            knee_s: knee.and_then(|knee| at(knee.time_s)),
+            knee,
             contact_ratio_1_s: when(1.0),
-            phi_s: when(scene.final_contact_ratio()),
+            phi_s,
+            // Nothing freezes that has coalesced.
+            freezes_at: end.filter(|_| phi_s.is_none()).and_then(freezes_at),
         }
     }
 }
 
-fn describe(knee: &Knee) -> String {
+fn describe(knee: &Knee, time_s: Option<f64>) -> String {
     let ratio = knee.contact_ratio;
     if !knee.has_stretching {
         format!("none: a_ve/R = {ratio:.3} lies above phi, the pair zips to the end")
     } else if !knee.has_zipping {
         format!("none: a_ve/R = {ratio:.3} lies below the adhesive contact, stage 2 is absent")
+    } else if let Some(time_s) = time_s {
+        format!("at {} s, a/R = {ratio:.3}", significant(time_s, 4))
     } else {
-        format!("at {} s, a/R = {ratio:.3}", significant(knee.time_s, 4))
+        format!("never: a/R = {ratio:.3} is more than its heat gives")
     }
 }
 
@@ -321,6 +373,9 @@ impl Simulated {
                 format!("tau_s = {tau_s} s{lambda}{origin}; {kinetics} has no C1 and delta_c")
             },
         );
+        if let Some((heat, _)) = &request.heat {
+            line("heat", heat.in_words());
+        }
         line("solver", request.reason.clone());
         let report = &curve.report;
         let steps = match report.steps {
@@ -338,7 +393,7 @@ impl Simulated {
         // The solver with inertia is later than its quasi-static limit, from which these come.
         let limit = if report.kind == SolverKind::Verlet { " (without inertia)" } else { "" };
         if let Some(knee) = &events.knee {
-            line("knee", format!("{}{limit}", describe(knee)));
+            line("knee", format!("{}{limit}", describe(knee, events.knee_s)));
         }
         let reached = |time: Option<f64>| match time {
             Some(time) => format!("at {} s{limit}", significant(time, 4)),
@@ -346,6 +401,9 @@ impl Simulated {
         };
         line("a/R = 1", reached(events.contact_ratio_1_s));
         line("phi", reached(events.phi_s));
+        if let Some(ratio) = events.freezes_at {
+            line("freezes", format!("at a/R = {}{limit}", significant(ratio, 4)));
+        }
         text
     }
 
@@ -380,7 +438,7 @@ impl Simulated {
         if kinetics.uses_lambda() {
             parameters["lambda"] = json!(sintering.lambda);
         }
-        let value = json!({
+        let mut value = json!({
             "experiment": experiment.name,
             "material": experiment.material.map(Material::name),
             "powder": scene.powder(),
@@ -397,7 +455,7 @@ impl Simulated {
                 "coalesced": curve.report.stop == StopReason::Coalesced,
             },
             "events": {
-                "knee_s": events.knee.map(|knee| knee.time_s),
+                "knee_s": events.knee_s,
                 "knee_contact_ratio": events.knee.map(|knee| knee.contact_ratio),
                 "contact_ratio_1_s": events.contact_ratio_1_s,
                 "final_contact_ratio_s": events.phi_s,
@@ -409,6 +467,10 @@ impl Simulated {
                 "contact_ratio": curve.contact_ratio,
             },
         });
+        if let Some((plan, _)) = &request.heat {
+            value["heat"] = json!(plan);
+            value["events"]["freezes_at"] = json!(events.freezes_at);
+        }
         pretty(&value)
     }
 }

@@ -18,11 +18,13 @@ Examples:
       --draws 100 --target 0.85
   calibrate densify --posterior results/pa12 --contact-ratio 0.9 \\
       --scene experiments/scenes/pair.toml
+  calibrate densify --posterior results/ps-power --of e29 \\
+      --pulse-energy 25 --scene experiments/scenes/ps-pulse.toml
 
 Takes draws of the posterior, evenly spread over the sintering time of their pair, runs the scene with the parameters of each, \
 and writes densify.json (all of it), densify.csv (bands over time), draws.csv (a row per draw), series/ (the bed of each draw) \
 and the fan chart densify.png and .svg. Finished draws are kept: the same command goes on with the others after an \
-interruption, and another target is read from the same beds.";
+interruption, and another target is read from the same beds. Under a heat that ends, the summary says where the bed freezes.";
 
 /// A powder bed for draws of a posterior.
 #[derive(Debug, Clone, PartialEq, clap::Args)]
@@ -36,6 +38,19 @@ pub(crate) struct DensifyArgs {
     /// parameters are replaced by those of each draw
     #[arg(short, long, value_name = "FILE")]
     scene: PathBuf,
+
+    /// The experiment of a posterior of several
+    #[arg(long, value_name = "NAME")]
+    of: Option<String>,
+
+    /// Under this heat: a file with a heat section, or an experiment's description. What it leaves open is taken from the posterior
+    /// [default: the scene's, or else the one that was calibrated with]
+    #[arg(long, value_name = "FILE")]
+    heat: Option<PathBuf>,
+
+    /// Under a pulse of this energy, from 1e-12 to 1e12 in the unit of the calibrated ones
+    #[arg(long, value_name = "E", value_parser = arguments::pulse_energy, allow_negative_numbers = true)]
+    pulse_energy: Option<f64>,
 
     /// Draws of the posterior, from 2 to 100000
     #[arg(short = 'n', long, value_name = "N", default_value_t = 50, value_parser = arguments::draws, allow_negative_numbers = true)]
@@ -83,6 +98,9 @@ pub(crate) fn run(args: &DensifyArgs) -> Result<(), Failure> {
         draws: args.draws,
         target: contact_ratio.or(args.target.map(Target::RelativeDensity)),
         seed: args.seed,
+        of: args.of.clone(),
+        heat: args.heat.clone(),
+        pulse_energy: args.pulse_energy,
         out: args.out.clone(),
     })?;
     let terminal = Terminal::new(args.quiet, OnInterrupt::Detach);

@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 
 use workbench::error::Failure;
+use workbench::input::heat::HeatFields;
 use workbench::output::{pretty, write_file};
 use workbench::pair::draws::PairDraws;
-use workbench::predict::{Wanted, predict, predict_average, read_heat};
+use workbench::predict::{Wanted, predict, predict_average};
 
 use crate::arguments;
 use crate::terminal;
@@ -99,7 +100,7 @@ pub(crate) fn run(args: &PredictArgs) -> Result<(), Failure> {
         after_s: args.after.clone(),
         radius_m: args.radius_m,
         with_noise: args.with_noise,
-        heat: args.heat.as_deref().map(read_heat).transpose()?,
+        heat: args.heat.as_deref().map(HeatFields::open).transpose()?,
         pulse_energy: args.pulse_energy,
         enough: args.energy_for.map(|ratio| (ratio, args.probability)),
     };

@@ -13,11 +13,12 @@ const EXAMPLES: &str = "\
 Examples:
   calibrate scene experiments/scenes/pair.toml
   calibrate scene experiments/scenes/powder-bed-1000.toml --vtk
+  calibrate scene experiments/scenes/ps-pulse.toml
   calibrate scene my-bed.toml --dry-run
 
 Writes series.csv (density, coordination, contact ratios, forces and energies over time), scene.json (summary), pictures of \
 the bed at the start and at the end (PNG), the curves (PNG and SVG), and with --vtk a file per observation for ParaView. A \
-run that was interrupted or killed goes on where it was when the same command is given again, to the same bits.";
+scene with a heat section is run under that heat, of which every number must be stated. A run that was interrupted or killed goes on where it was when the same command is given again, to the same bits.";
 
 /// Run a scene of many particles.
 #[derive(Debug, Clone, PartialEq, Eq, clap::Args)]

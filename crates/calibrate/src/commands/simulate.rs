@@ -18,6 +18,7 @@ Examples:
       --delta-c 9.5e-8 --t-end 10 --points 50
   calibrate simulate --material ps --table3 --solver verlet \\
       --from-contact --out ps.csv
+  calibrate simulate --material ps --table3 --heat pulse.toml
 
 The curve goes to standard output (or --out) as CSV: time_s, overlap_m, plastic_overlap_m, contact_ratio. \
 Which solver ran and why, and what happens when, goes to standard error.";
@@ -61,6 +62,10 @@ pub(crate) struct SimulateArgs {
     /// How the neck grows
     #[arg(long, value_name = "NAME", default_value = "three-stage", value_parser = arguments::kinetics(), help_heading = "Model")]
     kinetics: Kinetics,
+
+    /// Under this heat: a file with a heat section, or an experiment's description. Every number of it is stated, here or in the experiment
+    #[arg(long, value_name = "FILE", help_heading = "Model")]
+    heat: Option<PathBuf>,
 
     /// How the curve is computed; auto takes the cheapest solver within --tolerance
     #[arg(long, value_name = "NAME", default_value = "auto", value_parser = arguments::solver(), help_heading = "Model")]
@@ -135,6 +140,7 @@ impl SimulateArgs {
             lambda: self.lambda,
             table3: self.table3,
             kinetics: self.kinetics,
+            heat: self.heat.clone(),
             solver: self.solver,
             tolerance: self.tolerance,
             step: self.step,

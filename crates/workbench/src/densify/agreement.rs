@@ -58,17 +58,6 @@ pub(super) fn sintering<'a>(
         )))
 }
 
-/// Refuses a posterior of pairs under a heat: a bed is at one temperature, that of C1 and tau_s.
-pub(super) fn isothermal(posterior: &Path, calibrated: &PairDraws) -> Result<(), InputError> {
-    if calibrated.pair.heat.is_none() {
-        return Ok(());
-    }
-    Err(InputError::new(posterior.display().to_string(), Mistake::Conflict)
-        .found("a posterior of a pair under a heat")
-        .expected("one calibrated at one temperature, as a bed is at one temperature")
-        .help("calibrate predict takes a heat, for pairs"))
-}
-
 /// Refuses a scene in which nothing sinters.
 pub(super) fn heated(input: &SceneInput) -> Result<(), InputError> {
     if input.file.phases.iter().any(|phase| phase.heated) {

@@ -12,6 +12,7 @@ use std::sync::mpsc::Sender;
 
 use dem_core::Sintering;
 use dem_core::bed::{BedError, Growing, Run, Scene, SceneFile, SinteringTable};
+use dem_core::heat::Heat;
 
 use super::agreement::no_volume;
 use super::curve::{Curve, Moment, Target};
@@ -97,8 +98,9 @@ impl Wanted<'_> {
     }
 
     fn bed(&self, draw: usize) -> Bed {
-        let (growing, phi) = self.growing(&self.draws[draw]);
-        Bed { draw, growing, phi }
+        let chosen = &self.draws[draw];
+        let (growing, phi) = self.growing(chosen);
+        Bed { draw, growing, phi, heat: chosen.heat.clone() }
     }
 
     /// How the contacts of a draw grow, and its final contact ratio where that was calibrated.
@@ -177,6 +179,8 @@ struct Bed {
     growing: Growing,
     /// Its final contact ratio, where that was calibrated.
     phi: Option<f64>,
+    /// Its heat; none at the temperature of its parameters.
+    heat: Option<Heat>,
 }
 
 /// Messages of the threads.
@@ -267,6 +271,9 @@ fn one(scene: &Scene, settled: &Run, bed: &Bed, send: &Sender<Message>) -> Resul
         }
     };
     run.set_growing(bed.growing)?;
+    if let Some(heat) = &bed.heat {
+        run.set_heat(heat.clone())?;
+    }
     let heated_from_s = run.bed().time_s();
     let mut curve = Curve::default();
     while let Some(progress) = run.advance()? {

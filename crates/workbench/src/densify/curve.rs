@@ -239,7 +239,7 @@ pub struct Band {
 }
 
 impl Band {
-    fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
+    pub(super) fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
         let draws = Weighted::new(values.map(|value| (value, 1.0)));
         let median = draws.quantile(0.5);
         median.is_finite().then(|| Self {

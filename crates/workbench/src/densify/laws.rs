@@ -3,6 +3,7 @@
 use dem_core::PairScene;
 use dem_core::bed::Growing;
 use dem_core::densification::Densification;
+use dem_core::heat::Heat;
 use serde::Serialize;
 
 use super::curve::{Curve, Target, TimeTo};
@@ -17,14 +18,21 @@ pub struct OtherLaw {
     pub time_s: TimeTo,
 }
 
+/// What another law needs of a draw.
+pub(super) type OfDraw<'a> = (PairScene, Growing, Option<&'a Heat>, &'a Curve);
+
 /// Times by all laws, where the target is a relative density. `draws` are the pairs of two particles of the mean
-/// radius, with the growth and the bed of each draw.
-pub(super) fn other_laws(target: Target, draws: &[(PairScene, Growing, &Curve)]) -> Vec<OtherLaw> {
+/// radius, with the growth, the heat and the bed of each draw.
+pub(super) fn other_laws(target: Target, draws: &[OfDraw<'_>]) -> Vec<OtherLaw> {
     let Target::RelativeDensity(density) = target else { return Vec::new() };
-    let time = |law: Densification, (pair, growing, curve): &(PairScene, Growing, &Curve)| {
+    let time = |law: Densification, (pair, growing, heat, curve): &OfDraw<'_>| {
         let start = curve.moments.first()?.relative_density;
         let sintering = growing.sintering.at_radius(growing.calibrated_radius_m, pair.radius_m());
-        law.time_s(pair, (growing.kinetics, &sintering), start, density)
+        let reduced_s = law.time_s(pair, (growing.kinetics, &sintering), start, density)?;
+        match heat {
+            None => Some(reduced_s),
+            Some(heat) => heat.time(reduced_s),
+        }
     };
     Densification::ALL
         .into_iter()

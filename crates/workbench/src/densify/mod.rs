@@ -4,17 +4,21 @@ mod agreement;
 mod beds;
 mod curve;
 mod draws;
+mod freezing;
+mod heat;
 mod laws;
+mod options;
 mod page;
 mod report;
 mod spread;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 use dem_core::bed::{BedError, SinteringTable};
 use figures::Width;
 use serde_json::json;
+use smc_calib::Parameter;
 
 use crate::error::{Failure, RunError};
 use crate::input::files_read::noted;
@@ -28,33 +32,19 @@ use crate::pair::draws::PairDraws;
 use crate::report::{NamedFigures, draw_all};
 use crate::watch::Watch;
 use beds::{Wanted, file_name};
+use heat::BedHeat;
 use report::FailedDraw;
 
 pub use curve::{Band, Curve, Moment, Point, Target, TimeTo, crossing};
 pub use draws::Draw;
+pub use freezing::Freezing;
 pub use laws::OtherLaw;
+pub use options::DensifyOptions;
 pub use report::{DensifyPlan, Report};
 pub use spread::{Share, Spread};
 
 /// The record of a densification.
 pub const DENSIFY_RECORD: &str = crate::output::kinds::DENSIFICATION;
-
-/// Options of a densification.
-#[derive(Debug, Clone, PartialEq)]
-pub struct DensifyOptions {
-    /// A `posterior.json`, or the folder it is in; `draws.csv` must be beside it.
-    pub posterior: PathBuf,
-    /// A scene with a heated phase and the kinetics of the posterior.
-    pub scene: PathBuf,
-    /// Number of draws.
-    pub draws: usize,
-    /// The target; a relative density of 0.9 by default.
-    pub target: Option<Target>,
-    /// Seed of the choice of draws.
-    pub seed: u64,
-    /// Folder of the results; `results/SCENE-POSTERIOR` by default.
-    pub out: Option<PathBuf>,
-}
 
 /// A scene and a posterior that were read and go together, and the folder that the results go to.
 #[derive(Debug)]
@@ -62,6 +52,8 @@ pub struct DensifyJob {
     input: SceneInput,
     sintering: SinteringTable,
     calibrated: PairDraws,
+    /// The parameters of the draws.
+    parameters: Vec<Parameter>,
     draws: Vec<Draw>,
     plan: DensifyPlan,
     /// Everything that a bed depends on, the draw apart.
@@ -89,17 +81,28 @@ impl DensifyJob {
     ///
     /// [`Failure::Input`] for files that are wrong or do not go together.
     pub fn read(options: &DensifyOptions) -> Result<Self, Failure> {
-        let files =
-            || Ok((PairDraws::read(&options.posterior)?, scene_file::read(&options.scene)?));
+        let files = || {
+            let calibrated = PairDraws::read_of(&options.posterior, options.of.as_deref())?;
+            let input = scene_file::read(&options.scene)?;
+            let heat = BedHeat::read(options, &calibrated, &input)?;
+            // The heat of the beds is told by itself.
+            Ok((calibrated, SceneInput { heat: None, ..input }, heat))
+        };
         let (files, read) = noted(files);
-        let (calibrated, input) = files.map_err(|error: Failure| error)?;
-        agreement::isothermal(&options.posterior, &calibrated)?;
+        let (calibrated, input, heat) = files.map_err(|error: Failure| error)?;
         let target = agreement::target(options.target, &input)?;
         let posterior = &calibrated.record.plan;
         let kinetics = calibrated.pair.kinetics;
         let sintering = agreement::sintering(&options.posterior, kinetics, &input)?.clone();
         agreement::heated(&input)?;
-        let draws = draws::choose(&calibrated, options.draws, options.seed)?;
+        let used = match options.of {
+            None => (0..posterior.parameters.len()).collect(),
+            Some(_) => draws::used(&calibrated),
+        };
+        let named = |&place: &usize| posterior.parameters.get(place).cloned();
+        let parameters = used.iter().filter_map(named).collect();
+        let wanted = (options.draws, options.seed);
+        let draws = draws::choose(&calibrated, &used, heat.as_ref(), wanted)?;
         let of_posterior = serde_json::to_string(posterior).map_err(RunError::new)?;
         let identity = format!("{of_posterior}\n{:?}", calibrated.columns);
         let plan = DensifyPlan {
@@ -112,22 +115,32 @@ impl DensifyJob {
             draws: options.draws,
             seed: options.seed,
             target,
+            of: options.of.clone(),
+            heat: heat.map(|heat| heat.plan),
+            pulse_energy: options.pulse_energy,
             version: env!("CARGO_PKG_VERSION").to_owned(),
         };
-        let bed_plan = json!({
+        let mut bed_plan = json!({
             "scene": plan.scene, "posterior": plan.posterior_fingerprint, "draws": plan.draws,
             "seed": plan.seed, "version": plan.version,
         });
+        if let Some(of) = &plan.of {
+            bed_plan["of"] = json!(of);
+        }
+        if let Some(heat) = &plan.heat {
+            bed_plan["heat"] = json!(heat);
+        }
         let default = format!("{}-{}", input.folder_name(), posterior.name);
         let out = options.out.clone().unwrap_or_else(|| Path::new("results").join(default));
         Ok(Self {
             advice: agreement::advice(&calibrated, &input),
             folder: RunFolder::prepare(&out, DENSIFY_RECORD)?,
             bed_plan: bed_plan.to_string(),
-            inputs: page::inputs(&options.posterior, &options.scene, &read),
+            inputs: page::inputs(options, plan.heat.as_ref(), &read),
             input,
             sintering,
             calibrated,
+            parameters,
             draws,
             plan,
         })
@@ -151,14 +164,16 @@ impl DensifyJob {
             plan.scene_name, plan.draws, plan.posterior_name
         )];
         lines.extend(self.input.describe().iter().map(|line| format!("  {line}")));
-        let names: Vec<&str> =
-            self.calibrated.record.plan.parameters.iter().map(|p| p.name.as_str()).collect();
+        let names: Vec<&str> = self.parameters.iter().map(|p| p.name.as_str()).collect();
         let radius_um = significant(1e6 * plan.calibrated_radius_m, 4);
         let (quantity, level) = (plan.target.name(), significant(plan.target.value(), 3));
         lines.push(format!(
             "  draws         {} instead of the scene's, tau_s at R = {radius_um} um",
             names.join(", ")
         ));
+        if let Some(heat) = &plan.heat {
+            lines.push(format!("  heat          {}", heat.in_words()));
+        }
         lines.push(format!("  target        {quantity} {level}"));
         lines.push(format!("  results to    {}\n", self.out().display()));
         lines.join("\n")
@@ -189,8 +204,7 @@ impl DensifyJob {
         let beds = wanted.beds(&self.out().join("series"), &work, threads, watch)?;
         let seconds = start.elapsed().as_secs_f64();
         let (computed, failed) = divide(&self.draws, beds);
-        let calibrated = &self.calibrated.record.plan.parameters;
-        let parameters = calibrated.iter().map(|parameter| parameter.name.clone()).collect();
+        let parameters = self.parameters.iter().map(|parameter| parameter.name.clone()).collect();
         let about = (self.other_laws(&wanted, &computed)?, self.advice.clone());
         let report = Report::new(self.plan.clone(), parameters, &computed, failed, about);
 
@@ -199,7 +213,7 @@ impl DensifyJob {
             |name: &str, bytes: &[u8]| staging.write(self.out(), name, bytes).map_err(make_room);
         write(DENSIFY_RECORD, pretty(&report)?.as_bytes())?;
         write("densify.csv", report.curve_csv().as_bytes())?;
-        let units: Vec<&str> = calibrated.iter().map(|parameter| parameter.unit.as_str()).collect();
+        let units: Vec<&str> = self.parameters.iter().map(|one| one.unit.as_str()).collect();
         write("draws.csv", report.draws_csv(&units).as_bytes())?;
         let figures: NamedFigures = vec![("densify".to_owned(), Box::new(report.figure()))];
         let drawn = draw_all(&figures, Width::Column, &write)?;
@@ -236,7 +250,8 @@ impl DensifyJob {
             let mut file = self.input.file.clone();
             let (growing, phi) = wanted.growing(draw);
             file.material.final_contact_ratio = phi.unwrap_or(file.material.final_contact_ratio);
-            draws.push((file.pair_of_radius(radius_m).map_err(refused)?, growing, curve));
+            let pair = file.pair_of_radius(radius_m).map_err(refused)?;
+            draws.push((pair, growing, draw.heat.as_ref(), curve));
         }
         Ok(laws::other_laws(self.plan.target, &draws))
     }

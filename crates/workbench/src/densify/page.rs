@@ -1,27 +1,34 @@
 //! A densification as the sections of its report.
 
-use std::path::Path;
-
 use super::curve::Target;
+use super::options::DensifyOptions;
 use super::report::{Report, interval};
 use crate::input::files_read::FilesRead;
+use crate::input::scene_file::table_of;
 use crate::input::text_file::folder_of;
 use crate::number::significant;
 use crate::output::inputs::Inputs;
 use crate::output::page::{self, Drawn, Page, Part};
+use crate::pair::heat::HeatPlan;
 use crate::plan::shell_word;
 use crate::record;
 
 /// The roles of the files that it is made of.
 const SCENE: &str = "scene";
 const POSTERIOR: &str = "posterior";
+const HEAT: &str = "heat";
 
 /// The files that a densification is made of.
-pub(super) fn inputs(posterior: &Path, scene: &Path, read: &FilesRead) -> Inputs {
-    let posterior = record::locate(posterior);
+pub(super) fn inputs(
+    options: &DensifyOptions,
+    heat: Option<&HeatPlan>,
+    read: &FilesRead,
+) -> Inputs {
+    let posterior = record::locate(&options.posterior);
     let draws = folder_of(&posterior).join("draws.csv");
-    let files = [(SCENE, scene.to_owned()), (POSTERIOR, posterior), ("draws", draws)];
-    Inputs::of(files, None, read)
+    let files = [(SCENE, options.scene.clone()), (POSTERIOR, posterior), ("draws", draws)];
+    let of_heat = options.heat.clone().map(|file| (HEAT, file)).into_iter().chain(table_of(heat));
+    Inputs::of(files.into_iter().chain(of_heat), None, read)
 }
 
 /// The report: the record, the scene in words, the figures and the files that it was made of.
@@ -49,6 +56,9 @@ pub(super) fn page(
     page.model.listings.push(described.join("\n"));
     let radius = significant(1e6 * plan.calibrated_radius_m, 4);
     page.model.fact("Kinetics", format!("{}, tau_s calibrated at R = {radius} µm", plan.kinetics));
+    if let Some(heat) = &plan.heat {
+        page.model.fact("Heat", heat.in_words());
+    }
     page.checked.fact("Draws that failed", report.failed.len().to_string());
     let beyond = format!("{} of {}", report.target.outside_model, report.target.draws);
     page.checked.fact("Draws that reach the target after their pairs have ended", beyond);
@@ -99,7 +109,11 @@ fn command(report: &Report, inputs: &Inputs) -> String {
         Target::ContactRatio(ratio) => format!("--contact-ratio {ratio}"),
     };
     let (draws, seed) = (plan.draws, plan.seed);
+    let of = plan.of.as_ref().map(|of| format!(" --of {}", shell_word(of)));
+    let heat = inputs.by_role(HEAT).map(|file| format!(" --heat {}", shell_word(&file.name)));
+    let energy = plan.pulse_energy.map(|energy| format!(" --pulse-energy {energy}"));
+    let heat: String = [of, heat, energy].into_iter().flatten().collect();
     format!(
-        "calibrate densify --posterior {posterior} --scene {scene} --draws {draws} {target} --seed {seed}"
+        "calibrate densify --posterior {posterior}{heat} --scene {scene} --draws {draws} {target} --seed {seed}"
     )
 }

@@ -9,10 +9,12 @@ use serde_json::Value;
 
 use super::curve::{Curve, Point, Target, TimeTo, bands};
 use super::draws::Draw;
+use super::freezing::Freezing;
 use super::laws::{self, OtherLaw};
 use super::spread::{Spread, divide};
 use crate::careful::Careful;
 use crate::number::significant;
+use crate::pair::heat::HeatPlan;
 use dem_core::bed::NECKS_MEET;
 use figures::DensificationFigure;
 
@@ -40,6 +42,15 @@ pub struct DensifyPlan {
     pub seed: u64,
     /// The level whose time is wanted.
     pub target: Target,
+    /// The experiment of a posterior of several.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub of: Option<String>,
+    /// The heat of the beds, its open numbers being those of each draw; none at the temperature of the calibration.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub heat: Option<HeatPlan>,
+    /// The energy of its pulse, where another than the file's was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pulse_energy: Option<f64>,
     /// Version of this program.
     pub version: String,
 }
@@ -113,6 +124,9 @@ pub struct Report {
     pub target: Reached,
     /// Where the pairs end.
     pub pairs_end: PairsEndAt,
+    /// Where the beds stop growing, with a heat that ends.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub freezes: Option<Freezing>,
     /// What other laws say of the same time; none where the target is no relative density.
     pub other_laws: Vec<OtherLaw>,
     /// Where the spread of the time comes from; none where too few draws reach the target.
@@ -191,6 +205,7 @@ impl Report {
             parameters,
             target: record,
             pairs_end,
+            freezes: Freezing::of(computed, target),
             other_laws,
             spread,
             curve: bands(&curves),
@@ -323,8 +338,11 @@ impl Report {
             };
             lines.push(never(target.ended_below, why));
         }
-        if target.never > target.ended_below {
-            lines.push(never(target.never - target.ended_below, " within the scene's time"));
+        let late = target.never - target.ended_below;
+        match &self.freezes {
+            None if late == 0 => {}
+            None => lines.push(never(late, " within the scene's time")),
+            Some(freezes) => lines.extend(freezes.lines(plan.target, (late, self.draws.len()))),
         }
         match self.pairs_end.at {
             Some(at) => lines.push(format!(
@@ -336,27 +354,7 @@ impl Report {
             None => lines.push("  necks do not meet within the scene's time".to_owned()),
         }
         lines.extend(laws::lines(&self.other_laws, target.time_s.median));
-        if let Some(spread) = &self.spread {
-            lines.push(format!(
-                "  spread of ln(time) {}; of its variance comes from",
-                significant(spread.sd_ln_time, 2)
-            ));
-            for share in &spread.shares {
-                lines.push(format!(
-                    "    {:<8} {:>4.0} % +- {:.0}  ({:.0} % alone, {:.0} % last)",
-                    share.parameter,
-                    100.0 * share.share,
-                    100.0 * share.se,
-                    100.0 * share.alone,
-                    100.0 * share.last
-                ));
-            }
-            lines.push(format!(
-                "    a linear regression explains {:.0} % ({:.0} % of draws left out)",
-                100.0 * spread.r_squared,
-                100.0 * spread.r_squared_left_out
-            ));
-        }
+        lines.extend(self.spread.iter().flat_map(spread_in_words));
         for line in &self.advice {
             lines.push(format!("  careful: {line}"));
         }
@@ -364,6 +362,30 @@ impl Report {
         lines.push(String::new());
         lines.join("\n")
     }
+}
+
+/// Where the spread of the time comes from, in lines.
+fn spread_in_words(spread: &Spread) -> Vec<String> {
+    let mut lines = vec![format!(
+        "  spread of ln(time) {}; of its variance comes from",
+        significant(spread.sd_ln_time, 2)
+    )];
+    for share in &spread.shares {
+        lines.push(format!(
+            "    {:<8} {:>4.0} % +- {:.0}  ({:.0} % alone, {:.0} % last)",
+            share.parameter,
+            100.0 * share.share,
+            100.0 * share.se,
+            100.0 * share.alone,
+            100.0 * share.last
+        ));
+    }
+    lines.push(format!(
+        "    a linear regression explains {:.0} % ({:.0} % of draws left out)",
+        100.0 * spread.r_squared,
+        100.0 * spread.r_squared_left_out
+    ));
+    lines
 }
 
 pub(super) fn interval([lower, upper]: [Option<f64>; 2]) -> String {

@@ -6,11 +6,13 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use dem_core::heat::Heat;
+
 use crate::error::{InputError, Mistake, nearest};
 use crate::input::data_table::DataTable;
 use crate::input::text_file;
-use crate::input::toml_fields::{At, Fields};
-use crate::pair::heat::{HeatPlan, HistoryPlan, LawPlan};
+use crate::input::toml_fields::{At, Document, Fields};
+use crate::pair::heat::{HeatPlan, HistoryPlan, LawPlan, NoHeat};
 use crate::pair::parameter::ParameterName;
 
 /// Fields that hold text.
@@ -92,6 +94,24 @@ impl Place {
 }
 
 impl HeatFields {
+    /// Reads the `[heat]` of a file: of one with nothing else, or of an experiment's description.
+    ///
+    /// # Errors
+    ///
+    /// [`InputError`] for a file without `[heat]`, or one with mistakes in it.
+    pub fn open(path: &Path) -> Result<Self, InputError> {
+        let (name, text) = (path.display().to_string(), text_file::read(path)?);
+        let document = Document::parse(&name, &text)?;
+        let Some(heat) = document.top().table("heat")? else {
+            return Err(InputError::new(name, Mistake::MissingField)
+                .in_field("[heat]")
+                .found("missing")
+                .expected("a table [heat] with history and mobility")
+                .help("crates/guide/pages/heat.md has its fields"));
+        };
+        Self::read(text_file::folder_of(path), &heat)
+    }
+
     /// Reads a table `[heat]`; files that it names begin at `folder`.
     pub(crate) fn read(folder: &Path, table: &Fields<'_>) -> Result<Self, InputError> {
         let place = |key: &str, line| Place {
@@ -156,6 +176,35 @@ impl HeatFields {
         };
         self.check_used(&plan)?;
         Ok(plan)
+    }
+
+    /// The heat of a pair of radius `radius_m` \[m\] by a plan of these fields, where nothing is calibrated.
+    ///
+    /// # Errors
+    ///
+    /// [`InputError`] for a number that is not stated, or out of the range of the model.
+    pub fn stated(&self, plan: &HeatPlan, radius_m: f64) -> Result<Heat, InputError> {
+        plan.at(plan.unrounded(radius_m), |_| None).map_err(|error| match error {
+            NoHeat::Open(name) => {
+                let mut place = self.place.clone();
+                place.path = format!("{}.{}", place.path, field_of(name).unwrap_or(name.name()));
+                let (unit, meaning) = (name.unit(), name.meaning());
+                place
+                    .error(Mistake::MissingField)
+                    .found("missing")
+                    .expected(format_args!("a number [{unit}]: {meaning}"))
+                    .help("nothing is calibrated here: every number of the heat must be stated")
+            }
+            NoHeat::OutOfRange(_) | NoHeat::Threshold { .. } => {
+                self.place.error(Mistake::OutOfRange).found(error)
+            }
+            _ => self.place.error(Mistake::MissingField).found(error),
+        })
+    }
+
+    /// Name of the file that they are in.
+    pub fn file_name(&self) -> &str {
+        &self.place.file
     }
 
     fn number(&self, key: &str) -> Option<f64> {

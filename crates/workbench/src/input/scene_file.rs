@@ -1,15 +1,19 @@
 //! Scene files of the commands `scene` and `densify`: TOML or JSON, checked before anything runs.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use dem_core::bed::{
     AdhesionTable, BedError, Mode, Outline, SceneFile, Side, SinteringTable, WhenNecksMeet,
 };
+use dem_core::heat::Heat;
 use serde_json::Value;
 
 use crate::error::{Failure, InputError, Mistake, RunError};
+use crate::input::heat::{HeatFields, field_of};
 use crate::input::text_file;
+use crate::input::toml_fields::Document;
 use crate::number::significant;
+use crate::pair::heat::HeatPlan;
 
 /// A scene that was read and checked, all but its packing, which is not made yet.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,17 +24,20 @@ pub struct SceneInput {
     pub file: SceneFile,
     /// Its particles in numbers.
     pub outline: Outline,
+    /// Its table `[heat]`, which says how the temperature of the bed goes; none at the temperature of its parameters.
+    pub heat: Option<HeatFields>,
 }
 
 /// Reads and checks a scene.
 pub fn read(path: &Path) -> Result<SceneInput, InputError> {
-    let place = path.display().to_string();
     let text = text_file::read(path)?;
-    parse(place, &text, path.extension().is_some_and(|extension| extension == "json"))
+    let json = path.extension().is_some_and(|extension| extension == "json");
+    parse(path, &text, json)
 }
 
-/// As [`read`], from text.
-pub fn parse(place: String, text: &str, json: bool) -> Result<SceneInput, InputError> {
+/// As [`read`], from the text of the file.
+pub fn parse(path: &Path, text: &str, json: bool) -> Result<SceneInput, InputError> {
+    let place = path.display().to_string();
     let example = "experiments/scenes has worked examples";
     if text.trim().is_empty() {
         return Err(InputError::new(&place, Mistake::Empty)
@@ -38,21 +45,77 @@ pub fn parse(place: String, text: &str, json: bool) -> Result<SceneInput, InputE
             .expected("a scene")
             .help(example));
     }
-    let file = if json {
-        serde_json::from_str(text).map_err(|error| {
-            InputError::new(&place, Mistake::Syntax)
-                .at_line(error.line().max(1))
-                .found(error)
-                .help(example)
-        })?
-    } else {
-        SceneFile::parse(text, &place).map_err(|error| refused(&place, &error).help(example))?
+    let (file, heat) = match with_heat(path, text, json)? {
+        Some((file, heat)) => (file, Some(heat)),
+        None if json => {
+            let file = serde_json::from_str(text).map_err(|error| {
+                InputError::new(&place, Mistake::Syntax)
+                    .at_line(error.line().max(1))
+                    .found(error)
+                    .help(example)
+            })?;
+            (file, None)
+        }
+        None => {
+            let file = SceneFile::parse(text, &place);
+            (file.map_err(|error| refused(&place, &error).help(example))?, None)
+        }
     };
     let outline = file.outline().map_err(|error| refused(&place, &error))?;
-    Ok(SceneInput { place, file, outline })
+    if let Some(heat) = &heat {
+        heat.plan()?;
+        if !file.phases.iter().any(|phase| phase.heated) {
+            return Err(InputError::new(&place, Mistake::Conflict)
+                .in_field("heat")
+                .found("a heat, and no phase with heated = true")
+                .expected("a phase in which contacts grow")
+                .help("write heated = true in a phase, or leave [heat] out"));
+        }
+    }
+    Ok(SceneInput { place, file, outline, heat })
+}
+
+fn has_heat(json: &str) -> bool {
+    let object: serde_json::Map<_, _> = serde_json::from_str(json).unwrap_or_default();
+    object.contains_key("heat")
+}
+
+/// A scene with a table `[heat]`; none for a file without one, or one that does not parse.
+fn with_heat(
+    path: &Path,
+    text: &str,
+    json: bool,
+) -> Result<Option<(SceneFile, HeatFields)>, InputError> {
+    let place = path.display().to_string();
+    let document = match json {
+        true => Document::parse_json(&place, text),
+        false => Document::parse(&place, text),
+    };
+    let document = match document {
+        Ok(document) => document,
+        Err(error) if json && has_heat(text) => return Err(error),
+        // As a file without it, which names the mistake.
+        Err(_) => return Ok(None),
+    };
+    let top = document.top();
+    let Some(heat) = top.table("heat")? else { return Ok(None) };
+    let heat = HeatFields::read(text_file::folder_of(path), &heat)?;
+    Ok(Some((top.rest(&["heat"])?, heat)))
 }
 
 impl SceneInput {
+    /// The heat of the bed, which is that of particles of the mean radius: all of its numbers are stated.
+    ///
+    /// # Errors
+    ///
+    /// [`InputError`] for a number that is not stated, or out of range.
+    pub fn stated_heat(&self) -> Result<Option<(HeatPlan, Heat)>, InputError> {
+        let Some(fields) = &self.heat else { return Ok(None) };
+        let plan = fields.plan()?;
+        let heat = fields.stated(&plan, self.outline.mean_radius_m)?;
+        Ok(Some((plan, heat)))
+    }
+
     /// The scene as JSON without what does not change its numbers: the same for files that differ in comments, in
     /// the order of fields or in the work they allow.
     pub fn identity(&self) -> Result<Value, RunError> {
@@ -97,6 +160,8 @@ impl SceneInput {
             significant(material.k1_n_per_m, 3)
         ));
         lines.extend(file.sintering.iter().flat_map(sintering_in_words));
+        let heat = self.heat.as_ref().and_then(|fields| fields.plan().ok());
+        lines.extend(heat.map(|heat| heat_in_words(&heat, outline.mean_radius_m)));
         let mut around = Vec::new();
         if let Some(region) = &file.region {
             around.push(format!(
@@ -144,6 +209,22 @@ impl SceneInput {
         }
         lines
     }
+}
+
+/// The file of a table of temperatures, with its role in a run.
+pub(crate) fn table_of(heat: Option<&HeatPlan>) -> Option<(&'static str, PathBuf)> {
+    Some(("temperatures", heat?.table_file()?.into()))
+}
+
+/// The heat of a bed of particles of a mean radius in words.
+pub fn heat_in_words(heat: &HeatPlan, radius_m: f64) -> String {
+    let open = heat.leaves_unstated(heat.unrounded(radius_m)).into_iter().filter_map(field_of);
+    let open: Vec<&str> = open.collect();
+    let unstated = match open[..] {
+        [] => String::new(),
+        _ => format!("; {} from a posterior (densify)", open.join(", ")),
+    };
+    format!("heat          {}{unstated}", heat.in_words())
 }
 
 /// The growth of contacts in words.

@@ -263,7 +263,12 @@ impl<'d> Fields<'d> {
                 Some((key, _)) => {
                     self.error(key.get_ref(), line_of(self.text, key.span().start), mistake)
                 }
-                None => self.table_error(mistake),
+                None => {
+                    let deeper = error.span().filter(|span| !span.is_empty());
+                    let line = deeper.map(|span| line_of(self.text, span.start));
+                    let error = self.table_error(mistake);
+                    InputError { line: line.or(error.line), ..error }
+                }
             };
             if let (true, Some((key, _)), Some(choices)) = (unknown, entry, &expected) {
                 let choices = choices.trim_start_matches("one of ").split(", ");

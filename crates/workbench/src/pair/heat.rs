@@ -161,6 +161,32 @@ pub enum NoHeat {
     OutOfRange(#[from] HeatError),
 }
 
+/// Share of the growth of a heat, in reduced time, that is so little that nothing moves any more: of a neck that grows as a power of
+/// it below one, less than a hundredth of its size.
+const NOTHING_LEFT: f64 = 1e-2;
+
+/// How much of the growth of a heat a run of a bed has seen, in reduced time.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct GrowthSeen {
+    /// Reduced time at the end of the run \[s\].
+    pub reduced_time_s: f64,
+    /// Reduced time after infinite time \[s\]; none where growth never ends.
+    pub in_all_s: Option<f64>,
+}
+
+impl GrowthSeen {
+    /// At a time after first contact \[s\].
+    pub fn of(heat: &Heat, time_s: f64) -> Self {
+        let in_all_s = Some(heat.reduced_time_at_end()).filter(|end| end.is_finite());
+        Self { reduced_time_s: heat.reduced_time(time_s), in_all_s }
+    }
+
+    /// Whether nothing moves any more: less than a hundredth of all growth is still to come.
+    pub fn is_frozen(&self) -> bool {
+        self.in_all_s.is_some_and(|all| self.reduced_time_s >= (1.0 - NOTHING_LEFT) * all)
+    }
+}
+
 impl HeatPlan {
     /// The model's parameters that a curve of a pair of radius `radius_m` depends on, with whether it cannot do without.
     pub fn needs(&self, radius_m: f64) -> Vec<(ParameterName, bool)> {
@@ -203,6 +229,15 @@ impl HeatPlan {
             && self.needs(radius_m).iter().any(|(needed, _)| *needed == name)
     }
 
+    /// What the heat cannot do without and does not say.
+    pub fn leaves_unstated(&self, radius_m: f64) -> Vec<ParameterName> {
+        let needs = self.needs(radius_m).into_iter();
+        needs
+            .filter(|(name, needed)| *needed && !self.known.contains_key(name))
+            .map(|(name, _)| name)
+            .collect()
+    }
+
     /// The heat on one line.
     pub fn in_words(&self) -> String {
         let history = match &self.history {
@@ -243,6 +278,41 @@ impl HeatPlan {
             _ => return None,
         }
         Some(other)
+    }
+
+    /// Takes over from another heat of the same law what this one leaves open.
+    pub fn complete_with(&mut self, other: &Self) {
+        self.frozen_below_k = self.frozen_below_k.or(other.frozen_below_k);
+        for (name, value) in &other.known {
+            self.known.entry(*name).or_insert(*value);
+        }
+        if let (
+            HistoryPlan::Pulse {
+                energy: other_energy,
+                ambient_temperature_k: other_ambient_k,
+                cooling_radius_m: other_radius_m,
+            },
+            HistoryPlan::Pulse { energy, ambient_temperature_k, cooling_radius_m },
+        ) = (&other.history, &mut self.history)
+        {
+            *energy = energy.or(*other_energy);
+            *ambient_temperature_k = ambient_temperature_k.or(*other_ambient_k);
+            *cooling_radius_m = cooling_radius_m.or(*other_radius_m);
+        }
+    }
+
+    /// The radius that the cooling time belongs to where `radius_m` differs from it by rounding alone, as a mean of equal radii does.
+    pub fn unrounded(&self, radius_m: f64) -> f64 {
+        let of = self.cooling_radius_m(radius_m).unwrap_or(radius_m);
+        if (radius_m / of - 1.0).abs() < 1e-9 { of } else { radius_m }
+    }
+
+    /// The file of a table of temperatures.
+    pub fn table_file(&self) -> Option<&str> {
+        match &self.history {
+            HistoryPlan::Table { file, .. } => Some(file),
+            _ => None,
+        }
     }
 
     /// The heat of a pair of radius `radius_m` \[m\], with the values of the calibrated parameters.

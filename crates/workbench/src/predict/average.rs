@@ -8,9 +8,10 @@ use serde::Serialize;
 use smc_calib::Parameter;
 
 use super::drawn::{Drawn, Predicted, Scatter};
-use super::{Prediction, Wanted, carried, freezing, heated, predicted};
+use super::{Prediction, Wanted, carried, freezing, predicted};
 use crate::compare::{self, KeptModel, KeptModels};
 use crate::error::{Failure, InputError, Mistake};
+use crate::pair::asked_heat::{heat_of, refused};
 use crate::pair::model::NeckGrowth;
 use crate::pair::parameter::ParameterName;
 
@@ -119,7 +120,7 @@ fn first_contacts(model: &KeptModel, weight: f64) -> impl Iterator<Item = (f64, 
 /// The draws of a model at the wanted radius; together they weigh `weight`.
 fn draws_of(model: &KeptModel, weight: f64, wanted: &Wanted) -> Result<Vec<Drawn>, InputError> {
     let growth = NeckGrowth::new(&model.pair, &model.parameters, Vec::new())?;
-    let heat = heated::heat_of(&model.pair, wanted)?;
+    let heat = heat_of(&model.pair, wanted.heat.as_ref(), wanted.pulse_energy)?;
     let count = model.columns.first().map_or(0, Vec::len);
     let calibrated = model.pair.powder.radius_m;
     let radius_m = wanted.radius_m.unwrap_or(calibrated);
@@ -139,7 +140,7 @@ fn draws_of(model: &KeptModel, weight: f64, wanted: &Wanted) -> Result<Vec<Drawn
                 .unwrap_or(model.pair.final_contact_ratio);
             let value = |name| growth.place(name).and_then(|place| theta.get(place).copied());
             let heat = heat.as_ref().map(|heat| heat.at(radius_m, value)).transpose();
-            let heat = heat.map_err(|error| heated::refused(&error))?;
+            let heat = heat.map_err(|error| refused("--heat", &error))?;
             let scene = PairSpec::new(Powder { radius_m, ..model.pair.powder }, phi).build();
             let sigma = model.sigma.as_ref().and_then(|sigma| sigma.get(row).copied());
             Ok(Drawn {

@@ -1,6 +1,4 @@
-//! The heat that is predicted for, and the energy of a pulse that is enough.
-
-use std::path::Path;
+//! The energy of a pulse that is enough.
 
 use dem_core::heat::Heat;
 use dem_core::time_to_contact_ratio;
@@ -8,14 +6,8 @@ use serde::Serialize;
 use smc_calib::Weighted;
 
 use super::drawn::{Drawn, Predicted};
-use super::wanted::Wanted;
-use crate::error::{InputError, Mistake};
-use crate::input::heat::{HeatFields, field_of};
-use crate::input::text_file;
-use crate::input::toml_fields::Document;
-use crate::pair::heat::{HeatPlan, HistoryPlan, LawPlan, NoHeat};
-use crate::pair::parameter::ParameterName;
-use crate::plan::PairPlan;
+use crate::error::InputError;
+use crate::pair::asked_heat::no_law;
 
 /// The energy of a pulse that reaches a contact ratio.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -30,120 +22,9 @@ pub struct EnoughEnergy {
     pub least_energy: Option<Predicted>,
 }
 
-/// Reads the `[heat]` of a file: of one with nothing else, or of an experiment's description.
-///
-/// # Errors
-///
-/// [`InputError`] for a file without `[heat]`, or one with mistakes in it.
-pub fn read_heat(path: &Path) -> Result<HeatFields, InputError> {
-    let (name, text) = (path.display().to_string(), text_file::read(path)?);
-    let document = Document::parse(&name, &text)?;
-    let Some(heat) = document.top().table("heat")? else {
-        return Err(InputError::new(name, Mistake::MissingField)
-            .in_field("[heat]")
-            .found("missing")
-            .expected("a table [heat] with history and mobility")
-            .help("crates/guide/pages/heat.md has its fields"));
-    };
-    HeatFields::read(text_file::folder_of(path), &heat)
-}
-
-/// The heat to predict for: that of the calibration, with another history or another energy where that is wanted.
-///
-/// # Errors
-///
-/// [`InputError`] for a heat that the posterior says nothing of.
-pub(super) fn heat_of(pair: &PairPlan, wanted: &Wanted) -> Result<Option<HeatPlan>, InputError> {
-    let mut heat = match &wanted.heat {
-        None => pair.heat.clone(),
-        Some(fields) => Some(asked(pair, fields.plan()?)?),
-    };
-    if let Some(energy) = wanted.pulse_energy {
-        let other = heat.as_ref().and_then(|heat| heat.with_energy(energy));
-        heat = Some(other.ok_or_else(|| no_pulse("--pulse-energy"))?);
-    }
-    let Some(mut heat) = heat else { return Ok(None) };
-    let own = pair.heat.as_ref();
-    let of_another = own.and_then(HeatPlan::energy) != heat.energy();
-    if heat.law == LawPlan::Direct
-        && own.is_some_and(|own| own.law == LawPlan::Direct)
-        && of_another
-    {
-        return Err(no_law());
-    }
-    // Without a radius of its own a calibrated cooling time is that of the calibrated pair.
-    if let HistoryPlan::Pulse { cooling_radius_m, .. } = &mut heat.history {
-        cooling_radius_m.get_or_insert(pair.powder.radius_m);
-    }
-    Ok(Some(heat))
-}
-
-/// A heat of the user's, with what the calibration knows and the file does not say.
-fn asked(pair: &PairPlan, mut heat: HeatPlan) -> Result<HeatPlan, InputError> {
-    let Some(own) = &pair.heat else { return Ok(heat) };
-    if own.law != heat.law {
-        let words = |law: &LawPlan| match serde_json::to_value(law) {
-            Ok(value) => value.to_string(),
-            Err(_) => law.name().to_owned(),
-        };
-        return Err(InputError::new("--heat", Mistake::Conflict)
-            .in_field("heat.mobility")
-            .found(words(&heat.law))
-            .expected(format_args!("{}, which the posterior was calibrated with", words(&own.law)))
-            .help("C1, tau_s and the constants of the law belong to it"));
-    }
-    heat.frozen_below_k = heat.frozen_below_k.or(own.frozen_below_k);
-    for (name, value) in &own.known {
-        heat.known.entry(*name).or_insert(*value);
-    }
-    if let (
-        HistoryPlan::Pulse {
-            energy: own_energy,
-            ambient_temperature_k: own_ambient_k,
-            cooling_radius_m: of,
-        },
-        HistoryPlan::Pulse { energy, ambient_temperature_k, cooling_radius_m },
-    ) = (&own.history, &mut heat.history)
-    {
-        *energy = energy.or(*own_energy);
-        *ambient_temperature_k = ambient_temperature_k.or(*own_ambient_k);
-        *cooling_radius_m = cooling_radius_m.or(*of);
-    }
-    Ok(heat)
-}
-
-fn no_pulse(option: &str) -> InputError {
-    InputError::new(option, Mistake::Conflict)
-        .found("an energy, and no pulse that has it")
-        .expected("a posterior, or a --heat, with history = \"pulse\"")
-}
-
 /// Energies are asked for, and there is no pulse with a law of them.
 pub(super) fn no_law_for_energies() -> InputError {
-    InputError { source_name: "--energy-for".into(), ..no_law() }
-        .found("no pulse whose amplitude goes with its energy")
-}
-
-/// A direct amplitude says nothing of other energies.
-fn no_law() -> InputError {
-    InputError::new("--pulse-energy", Mistake::Conflict)
-        .found("another energy than the calibrated one, and mobility = \"direct\"")
-        .expected("a law of the amplitude over the energy")
-        .help("calibrate with mobility = \"threshold-power\", \"arrhenius\" or \"wlf\"")
-}
-
-/// Numbers of a heat that a draw cannot give.
-pub(super) fn refused(error: &NoHeat) -> InputError {
-    let refused = InputError::new("--heat", Mistake::MissingField).found(error);
-    match error {
-        NoHeat::Open(ParameterName::CoolingPower) => refused
-            .expected("the power of R that the cooling time goes with: the radius is another one")
-            .help("state cooling_power in [heat] of a file for --heat: 1 for a film of gas, 2 for conduction"),
-        NoHeat::Open(name) => {
-            refused.help(format_args!("state {} in [heat]", field_of(*name).unwrap_or_default()))
-        }
-        _ => refused,
-    }
+    no_law("--energy-for").found("no pulse whose amplitude goes with its energy")
 }
 
 /// Bisections of a factor of two between energies: to 1e-9 of them.

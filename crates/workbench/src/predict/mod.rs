@@ -13,7 +13,7 @@ mod wanted;
 
 pub use average::{AveragedModel, predict_average};
 pub use drawn::Predicted;
-pub use heated::{EnoughEnergy, read_heat};
+pub use heated::EnoughEnergy;
 pub use wanted::Wanted;
 
 use dem_core::heat::Heat;
@@ -26,6 +26,7 @@ use serde::Serialize;
 use self::drawn::{Drawn, Scatter};
 use crate::careful::Careful;
 use crate::error::{Failure, InputError, Mistake, RunError};
+use crate::pair::asked_heat::{heat_of, refused};
 use crate::pair::draws::PairDraws;
 use crate::pair::heat::{HeatPlan, LawPlan};
 use crate::pair::parameter::ParameterName;
@@ -128,7 +129,7 @@ pub fn predict(calibrated: &PairDraws, wanted: &Wanted) -> Result<Prediction, Fa
     let kinetics = pair.kinetics;
     let calibrated_radius_m = pair.powder.radius_m;
     let radius_m = wanted.radius_m.unwrap_or(calibrated_radius_m);
-    let heat = heated::heat_of(pair, wanted)?;
+    let heat = heat_of(pair, wanted.heat.as_ref(), wanted.pulse_energy)?;
     let drawn = draws(calibrated, radius_m, heat.as_ref())?;
     let (sintering, after) = predicted(&drawn, wanted)?;
     let enough = wanted.enough.map(|asked| {
@@ -187,7 +188,7 @@ fn draws(
             let value = |name| calibrated.value(name, row);
             let heat = heat.map(|heat| heat.at(radius_m, value)).transpose();
             Ok(Drawn {
-                heat: heat.map_err(|error| heated::refused(&error))?,
+                heat: heat.map_err(|error| refused("--heat", &error))?,
                 scene,
                 sintering: sintering.at_radius(calibrated.pair.powder.radius_m, radius_m),
                 kinetics: calibrated.pair.kinetics,

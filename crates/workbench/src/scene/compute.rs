@@ -4,6 +4,7 @@ use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
 use dem_core::bed::{BedError, Run, Sample, Scene, write_vtk};
+use dem_core::heat::Heat;
 use figures::BedFigure;
 
 use super::picture::bed_figure;
@@ -49,13 +50,14 @@ pub(super) fn vtk_name(number: usize) -> String {
 
 /// Runs the scene from its start, or from the checkpoint in the work folder, to its end.
 pub(super) fn compute(
-    input: &SceneInput,
+    (input, heat): (&SceneInput, &Option<Heat>),
     vtk: bool,
     work: &WorkFolder,
     threads: rayon::ThreadPool,
     watch: &dyn Watch,
 ) -> Result<Computed, Failure> {
-    let engine = Engine { input: input.clone(), checkpoint: work.get(CHECKPOINT), vtk };
+    let engine =
+        Engine { input: input.clone(), heat: heat.clone(), checkpoint: work.get(CHECKPOINT), vtk };
     let worker = Worker::start(move |send| threads.install(|| engine.work(send)));
     let total = observations(input);
     watch.begin(total as u64, 0, "observations");
@@ -111,6 +113,7 @@ fn in_words(observed: usize, total: usize) -> String {
 /// Work of the computing thread.
 struct Engine {
     input: SceneInput,
+    heat: Option<Heat>,
     checkpoint: Option<Vec<u8>>,
     vtk: bool,
 }
@@ -127,6 +130,10 @@ impl Engine {
 
     fn through(&self, send: &Sender<Message>) -> Result<Run, BedError> {
         let scene: Scene = self.input.file.build()?;
+        let scene = match &self.heat {
+            Some(heat) => scene.with_heat(heat.clone()),
+            None => scene,
+        };
         // Without a checkpoint that can be read, the run starts again.
         let resumed = self.checkpoint.as_ref().and_then(|bytes| scene.resume(bytes).ok());
         let mut run = resumed.unwrap_or_else(|| scene.start());

@@ -11,12 +11,13 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use dem_core::bed::write_csv;
+use dem_core::heat::Heat;
 use figures::{BedFigure, Width};
 use serde_json::json;
 
 use crate::error::{Failure, RunError};
 use crate::input::files_read::noted;
-use crate::input::scene_file::{self, SceneInput};
+use crate::input::scene_file::{self, SceneInput, table_of};
 use crate::output::inputs::Inputs;
 use crate::output::page::{Drawn, FILE_NAME};
 use crate::output::work_folder::WorkFolder;
@@ -37,6 +38,7 @@ pub const SCENE_RECORD: &str = crate::output::kinds::SCENE;
 #[derive(Debug)]
 pub struct SceneJob {
     input: SceneInput,
+    heat: Option<Heat>,
     plan: ScenePlan,
     inputs: Inputs,
     folder: RunFolder,
@@ -63,15 +65,18 @@ impl SceneJob {
     pub fn read(file: &Path, out: Option<PathBuf>, vtk: bool) -> Result<Self, Failure> {
         let (input, read) = noted(|| scene_file::read(file));
         let input = input?;
+        let (heat_plan, heat) = input.stated_heat()?.unzip();
         let out = out.unwrap_or_else(|| Path::new("results").join(input.folder_name()));
         let plan = ScenePlan {
             name: input.file.name.clone(),
             scene: input.identity()?,
+            heat: heat_plan,
             vtk,
             version: env!("CARGO_PKG_VERSION").to_owned(),
         };
-        let inputs = Inputs::of([(page::SCENE, file.to_owned())], None, &read);
-        Ok(Self { input, plan, inputs, folder: RunFolder::prepare(&out, SCENE_RECORD)? })
+        let files = [(page::SCENE, file.to_owned())];
+        let inputs = Inputs::of(files.into_iter().chain(table_of(plan.heat.as_ref())), None, &read);
+        Ok(Self { input, heat, plan, inputs, folder: RunFolder::prepare(&out, SCENE_RECORD)? })
     }
 
     /// Plan of the scene, which decides the result.
@@ -107,11 +112,12 @@ impl SceneJob {
         let plan = serde_json::to_string(&self.plan).map_err(RunError::new)?;
         let work = WorkFolder::open(&self.folder, &plan)?;
         work.mention_others(watch);
-        let computed = compute(&self.input, self.plan.vtk, &work, threads, watch);
+        let computed = compute((&self.input, &self.heat), self.plan.vtk, &work, threads, watch);
         watch.end();
         let computed = computed?;
         let seconds = start.elapsed().as_secs_f64();
-        let record = SceneRecord::new(&self.input, self.plan.clone(), &computed.run);
+        let record =
+            SceneRecord::new(&self.input, self.plan.clone(), &computed.run, self.heat.as_ref());
         let timings = json!({ "threads": cores, "seconds": seconds });
         let published = self.publish(&record, computed, &work, &pretty(&timings)?, watch)?;
         work.finish();

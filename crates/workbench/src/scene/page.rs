@@ -28,6 +28,9 @@ pub(super) fn page(
     };
     page.asked.say("What becomes of these particles in the phases of the scene?");
     page.model.listings.push(described.join("\n"));
+    if let Some(heat) = record.heat_in_words() {
+        page.model.fact("Heat", heat);
+    }
     let numbers = |what: &str, state: &State| {
         let density = state.relative_density.map_or_else(|| "–".to_owned(), |d| significant(d, 4));
         vec![

@@ -3,12 +3,14 @@
 use std::path::Path;
 
 use dem_core::bed::{EndRates, Law, Mode, NECKS_MEET, Phase, Run, Sample, Series, WhenNecksMeet};
+use dem_core::heat::Heat;
 use serde::Serialize;
 use serde_json::Value;
 
 use crate::careful::Careful;
 use crate::input::scene_file::SceneInput;
 use crate::number::significant;
+use crate::pair::heat::{GrowthSeen, HeatPlan};
 
 /// Version of the layout of `scene.json`.
 pub const SCHEMA_VERSION: u32 = 2;
@@ -24,8 +26,11 @@ const RATES_DIFFER: f64 = 0.2;
 pub struct ScenePlan {
     /// Name of the scene.
     pub name: String,
-    /// The scene itself.
+    /// The scene itself, but for its heat.
     pub scene: Value,
+    /// The heat of the bed; none at the temperature of its parameters.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub heat: Option<HeatPlan>,
     /// Whether a VTK file is written at every observation.
     pub vtk: bool,
     /// Version of this program.
@@ -145,6 +150,9 @@ pub struct SceneRecord {
     pub observations: usize,
     /// When the first heated phase began \[s\].
     pub heated_from_s: Option<f64>,
+    /// How much of the growth of its heat the run has seen; none without heat.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub growth: Option<GrowthSeen>,
     /// The phases.
     pub phases: Vec<PhaseRecord>,
     /// The bed at the start.
@@ -165,8 +173,10 @@ pub struct SceneRecord {
 
 impl SceneRecord {
     /// The record of a run that has ended.
-    pub(super) fn new(input: &SceneInput, plan: ScenePlan, run: &Run) -> Self {
+    pub(super) fn new(input: &SceneInput, plan: ScenePlan, run: &Run, heat: Option<&Heat>) -> Self {
         let series = run.series();
+        let heated_from_s = heated_from_s(series, &input.file.phases);
+        let heated_s = series.samples.last().map(|end| end.time_s - heated_from_s.unwrap_or(0.0));
         let phases = (0..input.file.phases.len())
             .filter_map(|index| PhaseRecord::of(input, series, index))
             .collect();
@@ -176,7 +186,8 @@ impl SceneRecord {
             plan,
             particles: run.bed().particles().len(),
             observations: series.samples.len(),
-            heated_from_s: heated_from_s(series, &input.file.phases),
+            heated_from_s,
+            growth: heat.zip(heated_s).map(|(heat, time_s)| GrowthSeen::of(heat, time_s)),
             phases,
             start: series.samples.first().map(State::from),
             end: series.samples.last().map(State::from),
@@ -218,6 +229,7 @@ impl SceneRecord {
                 ));
             }
         }
+        lines.extend(self.heat_in_words().map(|heat| format!("  heat          {heat}")));
         if let Some(load) = self.load_over_adhesion {
             lines.push(format!(
                 "  load          {} fa on a particle at the bottom",
@@ -243,6 +255,22 @@ impl SceneRecord {
         lines.extend(ended.map(|(_, out)| format!("  results in {}", out.display())));
         lines.push(String::new());
         lines.join("\n")
+    }
+}
+
+impl SceneRecord {
+    /// The heat and how much of it the run has seen.
+    pub(super) fn heat_in_words(&self) -> Option<String> {
+        let (heat, growth) = (self.plan.heat.as_ref()?, self.growth.as_ref()?);
+        let seen = significant(growth.reduced_time_s, 3);
+        let grown = match growth.in_all_s {
+            Some(all) if !growth.is_frozen() => {
+                format!("{seen} of {} s of reduced time, and grows still", significant(all, 3))
+            }
+            Some(_) => format!("{seen} s of reduced time, and nothing moves any more"),
+            None => format!("{seen} s of reduced time"),
+        };
+        Some(format!("{}; it has grown for {grown}", heat.in_words()))
     }
 }
 

@@ -1,0 +1,53 @@
+//! The heat of the beds: that of the options, of the scene or of the calibration.
+
+use dem_core::heat::Heat;
+
+use super::options::DensifyOptions;
+use crate::error::InputError;
+use crate::input::heat::HeatFields;
+use crate::input::scene_file::SceneInput;
+use crate::pair::asked_heat::{heat_of, refused};
+use crate::pair::draws::PairDraws;
+use crate::pair::heat::HeatPlan;
+
+/// The heat of all beds, whose numbers may be those of each draw.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct BedHeat {
+    pub(super) plan: HeatPlan,
+    /// Radius that it is of \[m\]: the mean of the particles, which are all at one temperature.
+    radius_m: f64,
+    /// Where it is asked for.
+    place: String,
+    /// From the first contact to the end of the scene \[s\].
+    pub(super) lasts_s: f64,
+}
+
+impl BedHeat {
+    /// That of `--heat`, or else of the scene, or else of the calibration; none at the temperature of the calibration.
+    pub(super) fn read(
+        options: &DensifyOptions,
+        calibrated: &PairDraws,
+        input: &SceneInput,
+    ) -> Result<Option<Self>, InputError> {
+        let asked = options.heat.as_deref().map(HeatFields::open).transpose()?;
+        let fields = asked.as_ref().or(input.heat.as_ref());
+        let place = fields.map_or("--heat", HeatFields::file_name).to_owned();
+        let Some(mut plan) = heat_of(&calibrated.pair, fields, options.pulse_energy)? else {
+            return Ok(None);
+        };
+        if asked.is_none() {
+            // As those of [sintering], numbers of a scene give way to those of the draws.
+            plan.known.retain(|name, _| calibrated.value(*name, 0).is_none());
+        }
+        let radius_m = plan.unrounded(input.outline.mean_radius_m);
+        let heated = input.file.phases.iter().skip_while(|phase| !phase.heated);
+        let lasts_s = heated.map(|phase| phase.duration_s).sum();
+        Ok(Some(Self { plan, radius_m, place, lasts_s }))
+    }
+
+    /// The heat of a draw.
+    pub(super) fn of(&self, calibrated: &PairDraws, row: usize) -> Result<Heat, InputError> {
+        let heat = self.plan.at(self.radius_m, |name| calibrated.value(name, row));
+        heat.map_err(|error| refused(&self.place, &error))
+    }
+}
