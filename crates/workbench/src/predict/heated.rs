@@ -67,7 +67,7 @@ pub(super) fn enough(
     calibrated: f64,
     heated: impl Fn(usize, f64) -> Option<Heat>,
 ) -> EnoughEnergy {
-    let mut energies = Vec::with_capacity(drawn.len());
+    let mut least_energies = Vec::with_capacity(drawn.len());
     for (place, Drawn { scene, sintering, kinetics, weight, .. }) in drawn.iter().enumerate() {
         let needed = time_to_contact_ratio(scene, *kinetics, sintering, contact_ratio);
         let found = needed.map_or(f64::INFINITY, |needed| {
@@ -75,13 +75,15 @@ pub(super) fn enough(
                 heated(place, energy).map(|heat| heat.reduced_time_at_end() >= needed)
             })
         });
-        energies.push((found, *weight));
+        least_energies.push((found, *weight));
     }
-    let least = energies;
-    let all: f64 = least.iter().map(|(_, weight)| weight).sum();
-    let without: f64 =
-        least.iter().filter(|(energy, _)| energy.is_infinite()).map(|(_, weight)| weight).sum();
-    let finite = || least.iter().copied().filter(|(energy, _)| energy.is_finite());
+    let all: f64 = least_energies.iter().map(|(_, weight)| weight).sum();
+    let without: f64 = least_energies
+        .iter()
+        .filter(|(energy, _)| energy.is_infinite())
+        .map(|(_, weight)| weight)
+        .sum();
+    let finite = || least_energies.iter().copied().filter(|(energy, _)| energy.is_finite());
     // The quantile over all draws, by that over those which have an energy.
     let share = probability * all / (all - without);
     let energy = (share <= 1.0).then(|| Weighted::new(finite()).quantile(share));
