@@ -37,6 +37,7 @@ mod problem;
 pub mod psis;
 pub mod quadrature;
 pub mod reference;
+mod replicated;
 mod residuals;
 mod reweight;
 mod sampler;
@@ -73,6 +74,7 @@ pub use posterior::{
 pub use predictive::{predictive_band, predictive_band_of_group};
 pub use prior::{Coordinate, Prior, PriorError, PriorSpec};
 pub use problem::{Parameter, Problem};
+pub use replicated::PredictiveCheck;
 pub use reweight::{Reweighted, reweighted};
 pub use settings::Settings;
 pub use simulator::{FnSimulator, SimError, Simulator};

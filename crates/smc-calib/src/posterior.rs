@@ -1,7 +1,8 @@
 //! The result of a calibration, as plain data.
 
 use crate::{
-    Coordinate, Noise, NoiseDraw, NoiseShape, Parameter, Settings, ShapeSummary, StageRecord,
+    Coordinate, Noise, NoiseDraw, NoiseShape, Parameter, PredictiveCheck, Settings, ShapeSummary,
+    StageRecord,
 };
 use serde::{Deserialize, Serialize};
 
@@ -90,6 +91,9 @@ pub struct GroupSummary {
     pub shape_draws: Vec<NoiseShape>,
     /// Its residuals, of the MAP curve.
     pub residuals: Residuals,
+    /// Whether replicated data are as far from their curves; none without draws, or where whole curves were not kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub check: Option<PredictiveCheck>,
 }
 
 impl GroupSummary {

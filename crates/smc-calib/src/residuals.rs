@@ -16,11 +16,16 @@ pub(crate) fn residuals(observed: &[f64], simulated: &[f64]) -> Residuals {
     Residuals { values, whitened: Vec::new(), lag1, runs_z, independent, misfit: None }
 }
 
-/// Lag-1 correlation, and the score of the runs test.
-fn tests(values: &[f64]) -> (f64, f64) {
+/// Lag-1 correlation of residuals about zero.
+pub(crate) fn lag1(values: &[f64]) -> f64 {
     let squares: f64 = values.iter().map(|r| r * r).sum();
     let lagged: f64 = values.windows(2).map(|w| w[0] * w[1]).sum();
-    let lag1 = if squares > 0.0 { lagged / squares } else { 0.0 };
+    if squares > 0.0 { lagged / squares } else { 0.0 }
+}
+
+/// Lag-1 correlation, and the score of the runs test.
+fn tests(values: &[f64]) -> (f64, f64) {
+    let lag1 = lag1(values);
     let signs: Vec<bool> = values.iter().filter(|r| **r != 0.0).map(|r| *r > 0.0).collect();
     let up = signs.iter().filter(|s| **s).count() as f64;
     let down = signs.len() as f64 - up;

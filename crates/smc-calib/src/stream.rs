@@ -31,6 +31,8 @@ pub(crate) enum Purpose {
     Surrogate = 8,
     /// The next member of a population.
     NextMember = 20,
+    /// Data that are made by draws of the posterior.
+    Replicated = 21,
 }
 
 /// The stream of `seed` for one purpose, stage and index (sample or sub-net, below 2^40).

@@ -10,6 +10,7 @@ use crate::noise_summary::{GroupNoise, Part};
 use crate::path::path;
 use crate::pool::{Pool, effective_sample_size};
 use crate::predictive::at_observations;
+use crate::replicated;
 use crate::residuals::residuals_of;
 use crate::sampler::Sampler;
 use crate::stage::{Finishing, Observer};
@@ -242,6 +243,11 @@ fn groups(
             let outputs = &map.outputs[range.clone()];
             let noise = Part { likelihood: part, group: g, range: range.clone(), ln_l: &ln_l }
                 .noise(sampler, estimator, chosen);
+            // Thinned curves are those at some of the observations.
+            let check = (!target.thinned).then(|| {
+                let curve = |k: usize| &pool.kept[chosen[k] * width..][range.clone()];
+                replicated::check((g, group, part), sampler.settings.seed, chosen.len(), curve)
+            });
             GroupSummary {
                 name: group.name.clone(),
                 noise: group.noise.clone(),
@@ -253,6 +259,7 @@ fn groups(
                 noise_shape: noise.shape,
                 shape_draws: noise.draws.iter().filter_map(|draw| draw.shape).collect(),
                 residuals: residuals_of(group, part, outputs),
+                check: check.flatten(),
             }
         })
         .collect()

@@ -363,6 +363,7 @@ fn dependent_residuals_are_told_from_eight_on_and_by_group() {
             noise_shape: None,
             shape_draws: Vec::new(),
             residuals: Residuals { values: vec![0.1; 10], lag1: 0.8, ..Residuals::default() },
+            check: None,
         }];
     });
     let told = of_group.map(|c| c.to_string()).unwrap_or_default();
