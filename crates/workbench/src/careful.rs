@@ -10,9 +10,11 @@ use std::fmt;
 use serde::Serialize;
 use smc_calib::trust::limits::khat_in_words;
 
+mod of_joint;
 mod of_population;
 mod of_sampler;
 
+pub(crate) use of_joint::{OfJoint, as_far_in_words};
 pub(crate) use of_population::OfPopulation;
 pub(crate) use of_sampler::{Simulations, concern, section};
 
@@ -380,8 +382,13 @@ mod tests {
 
     #[test]
     fn every_kind_has_a_section_of_the_page_and_every_section_a_kind() {
-        let of_types =
-            [kinds::<Careful>(), kinds::<OfPopulation>(), kinds::<Concern>(), kinds::<Doubt>()];
+        let of_types = [
+            kinds::<Careful>(),
+            kinds::<OfJoint>(),
+            kinds::<OfPopulation>(),
+            kinds::<Concern>(),
+            kinds::<Doubt>(),
+        ];
         let kinds: BTreeSet<String> = of_types.iter().flatten().cloned().collect();
         let number: usize = of_types.iter().map(BTreeSet::len).sum();
         assert_eq!(kinds.len(), number, "a kind names one reason");

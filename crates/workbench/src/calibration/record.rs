@@ -3,7 +3,7 @@
 use smc_calib::{BandPoint, Concern, Posterior, Trust};
 
 use super::of_pair::OfPair;
-use crate::careful::{self, Careful};
+use crate::careful::{self, Careful, OfJoint};
 use crate::error::{Failure, RunError};
 use crate::plan::{Plan, SimulatorPlan};
 use crate::record::{ExperimentRecord, FitError, ObservableRecord, Record, SCHEMA_VERSION};
@@ -90,6 +90,7 @@ fn advice(
             .map(|concern| careful::concern(concern, plan.simulations())),
     );
     advice.extend(of_pairs);
+    advice.extend(experiments.iter().flat_map(|one| &one.observables).filter_map(contradicted));
     if plan.design.is_some() {
         advice.push(Careful::GivenParameterSets.to_string());
     }
@@ -97,6 +98,18 @@ fn advice(
     let mut seen = std::collections::BTreeSet::new();
     advice.retain(|line| seen.insert(line.clone()));
     advice
+}
+
+/// An observable that data made by the posterior do not look like.
+fn contradicted(found: &ObservableRecord) -> Option<String> {
+    let check = found.check.filter(|check| check.as_far < OfJoint::CONTRADICTED)?;
+    let not_replicated = OfJoint::NotReplicated {
+        observable: found.label.clone(),
+        rmse: found.map_error.rmse,
+        as_far: check.as_far,
+        replicated: check.replicated,
+    };
+    Some(not_replicated.to_string())
 }
 
 /// One observable, whose values are at `range` among those of all.
@@ -132,5 +145,6 @@ fn found(
         map,
         residuals,
         predictive,
+        check: posterior.groups.get(group).and_then(|group| group.check),
     })
 }

@@ -15,8 +15,8 @@ mod sensitivity;
 use serde::{Deserialize, Serialize};
 use smc_calib::{
     BandPoint, Counters, EffectiveSampleSize, Evidence, Failing, Failure, MapPoint,
-    ParameterSummary, PathPoint, Residuals, ShapeSummary, SigmaSummary, StageRecord, StopReason,
-    Trust,
+    ParameterSummary, PathPoint, PredictiveCheck, Residuals, ShapeSummary, SigmaSummary,
+    StageRecord, StopReason, Trust,
 };
 
 pub use doubt::{Doubt, Excluded};
@@ -122,6 +122,9 @@ pub struct ObservableRecord {
     pub residuals: Residuals,
     /// Posterior predictive bands at the observations; index and control are those of this observable.
     pub predictive: Vec<BandPoint>,
+    /// Whether data made by the posterior are as far from their curves, where several observables were calibrated together.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub check: Option<PredictiveCheck>,
 }
 
 /// How far a curve is from the measurements.

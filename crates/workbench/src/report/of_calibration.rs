@@ -5,6 +5,7 @@ use smc_calib::trust::limits::{KHAT_LIMIT, khat_in_words};
 use super::pictures::not_in_corner;
 use super::summary::{neck_growth, text};
 use super::tables::{observable_cells, posterior_cells};
+use crate::careful::as_far_in_words;
 use crate::number::{shown_unit, significant, with_error};
 use crate::output::inputs::Inputs;
 use crate::output::page::{self, Drawn, MOST_ROWS, Page, Part, Verdict};
@@ -306,8 +307,16 @@ fn residuals(plan: &ObservablePlan, found: &ObservableRecord) -> String {
     let misfit = residuals.misfit.map_or_else(String::new, |misfit| {
         format!("; {} times the expected noise", significant(misfit, 2))
     });
+    let check = found.check.map_or_else(String::new, |check| {
+        let words = |p: f64| as_far_in_words(p, check.replicated);
+        format!(
+            "; data made by the posterior are as far off with {}, neighbours as much alike with {}",
+            words(check.as_far),
+            words(check.as_alike)
+        )
+    });
     format!(
-        "{}: correlation of neighbours {:.2}, runs of equal sign {:+.1} standard deviations from chance, over {} values{misfit}",
+        "{}: correlation of neighbours {:.2}, runs of equal sign {:+.1} standard deviations from chance, over {} values{misfit}{check}",
         if residuals.independent { "independent" } else { "NOT independent" },
         residuals.lag1,
         residuals.runs_z,

@@ -8,6 +8,7 @@ use smc_calib::{Concern, ParameterSummary};
 
 use super::noise::{beside, noise_line};
 use super::population;
+use crate::careful::as_far_in_words;
 use crate::error::RunError;
 use crate::number::{digits_of, percentile, shown_unit, significant};
 use crate::output::pretty;
@@ -223,7 +224,10 @@ fn fit_line(
         "" => String::new(),
         unit => format!("{unit} "),
     };
-    format!("  fit of {}: RMSE {rmse} {unit}(MAP){noise}\n", found.label)
+    let check = found.check.map_or_else(String::new, |check| {
+        format!("; as far off again: {}", as_far_in_words(check.as_far, check.replicated))
+    });
+    format!("  fit of {}: RMSE {rmse} {unit}(MAP){noise}{check}\n", found.label)
 }
 
 /// Where a pair stops growing as its heat ends; empty where it has none, or one without an end.
@@ -300,7 +304,7 @@ fn other_kinetics_line(record: &Record) -> String {
 pub fn json(record: &Record, out: Option<&Path>) -> Result<String, RunError> {
     let observables: Vec<Value> = record
         .observables()
-        .map(|(_, found)| json!({"label": found.label, "sigma": found.sigma, "map_error": found.map_error}))
+        .map(|(_, found)| json!({"label": found.label, "sigma": found.sigma, "map_error": found.map_error, "check": found.check}))
         .collect();
     let neck_growth = neck_growth(record).map(|neck| {
         json!({

@@ -7,6 +7,7 @@ use smc_calib::{Coordinate, ShapeSummary};
 
 use super::noise::{beside_markdown, length_unit, noise_line, or_one};
 use super::summary::{OF_TABLE3, failing_line, is_uninformed, neck_growth, paper_place};
+use crate::careful::as_far_in_words;
 use crate::input::data_table::quoted;
 use crate::number::{digits_of, shown_unit, significant, with_error};
 use crate::plan::{ObservablePlan, SimulatorPlan};
@@ -251,8 +252,10 @@ fn cells(row: &Row, with_paper: bool) -> Vec<String> {
 
 /// How well each observable is met: headings and cells.
 pub(super) fn observable_cells(record: &Record) -> (Vec<&'static str>, Vec<Vec<String>>) {
-    let columns =
+    let mut columns =
         vec!["observable", "points", "RMSE of the MAP", "errors", "noise sigma, 95 %", "residuals"];
+    let checked = record.observables().any(|(_, found)| found.check.is_some());
+    columns.extend(checked.then_some("as far off again"));
     let row = |(plan, found): (&ObservablePlan, &ObservableRecord)| {
         let sigma = match &found.sigma {
             None => "as the table states".to_owned(),
@@ -264,14 +267,19 @@ pub(super) fn observable_cells(record: &Record) -> (Vec<&'static str>, Vec<Vec<S
         };
         let rmse = format!("{} {}", significant(found.map_error.rmse, 2), shown_unit(&plan.unit));
         let alike = if found.residuals.independent { "independent" } else { "not independent" };
-        vec![
+        let mut cells = vec![
             found.label.clone(),
             plan.values.len().to_string(),
             rmse.trim_end().to_owned(),
             plan.noise.kind().to_owned(),
             sigma,
             alike.to_owned(),
-        ]
+        ];
+        if checked {
+            let words = found.check.map(|check| as_far_in_words(check.as_far, check.replicated));
+            cells.push(words.unwrap_or_default());
+        }
+        cells
     };
     (columns, record.observables().map(row).collect())
 }

@@ -1,0 +1,44 @@
+//! Reasons to be careful with experiments that are calibrated together.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use super::section;
+use crate::number::significant;
+
+/// A reason to be careful with a joint calibration that its sampler does not see.
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub(crate) enum OfJoint {
+    /// Measurements farther from the curves of the posterior than its noise puts them.
+    NotReplicated { observable: String, rmse: f64, as_far: f64, replicated: usize },
+}
+
+impl OfJoint {
+    /// Probability of replicated data as far off below which measurements contradict the model.
+    pub(crate) const CONTRADICTED: f64 = 0.01;
+}
+
+/// The probability of replicated data as far off, in words.
+pub(crate) fn as_far_in_words(as_far: f64, replicated: usize) -> String {
+    if as_far > 0.0 {
+        format!("p = {}", significant(as_far, 2))
+    } else {
+        format!("p < {}", significant(1.0 / replicated.max(1) as f64, 1))
+    }
+}
+
+impl fmt::Display for OfJoint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self::NotReplicated { observable, rmse, as_far, replicated } = self;
+        write!(
+            f,
+            "{observable}: its measurements contradict what the experiments share, or the noise: data made by the posterior are as far from their curves with {} only (RMSE {}); calibrate it alone, and ask calibrate compare --plan which shared law of R it is{}",
+            as_far_in_words(*as_far, *replicated),
+            significant(*rmse, 2),
+            section(self)
+        )
+    }
+}
