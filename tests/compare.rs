@@ -4,7 +4,7 @@ use std::fs;
 
 use serde_json::Value;
 
-use crate::sandbox::Sandbox;
+use crate::sandbox::{Sandbox, root};
 
 const KINETICS: [&str; 6] =
     ["frenkel", "pokluda", "three-stage", "three-stage-pokluda", "regime-map", "bellehumeur"];
@@ -184,4 +184,128 @@ fn mistakes_are_refused() {
     sandbox.run("compare --experiment no.toml").refused(&["no.toml", "no such file"]);
     sandbox.write("notes/mine.txt", "mine");
     sandbox.run("compare --material ps --out notes").refused(&["notes", "--out"]);
+}
+
+/// A finished calibration in a folder of the sandbox.
+fn calibrated(sandbox: &Sandbox, options: &str, out: &str) {
+    let quiet = format!("{options} --samples 2048 --no-other-kinetics --quiet --out {out}");
+    sandbox.run(&quiet).succeeded();
+}
+
+/// Two explanations of the plateau of one polystyrene pair.
+fn phi_and_pulse(sandbox: &Sandbox) {
+    calibrated(sandbox, "--material ps --noise correlated", "phi");
+    let [pulse, prior] = ["experiments/heat/ps-r30-pulse.toml", "priors/ps-pulse.toml"]
+        .map(|file| root().join(file).display().to_string());
+    calibrated(sandbox, &format!("-e {pulse} -p {prior} --noise correlated"), "pulse");
+}
+
+#[test]
+fn finished_runs_of_one_table_are_ranked_by_their_evidence_and_named_by_what_they_explain_it_with()
+{
+    let sandbox = Sandbox::new();
+    phi_and_pulse(&sandbox);
+    let found = compared(&sandbox, "phi pulse --out c");
+    let evidence = |run: &str| {
+        let file = fs::read_to_string(sandbox.path().join(run).join("posterior.json"));
+        let file: Value = serde_json::from_str(&file.expect("posterior.json")).expect("JSON");
+        number(&file["log_evidence"]["value"])
+    };
+    let all = found["explanations"].as_array().expect("explanations");
+    let [phi, pulse] = [&all[0], &all[1]];
+    assert_eq!(phi["name"], "three-stage, phi = 1.08");
+    assert_eq!(pulse["name"], "three-stage, it cooled (direct)");
+    assert_eq!(number(&phi["log_evidence"]), evidence("phi"));
+    assert_eq!(number(&pulse["log_evidence"]), evidence("pulse"));
+    let factor = evidence("phi") - evidence("pulse");
+    assert_eq!(number(&phi["log_bayes_factor"]), factor);
+    // Cooling is favoured by a factor of some hundreds.
+    assert!((-8.0..-5.0).contains(&factor), "{factor}");
+    let odds = number(&phi["probability"]) / number(&pulse["probability"]);
+    assert!((odds - factor.exp()).abs() < 1e-12, "{odds}");
+    let warnings = found["warnings"].to_string();
+    for kind in ["priors-differ", "final-contact-ratio-read-off"] {
+        assert!(warnings.contains(kind), "{warnings}");
+    }
+    for name in ["compare.md", "compare.csv", "compare-pair.svg", "report.html", "models-ps.json"] {
+        assert!(sandbox.path().join("c").join(name).exists(), "{name}");
+    }
+    let page = fs::read_to_string(sandbox.path().join("c/report.html")).expect("a report");
+    assert!(page.contains("phi = 1.08") && page.contains("it cooled (direct)"));
+    let average = sandbox.run("predict --average c --contact-ratio 1.1").succeeded().stdout.clone();
+    assert!(average.contains("  three-stage, it cooled (direct) with correlated"), "{average}");
+    // Each explanation has an end of its own, so that none is named.
+    assert!(average.contains("never reached") && !average.contains("(phi ="), "{average}");
+    let listed = sandbox.run("runs c").succeeded().stdout.clone();
+    assert!(listed.contains("comparison") && listed.contains("warnings"), "{listed}");
+}
+
+#[test]
+fn runs_of_other_measurements_or_another_noise_are_not_ranked() {
+    let sandbox = Sandbox::new();
+    calibrated(&sandbox, "--material ps", "ps");
+    calibrated(&sandbox, "--material ps --kinetics frenkel --noise robust", "robust");
+    calibrated(&sandbox, "--material ps --kinetics frenkel --window 0.01:1", "window");
+    calibrated(&sandbox, "--material ps --kinetics frenkel --noise ess-target:0.2", "tuned");
+    sandbox.run("compare ps").refused(&["one run", "two finished calibrations"]);
+    sandbox.run("compare ps ps").refused(&["the calibration of ps once more"]);
+    sandbox.run("compare ps robust").refused(&["robust errors", "independent", "--noise"]);
+    sandbox.run("compare ps window").refused(&["window", "no measurements like", "--window"]);
+    sandbox.run("compare ps tuned").refused(&["tuned noise", "evidence"]);
+    sandbox.run("compare ps nothing").refused(&["nothing"]);
+    assert!(!sandbox.path().join("results/compare").exists());
+}
+
+#[test]
+fn a_plan_of_two_radii_says_by_evidence_that_the_data_contradict_a_tau_s_in_proportion_to_r() {
+    let sandbox = Sandbox::new();
+    let heat = root().join("experiments/heat");
+    let plan = fs::read_to_string(heat.join("ps-radii-phi.toml")).expect("a plan");
+    let near = format!("\"{}\"", heat.join("ps-r60-e29-phi.toml").display());
+    let plan =
+        plan.replace("\"ps-r60-e29-phi.toml\"", &near).replace("samples = 16384", "samples = 4096");
+    sandbox.write("radii.toml", &plan);
+    let found = compared(&sandbox, "--plan radii.toml --out c");
+    let names: Vec<&str> = found["explanations"]
+        .as_array()
+        .expect("explanations")
+        .iter()
+        .map(|one| one["name"].as_str().expect("a name"))
+        .collect();
+    assert_eq!(names, ["shared", "own tau_s"]);
+    let verdict = found["verdict"].to_string();
+    assert!(
+        verdict.contains("The data contradict \\\"tau_s in proportion to R\\\": very strong"),
+        "{verdict}"
+    );
+    let own = &found["explanations"][1]["informed"];
+    let median = |name: &str| {
+        let all = own.as_array().expect("parameters");
+        number(&all.iter().find(|one| one["name"] == name).expect(name)["median"])
+    };
+    assert!(median("tau_s") > 1.8 * median("tau_s_r30"), "{own}");
+    // The pair whose errors are stated as smaller than any shared curve leaves them is named, and the other is not.
+    let (first, second) = plan.split_once("[experiments.r30.simulator]").expect("two pairs");
+    let correlated = "kind = \"correlated\", s0 = 0.04";
+    let stated = format!(
+        "{}[experiments.r30.simulator]{}",
+        first.replace(correlated, "kind = \"fixed\", sigma = 0.1"),
+        second.replace(correlated, "kind = \"fixed\", sigma = 0.015"),
+    );
+    sandbox.write("stated.toml", stated);
+    let said = sandbox.run("--plan stated.toml --out run").succeeded().stdout.clone();
+    assert!(said.contains("; as far off again: p "), "{said}");
+    assert!(said.contains("r30.contact_ratio: its measurements contradict"), "{said}");
+    assert!(!said.contains("r60.contact_ratio: its measurements contradict"), "{said}");
+    let power = heat.join("ps-power.toml").display().to_string();
+    sandbox.run(&format!("compare --plan {power}")).refused(&["two radii", "tau_s_radius_m"]);
+}
+
+#[test]
+fn a_run_of_one_observable_has_no_replicated_data_beside_it() {
+    let sandbox = Sandbox::new();
+    calibrated(&sandbox, "--material ps --kinetics frenkel", "ps");
+    let file = fs::read_to_string(sandbox.path().join("ps/posterior.json")).expect("a record");
+    let file: Value = serde_json::from_str(&file).expect("JSON");
+    assert!(file["experiments"][0]["observables"][0]["check"].is_null());
 }

@@ -302,3 +302,31 @@ fn heats_that_cannot_be_meant_together_are_refused_with_what_to_do() {
     sandbox.write("plan.toml", impact.replace("[sampler]", heated));
     sandbox.run("--plan plan.toml --dry-run").refused(&["no experiment of kind = \"builtin\""]);
 }
+
+#[test]
+fn a_prior_of_a_heat_without_a_heat_is_said_to_change_nothing_and_those_of_other_kinetics_are_not()
+{
+    let sandbox = Sandbox::new();
+    let prior = root().join("priors/ps-pulse.toml").display().to_string();
+    let checked = |options: &str| {
+        let ran = sandbox.run(&format!("{options} --dry-run --out run"));
+        let ran = ran.succeeded();
+        format!("{}{}", ran.stdout, ran.stderr)
+    };
+    let said = checked(&format!("-e ps-r30 -p {prior}"));
+    assert!(said.contains("the prior of cooling_time changes nothing in ps-r30"), "{said}");
+    assert!(said.contains("it has no [heat]") && said.contains("unused-prior"), "{said}");
+    let heated = checked(&format!("-e ps-r60-e23 -p {prior}"));
+    assert!(!heated.contains("changes nothing"), "{heated}");
+    sandbox.write(
+        "more.toml",
+        fs::read_to_string(&prior).expect("priors")
+            + "\n[activation_energy]\ndistribution = \"log-normal\"\nmedian = 1e5\nsd_log10 = 0.2\n",
+    );
+    let more = checked("-e ps-r60-e23 -p more.toml");
+    assert!(more.contains("the prior of activation_energy changes nothing"), "{more}");
+    assert!(more.contains("its heat has no use for it"), "{more}");
+    // c1 and delta_c are there for other kinetics.
+    let frenkel = checked(&format!("-e ps-r60-e23 -p {prior} --kinetics frenkel"));
+    assert!(!frenkel.contains("changes nothing"), "{frenkel}");
+}

@@ -101,7 +101,21 @@ pub(crate) enum Careful {
     /// A comparison of kinetics whose residuals are alike.
     DependentComparison { kinetics: String, noise: String, lag1: f64, correlated: bool },
     /// A final contact ratio that comes from the data that are fitted.
-    FinalContactRatioReadOff { value: f64 },
+    FinalContactRatioReadOff {
+        value: f64,
+        /// The one explanation that rests on it; all kinetics alike where there is none.
+        of: Option<String>,
+    },
+    /// Explanations whose priors of one parameter are not the same.
+    PriorsDiffer {
+        parameter: String,
+        one: String,
+        prior: String,
+        other: String,
+        other_prior: String,
+    },
+    /// A prior of a heat's parameter that the experiment's heat, or an experiment without one, has no use for.
+    UnusedPrior { priors: String, parameter: String, experiment: String, heat: bool },
 }
 
 impl Careful {
@@ -180,10 +194,21 @@ impl Careful {
             Self::DependentComparison { kinetics, noise, lag1, correlated } => {
                 dependent(kinetics, noise, *lag1, *correlated)
             }
-            Self::FinalContactRatioReadOff { value } => format!(
-                "the final contact ratio {} was read off the data that it helps to fit, for every kinetics alike",
-                short(value)
+            Self::FinalContactRatioReadOff { value, of } => format!(
+                "the final contact ratio {} was read off the data that it helps to fit, {}",
+                short(value),
+                of.as_ref().map_or_else(
+                    || "for every kinetics alike".to_owned(),
+                    |of| format!("which costs \"{of}\" nothing")
+                )
             ),
+            Self::PriorsDiffer { parameter, one, prior, other, other_prior } => format!(
+                "the prior of {parameter} is {prior} in \"{one}\" and {other_prior} in \"{other}\": part of their Bayes factor is that of the priors"
+            ),
+            Self::UnusedPrior { priors, parameter, experiment, heat } => {
+                let why = if *heat { "its heat has no use for it" } else { "it has no [heat]" };
+                format!("{priors}: the prior of {parameter} changes nothing in {experiment}: {why}")
+            }
         }
     }
 
@@ -279,7 +304,14 @@ impl Careful {
             Self::DependentComparison { .. } => {
                 "look at the residuals before a Bayes factor is quoted"
             }
-            Self::FinalContactRatioReadOff { .. } => "--phi calibrates it instead",
+            Self::FinalContactRatioReadOff { of: None, .. } => "--phi calibrates it instead",
+            Self::FinalContactRatioReadOff { .. } => "a prior [phi] calibrates it instead",
+            Self::PriorsDiffer { .. } => {
+                "calibrate both with one prior of it, unless that difference is meant"
+            }
+            Self::UnusedPrior { .. } => {
+                "describe the heat in [heat] of the experiment, or take the prior out"
+            }
         }
     }
 }

@@ -1,12 +1,13 @@
-//! `calibrate compare`: which kinetics the data support, under which noise.
+//! `calibrate compare`: which kinetics the data support, under which noise; or which of several explanations.
 
 use std::path::PathBuf;
 
+use workbench::compare::explanations::{self, RankedExplanations};
 use workbench::compare::{Compared, RECORD, default_noises, render};
 use workbench::error::Failure;
 use workbench::input::material::Material;
 use workbench::output::{RunFolder, pool, pretty};
-use workbench::plan::PairOptions;
+use workbench::plan::{PairOptions, Planned};
 
 use crate::arguments::{self, NoiseList};
 use crate::terminal::{OnInterrupt, Terminal};
@@ -20,14 +21,28 @@ Examples:
   calibrate compare --material pa12 --noise inferred,correlated:linear
   calibrate compare --experiment experiments/example-my-powder.toml \\
       --prior priors/example-my-powder.toml
+  calibrate compare results/ps-phi results/ps-r30-pulse
+      two explanations of one table, as finished runs
+  calibrate compare --plan experiments/heat/ps-radii.toml
+      radii that share tau_s and cooling time by a law of R, or have their own
 
-The priors are those of the materials, the same for every kinetics that has the parameter. \
+Runs must be of the same measurements under the same noise model; they may differ in kinetics, heat, priors, and in what \
+experiments share. The priors are those of the materials, the same for every kinetics that has the parameter. \
 calibrate predict --average DIR predicts with the average of all models by their evidence.";
 
 /// A comparison of kinetics and noise models.
 #[derive(Debug, Clone, PartialEq, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct CompareArgs {
+    /// Finished calibrations of the same measurements to rank instead: folders, or their posterior.json, two or more
+    #[arg(value_name = "RUN", conflicts_with_all = ["plan", "material", "experiment", "prior", "noise", "phi", "samples", "seed"])]
+    runs: Vec<PathBuf>,
+
+    /// A plan of pairs of several radii, calibrated as it stands and with tau_s and the cooling time of one's own for each
+    /// radius
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["material", "experiment", "prior", "noise", "phi", "samples", "seed"])]
+    plan: Option<PathBuf>,
+
     /// Built-in material [default: all three]
     #[arg(short, long, value_name = "NAME", value_parser = arguments::material())]
     material: Option<Material>,
@@ -87,6 +102,9 @@ pub(crate) struct CompareArgs {
 pub(crate) fn run(args: &CompareArgs) -> Result<(), Failure> {
     let folder = RunFolder::prepare(&args.out, RECORD)?;
     let terminal = Terminal::new(args.quiet, OnInterrupt::Detach);
+    if args.plan.is_some() || !args.runs.is_empty() {
+        return rank(args, &folder, &terminal);
+    }
     let options = PairOptions {
         material: args.material,
         experiment: args.experiment.clone(),
@@ -117,4 +135,26 @@ pub(crate) fn run(args: &CompareArgs) -> Result<(), Failure> {
         )
     };
     terminal.print_result(args.json, || pretty(&compared.report), text)
+}
+
+/// Ranks finished runs, or the variants of a plan.
+fn rank(args: &CompareArgs, folder: &RunFolder, terminal: &Terminal) -> Result<(), Failure> {
+    let scale = arguments::time_scale(args.log_time, args.linear_time);
+    let (ranked, published) = pool(args.threads)?.install(|| {
+        let ranked = match &args.plan {
+            Some(plan) => RankedExplanations::of_plan(&Planned::read(plan)?, scale, terminal)?,
+            None => RankedExplanations::of_runs(&args.runs, scale)?,
+        };
+        let published = ranked.publish(folder)?;
+        Ok::<_, Failure>((ranked, published))
+    })?;
+    terminal.announce(&published, &args.out);
+    let text = || {
+        let out = args.out.display();
+        format!(
+            "{}files: {out}/ (report.html, compare.md, compare.csv, compare.json, compare-*.png, .svg)\n",
+            explanations::text(&ranked.report)
+        )
+    };
+    terminal.print_result(args.json, || pretty(&ranked.report), text)
 }

@@ -237,30 +237,7 @@ impl Entry {
         refitted: Vec<usize>,
     ) -> Result<Self, InputError> {
         let pair = record.pair()?;
-        let mut informed: Vec<Informed> = record
-            .parameters
-            .iter()
-            .map(|summary| Informed {
-                name: summary.parameter.name.clone(),
-                bits: summary.information_gain_bits,
-                median: summary.in_si.median,
-                eti95: [summary.in_si.eti95.lower, summary.in_si.eti95.upper],
-                counts: true,
-            })
-            .collect();
-        if let Some(product) = &pair.neck_growth.product {
-            for one in &mut informed {
-                one.counts = one.name != "c1" && one.name != "delta_c";
-            }
-            informed.push(Informed {
-                name: product.name.clone(),
-                bits: product.information_gain_bits,
-                median: product.median,
-                eti95: product.eti95,
-                counts: true,
-            });
-        }
-        let counted = informed.iter().filter(|one| one.counts && one.bits >= INFORMED_BITS).count();
+        let (informed, counted) = informed(record);
         Ok(Self {
             kinetics: pair.plan.kinetics.name().to_owned(),
             noise: noise.to_owned(),
@@ -284,6 +261,36 @@ impl Entry {
             doubts: pair.neck_growth.doubts.clone(),
         })
     }
+}
+
+/// The parameters of a result with the information gained on each, and the number of those that the data inform.
+pub(super) fn informed(record: &Record) -> (Vec<Informed>, usize) {
+    let mut informed: Vec<Informed> = record
+        .parameters
+        .iter()
+        .map(|summary| Informed {
+            name: summary.parameter.name.clone(),
+            bits: summary.information_gain_bits,
+            median: summary.in_si.median,
+            eti95: [summary.in_si.eti95.lower, summary.in_si.eti95.upper],
+            counts: true,
+        })
+        .collect();
+    let pair = record.pair().ok();
+    if let Some(product) = pair.and_then(|pair| pair.neck_growth.product.as_ref()) {
+        for one in &mut informed {
+            one.counts = one.name != "c1" && one.name != "delta_c";
+        }
+        informed.push(Informed {
+            name: product.name.clone(),
+            bits: product.information_gain_bits,
+            median: product.median,
+            eti95: product.eti95,
+            counts: true,
+        });
+    }
+    let counted = informed.iter().filter(|one| one.counts && one.bits >= INFORMED_BITS).count();
+    (informed, counted)
 }
 
 /// Fills in the differences to the best among entries under one noise; `densities` are the log predictive densities of each observation, per entry.

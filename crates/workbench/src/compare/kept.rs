@@ -5,12 +5,13 @@ use std::fs;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use smc_calib::{NoiseShape, Parameter};
+use smc_calib::{Noise, NoiseShape, Parameter};
 
-use super::comparison::Comparison;
+use super::noises;
 use crate::calibration::Calibration;
 use crate::error::{InputError, Mistake, RunError};
 use crate::output::{WriteFile, checksums};
+use crate::pair::draws::PairDraws;
 use crate::plan::PairPlan;
 
 /// Version of the layout of `models-NAME.json`.
@@ -41,6 +42,9 @@ pub struct KeptModels {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KeptModel {
+    /// Its name where finished runs were compared, which need not differ in their kinetics.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub explanation: Option<String>,
     /// Name of its noise.
     pub noise: String,
     /// Log evidence.
@@ -80,6 +84,7 @@ impl KeptModel {
             _ => None,
         };
         Ok(Self {
+            explanation: None,
             noise: noise.to_owned(),
             log_evidence: record.log_evidence.value,
             log_evidence_se: record.log_evidence.se,
@@ -94,19 +99,41 @@ impl KeptModel {
             outliers,
         })
     }
+
+    /// Of the draws of a finished run.
+    pub(super) fn of_draws(draws: PairDraws, noise: &Noise, explanation: String) -> Self {
+        let trusted = draws.record.trusted();
+        let PairDraws { record, pair, columns, sigma, outliers, advice, .. } = draws;
+        Self {
+            explanation: Some(explanation),
+            noise: noises::name(noise),
+            log_evidence: record.log_evidence.value,
+            log_evidence_se: record.log_evidence.se,
+            trusted,
+            advice,
+            pair,
+            parameters: record.plan.parameters,
+            columns,
+            sigma,
+            outliers,
+        }
+    }
 }
 
 impl KeptModels {
     /// Those of all models, in the order of the entries, that matter.
-    pub(super) fn new(comparison: &Comparison, models: Vec<KeptModel>) -> Self {
-        let probabilities = comparison.entries.iter().map(|entry| entry.probability);
+    pub(super) fn new(
+        (name, title): (&str, &str),
+        probabilities: impl Iterator<Item = f64>,
+        models: Vec<KeptModel>,
+    ) -> Self {
         let (mut kept, left_out): (Vec<_>, Vec<_>) =
             probabilities.zip(models).partition(|(share, _)| *share >= LEAST_PROBABILITY);
         kept.sort_by(|a, b| b.0.total_cmp(&a.0));
         Self {
             schema_version: MODELS_VERSION,
-            name: comparison.name.clone(),
-            title: comparison.title.clone(),
+            name: name.to_owned(),
+            title: title.to_owned(),
             left_out: left_out.len(),
             left_out_probability: left_out.iter().map(|(share, _)| share).sum(),
             models: kept.into_iter().map(|(_, model)| model).collect(),

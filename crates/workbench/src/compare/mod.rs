@@ -2,9 +2,11 @@
 //!
 //! Every kinetics is calibrated on the same data under each of the same noise models and, for each parameter it has, with
 //! the same prior. Their evidences, errors and leave-one-out predictive densities are put side by side ([`Comparison`]),
-//! judged and rendered ([`render`]).
+//! judged and rendered ([`render`]). [`explanations`] ranks finished runs of the same measurements, or a plan beside itself with less
+//! shared between its radii.
 
 mod comparison;
+pub mod explanations;
 mod kept;
 mod noises;
 mod page;
@@ -198,7 +200,8 @@ fn side_by_side(
     let mut comparison = Comparison::new(plan, noises, entries)?;
     comparison.verdict = verdict::in_words(&comparison);
     comparison.warnings = verdict::warnings(&comparison);
-    let kept = KeptModels::new(&comparison, models);
+    let probabilities = comparison.entries.iter().map(|entry| entry.probability);
+    let kept = KeptModels::new((&comparison.name, &comparison.title), probabilities, models);
     let preferred = comparison.best().map_or("", |best| best.noise.as_str());
     let place = comparison.noises.iter().position(|noise| noise.name == preferred).unwrap_or(0);
     let mut figure = figures.swap_remove(place);

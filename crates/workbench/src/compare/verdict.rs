@@ -204,7 +204,7 @@ pub(super) fn warnings(comparison: &Comparison) -> Vec<String> {
             .is_some_and(|why| why.contains("measured"))
     {
         let value = comparison.final_contact_ratio;
-        warnings.push(Careful::FinalContactRatioReadOff { value });
+        warnings.push(Careful::FinalContactRatioReadOff { value, of: None });
     }
     doubt(comparison).into_iter().chain(warnings.iter().map(ToString::to_string)).collect()
 }
@@ -225,32 +225,45 @@ fn doubt(comparison: &Comparison) -> Option<String> {
 
 /// Kinetics under one noise that the method or the prior tells apart, not the data.
 fn close_calls(comparison: &Comparison, noise: &str) -> Vec<Careful> {
+    let Some(best) = comparison.best_under(noise) else { return Vec::new() };
+    let ranked = |entry: &Entry| Ranked {
+        name: entry.kinetics.clone(),
+        log_bayes_factor: entry.log_bayes_factor,
+        se: entry.log_evidence_se,
+        informed: entry.informed_parameters,
+    };
+    let rivals = comparison.under(noise).filter(|entry| entry.kinetics != best.kinetics);
+    rivals.flat_map(|entry| close_call(&ranked(best), &ranked(entry), noise)).collect()
+}
+
+/// A model by its evidence.
+pub(super) struct Ranked {
+    pub(super) name: String,
+    /// Log evidence minus that of the best.
+    pub(super) log_bayes_factor: f64,
+    /// Standard error of the log evidence.
+    pub(super) se: f64,
+    /// Number of parameters that the data inform.
+    pub(super) informed: usize,
+}
+
+/// Whether the method or the prior tells a model from the best one, not the data.
+pub(super) fn close_call(best: &Ranked, entry: &Ranked, noise: &str) -> Vec<Careful> {
     let mut warnings = Vec::new();
-    let Some(best) = comparison.best_under(noise) else { return warnings };
-    for entry in comparison.under(noise).filter(|entry| entry.kinetics != best.kinetics) {
-        let (one, other) = (best.kinetics.to_string(), entry.kinetics.to_string());
-        let noise = noise.to_owned();
-        let difference = -entry.log_bayes_factor;
-        let error = entry.log_evidence_se.hypot(best.log_evidence_se);
-        if difference < EVIDENCE_ERRORS * error {
-            let (best, other, noise) = (one.clone(), other.clone(), noise.clone());
-            warnings.push(Careful::EvidencesTooClose { best, other, noise, difference, error });
-        }
-        // Lindley: a prior ten times wider in an informed parameter that one of the two has and the other
-        // has not costs it ln 10, whatever the data say.
-        let parameters = entry.informed_parameters.abs_diff(best.informed_parameters);
-        let reach = std::f64::consts::LN_10 * parameters as f64;
-        if parameters > 0 && difference < reach {
-            let best = one;
-            warnings.push(Careful::PriorDecides {
-                best,
-                other,
-                noise,
-                parameters,
-                reach,
-                difference,
-            });
-        }
+    let (one, other, noise) = (best.name.clone(), entry.name.clone(), noise.to_owned());
+    let difference = -entry.log_bayes_factor;
+    let error = entry.se.hypot(best.se);
+    if difference < EVIDENCE_ERRORS * error {
+        let (best, other, noise) = (one.clone(), other.clone(), noise.clone());
+        warnings.push(Careful::EvidencesTooClose { best, other, noise, difference, error });
+    }
+    // Lindley: a prior ten times wider in an informed parameter that one of the two has and the other
+    // has not costs it ln 10, whatever the data say.
+    let parameters = entry.informed.abs_diff(best.informed);
+    let reach = std::f64::consts::LN_10 * parameters as f64;
+    if parameters > 0 && difference < reach {
+        let best = one;
+        warnings.push(Careful::PriorDecides { best, other, noise, parameters, reach, difference });
     }
     warnings
 }

@@ -18,6 +18,8 @@ use smc_calib::ShapeSummary;
 pub struct PairDraws {
     /// The calibration.
     pub record: Record,
+    /// Name of the experiment, where several were calibrated together.
+    pub experiment: Option<String>,
     /// The pair that it was calibrated on.
     pub pair: PairPlan,
     /// Values of the parameters \[SI\], a column for each.
@@ -97,6 +99,7 @@ impl PairDraws {
         }
         Ok(Self {
             model: NeckGrowth::new(&pair, &record.plan.parameters, control)?,
+            experiment: experiment.filter(|_| record.experiments.len() > 1).map(str::to_owned),
             record,
             pair,
             columns,

@@ -13,6 +13,7 @@ use super::types::{
     ExecutorPlan, ExperimentPlan, ObservablePlan, PairPlan, Plan, Planned, SimulatorPlan,
     SolverPlan, is_word,
 };
+use crate::careful::Careful;
 use crate::error::{InputError, Mistake};
 use crate::input::columns::Columns;
 use crate::input::experiment::Experiment;
@@ -133,7 +134,7 @@ impl PairOptions {
             title: title.to_owned(),
             source: experiment.source.clone(),
             parameters,
-            prior_source: Some(priors.file_name),
+            prior_source: Some(priors.file_name.clone()),
             experiments: vec![pair],
             sampler: self.sampler(),
             design: None,
@@ -142,6 +143,9 @@ impl PairOptions {
             version: env!("CARGO_PKG_VERSION").to_owned(),
         };
         let mut warnings = experiment.warnings();
+        if self.prior.is_some() {
+            warnings.extend(unused_priors(&plan, &priors, &experiment.name));
+        }
         if let Some(path) = &self.proposal {
             let (from, place) = (path.display().to_string(), |m| InputError::new("--proposal", m));
             let named = Named { from: &from, path, place: &place };
@@ -222,6 +226,22 @@ pub(super) struct PairModel {
     pub(super) parameters: BTreeMap<ParameterName, String>,
     /// What the plan says of the heat; it goes before what the experiment says.
     pub(super) heat: Option<HeatFields>,
+}
+
+/// Priors of a heat in a file of the user's that the experiment has no use for. Those of other kinetics are there on purpose.
+fn unused_priors(plan: &Plan, priors: &PriorFile, experiment: &str) -> Vec<String> {
+    let heat = plan.pair().is_ok_and(|(pair, _)| pair.heat.is_some());
+    let unused = ParameterName::ALL.into_iter().filter(|name| {
+        let calibrated = plan.parameters.iter().any(|one| one.name == name.name());
+        name.is_of_heat() && priors.get(*name).is_some() && !calibrated
+    });
+    let said = unused.map(|name| Careful::UnusedPrior {
+        priors: priors.file_name.clone(),
+        parameter: name.name().to_owned(),
+        experiment: experiment.to_owned(),
+        heat,
+    });
+    said.map(|careful| careful.to_string()).collect()
 }
 
 /// The heat of a pair, with the radius that it heats \[m\].

@@ -26,21 +26,8 @@ pub(super) struct Run {
 
 impl Run {
     pub(super) fn read(path: &Path) -> Result<Self, Failure> {
-        let record = record::read(path)?;
+        let record = record::read_calibration(path)?;
         let given = path.display().to_string();
-        let refused = |found: &str| InputError::new(&given, Mistake::Conflict).found(found);
-        if record.plan.population.is_some() {
-            return Err(refused("a population")
-                .expected("a calibration of one member")
-                .help("name the runs that it was made of, and the new ones")
-                .into());
-        }
-        if !record.is_posterior {
-            return Err(refused("a run with tuned noise, which is no posterior")
-                .expected("a posterior with its evidence")
-                .help("calibrate it with --noise inferred or correlated")
-                .into());
-        }
         let file = record::locate(path);
         let folder = file.parent().unwrap_or(Path::new(".")).to_owned();
         Ok(Self { given, folder, record })

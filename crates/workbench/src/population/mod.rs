@@ -200,6 +200,17 @@ impl PopulationJob {
         folder: &RunFolder,
         watch: &dyn Watch,
     ) -> Result<(Record, Published), Failure> {
+        let own = |run: &&Run| run.folder.canonicalize().is_ok_and(|own| own == folder.path());
+        if let Some(member) = self.runs.iter().find(own) {
+            return Err(InputError::new("--out", Mistake::Conflict)
+                .found(format_args!(
+                    "{}, the run of a member, which would be moved aside",
+                    member.given
+                ))
+                .expected("a folder of its own")
+                .help("--out results/population")
+                .into());
+        }
         let found = self.run(watch)?;
         let staging = folder.stage()?;
         let write =

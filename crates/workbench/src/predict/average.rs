@@ -21,6 +21,9 @@ const LEAST_WEIGHT: f64 = 0.01;
 /// A model of an average.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AveragedModel {
+    /// Its name where finished runs were compared.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub explanation: Option<String>,
     /// Its kinetics.
     pub kinetics: Kinetics,
     /// Its noise.
@@ -74,10 +77,12 @@ pub(crate) fn average(kept: &KeptModels, wanted: &Wanted) -> Result<Prediction, 
         if weight >= LEAST_WEIGHT {
             trusted &= model.trusted;
             for line in &model.advice {
-                advice.entry(line).or_default().push(format!("{kinetics} with {}", model.noise));
+                let name = model.explanation.clone().unwrap_or_else(|| kinetics.to_string());
+                advice.entry(line).or_default().push(format!("{name} with {}", model.noise));
             }
         }
-        averaged.push(AveragedModel { kinetics, noise: model.noise.clone(), weight });
+        let (explanation, noise) = (model.explanation.clone(), model.noise.clone());
+        averaged.push(AveragedModel { explanation, kinetics, noise, weight });
     }
     let Some(first) = kept.models.first() else {
         return Err(InputError::new(&kept.name, Mistake::Empty)

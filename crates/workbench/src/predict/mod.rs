@@ -152,7 +152,10 @@ pub fn predict(calibrated: &PairDraws, wanted: &Wanted) -> Result<Prediction, Fa
     }
     Ok(Prediction {
         name: record.plan.name.clone(),
-        title: record.plan.title.clone(),
+        title: match &calibrated.experiment {
+            Some(experiment) => format!("{}, {experiment}", record.plan.title),
+            None => record.plan.title.clone(),
+        },
         kinetics: Some(kinetics),
         averaged: Vec::new(),
         left_out_models: 0,

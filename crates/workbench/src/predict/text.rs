@@ -35,7 +35,8 @@ impl Prediction {
         };
         let mut lines = vec![format!("{}, R = {radius_um} um, {of}{elsewhere}", self.title)];
         lines.extend(self.averaged.iter().map(|model| {
-            format!("  {:.3}  {} with {} errors", model.weight, model.kinetics, model.noise)
+            let name = model.explanation.as_deref().unwrap_or(model.kinetics.name());
+            format!("  {:.3}  {name} with {} errors", model.weight, model.noise)
         }));
         if self.left_out_models > 0 {
             lines.push(format!(
@@ -58,9 +59,9 @@ impl Prediction {
             });
             if target.never > 0 && !self.averaged.is_empty() {
                 lines.push(format!(
-                    "    with probability {} it is never reached, which is not in the interval (phi = {})",
+                    "    with probability {} it is never reached, which is not in the interval{}",
                     significant(target.never_probability, 2),
-                    significant(self.final_contact_ratio, 4)
+                    self.ends_at()
                 ));
             } else if target.never > 0 {
                 lines.push(format!(
@@ -83,6 +84,15 @@ impl Prediction {
         lines.extend(self.advice.iter().map(|line| format!("  careful: {line}")));
         lines.push(String::new());
         lines.join("\n")
+    }
+
+    /// The final contact ratio that all models of an average have; explanations may each have another.
+    fn ends_at(&self) -> String {
+        let several = self.averaged.iter().any(|model| model.explanation.is_some());
+        match several {
+            true => String::new(),
+            false => format!(" (phi = {})", significant(self.final_contact_ratio, 4)),
+        }
     }
 
     /// Where a pair whose heat ends stops growing.

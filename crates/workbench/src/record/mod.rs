@@ -26,7 +26,7 @@ pub use neck_growth::{
 };
 pub use population::{Marginal, MemberRecord, NextPair, PopulationRecord};
 pub(crate) use read::is_reported;
-pub use read::{FILE_NAME, SCHEMA_VERSION, locate, parse, read};
+pub use read::{FILE_NAME, SCHEMA_VERSION, locate, parse, read, read_calibration};
 pub use sensitivity::{Method, Sensitivity, SensitivityOf};
 
 use crate::error::{InputError, Mistake};

@@ -21,6 +21,28 @@ pub fn locate(path: &Path) -> PathBuf {
     if path.is_dir() { path.join(FILE_NAME) } else { path.to_owned() }
 }
 
+/// Reads a finished calibration that has an evidence: no population, and not with tuned noise.
+///
+/// # Errors
+///
+/// As [`read`], and for a run that is none.
+pub fn read_calibration(path: &Path) -> Result<Record, InputError> {
+    let record = read(path)?;
+    let refused =
+        |found: &str| InputError::new(path.display().to_string(), Mistake::Conflict).found(found);
+    if record.population.is_some() {
+        return Err(refused("a population")
+            .expected("a calibration: one of those that it was made of")
+            .help("name the runs themselves, and new ones beside them"));
+    }
+    if !record.is_posterior {
+        return Err(refused("a run with tuned noise, which is no posterior")
+            .expected("a posterior with its evidence")
+            .help("calibrate it with --noise inferred or correlated"));
+    }
+    Ok(record)
+}
+
 /// Reads a `posterior.json`, or the one in a folder.
 ///
 /// # Errors

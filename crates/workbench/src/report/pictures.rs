@@ -56,7 +56,8 @@ pub fn pictures(record: &Record, samples: &SampleColumns, scale: TimeScale) -> N
         }
         let (mut title, mut suffix) = (record.plan.title.clone(), String::new());
         if several {
-            title = format!("{title}: {}", found.label);
+            // Where there is no room for all of it the end of the plan's title is cut.
+            title = format!("{}: {title}", found.label);
             suffix = format!("-{}", found.label);
         }
         let residuals = ResidualsFigure {

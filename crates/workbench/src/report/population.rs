@@ -163,8 +163,13 @@ pub(super) fn figures(
         let names = shown.iter().map(|member| member.name.clone());
         names.chain([next.to_owned()]).collect::<Vec<_>>()
     };
+    let all = population.members.len();
+    let title = match shown.len() < all {
+        true => format!("{}, {MOST_DRAWN} of them drawn", record.plan.title),
+        false => record.plan.title.clone(),
+    };
     let side_by_side = |marginals: fn(&MemberRecord) -> &[Marginal]| MarginalsFigure {
-        title: record.plan.title.clone(),
+        title: title.clone(),
         names: names("the next one"),
         parameters: record
             .parameters

@@ -1,0 +1,285 @@
+//! `compare.json` of explanations: the ranking as data, and its conclusions in words.
+
+use serde::Serialize;
+use smc_calib::{PredictiveCheck, Verdict};
+
+use super::super::comparison::{Informed, informed, weights};
+use super::super::strength::{Strength, bayes_factor};
+use super::super::verdict::{Ranked, close_call};
+use super::own::Law;
+use super::{Explained, noise_kinds};
+use crate::careful::Careful;
+use crate::error::InputError;
+use crate::plan::{Plan, prior_in_words};
+use crate::record::{FitError, Record};
+
+/// Version of the layout.
+const SCHEMA_VERSION: u32 = 1;
+
+/// `compare.json` of explanations.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ExplanationsReport {
+    /// Version of the layout.
+    pub schema_version: u32,
+    /// Everything that decides the result.
+    pub plan: ExplanationsPlan,
+    /// The ranking: one entry, that of the measurements that all explain.
+    pub comparisons: [Explanations; 1],
+}
+
+/// Everything that decides the ranking.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ExplanationsPlan {
+    /// The runs that were compared; empty where a plan was calibrated for it.
+    pub runs: Vec<String>,
+    /// The plan of each explanation.
+    pub experiments: Vec<Plan>,
+}
+
+/// Explanations of the same measurements.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Explanations {
+    /// Heading.
+    pub title: String,
+    /// Number of observations.
+    pub observations: usize,
+    /// The noise models.
+    pub noise: String,
+    /// The explanations in the order in which they were given.
+    pub explanations: Vec<Explanation>,
+    /// Conclusion in plain words.
+    pub verdict: Vec<String>,
+    /// Reasons to be careful.
+    pub warnings: Vec<String>,
+}
+
+/// One of them.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Explanation {
+    /// Its name.
+    pub name: String,
+    /// Log evidence.
+    pub log_evidence: f64,
+    /// Its standard error.
+    pub log_evidence_se: f64,
+    /// Probability, each being as likely beforehand.
+    pub probability: f64,
+    /// Log evidence minus that of the best.
+    pub log_bayes_factor: f64,
+    /// The strength of that evidence.
+    pub strength: Strength,
+    /// How each observable is met.
+    pub fits: Vec<FitOf>,
+    /// The parameters, with the information gained on each.
+    pub informed: Vec<Informed>,
+    /// Number of parameters, or of combinations where only these matter, that the data inform.
+    pub informed_parameters: usize,
+    /// Effective sample size.
+    pub ess: f64,
+    /// Pareto shape of the importance weights.
+    pub khat: f64,
+    /// What the sampler's diagnostics say.
+    pub sampling: Verdict,
+    /// Whether intervals can be taken as they are.
+    pub trusted: bool,
+}
+
+/// How an observable is met.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FitOf {
+    /// The observable, as the first explanation calls it.
+    pub label: String,
+    /// Errors of the MAP curve.
+    pub error: FitError,
+    /// Whether data made by the posterior are as far from their curves, where several observables were calibrated together.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub check: Option<PredictiveCheck>,
+}
+
+impl ExplanationsReport {
+    /// The ranking.
+    pub fn ranked(&self) -> &Explanations {
+        &self.comparisons[0]
+    }
+}
+
+impl Explanations {
+    /// The explanation of largest evidence.
+    pub fn best(&self) -> Option<&Explanation> {
+        self.explanations.iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+    }
+}
+
+/// Ranks explanations; `places` are those of their observables in the order of the first one's, `laws` what of them say whether a
+/// law of the radius is contradicted.
+pub(super) fn report(
+    explained: &[Explained],
+    places: &[Vec<usize>],
+    runs: Vec<String>,
+    laws: Vec<Law>,
+) -> Result<ExplanationsReport, InputError> {
+    let first = &explained[0].record.plan;
+    let labels: Vec<String> =
+        first.observables().map(|(experiment, own)| first.label(experiment, own)).collect();
+    let mut explanations: Vec<Explanation> =
+        explained.iter().zip(places).map(|(one, places)| of(one, &labels, places)).collect();
+    let logs: Vec<f64> = explanations.iter().map(|one| one.log_evidence).collect();
+    let top = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    for (one, probability) in explanations.iter_mut().zip(weights(&logs)) {
+        one.probability = probability;
+        one.log_bayes_factor = one.log_evidence - top;
+        one.strength = Strength::of(-one.log_bayes_factor);
+    }
+    let mut ranking = Explanations {
+        title: first.title.clone(),
+        observations: first.observations(),
+        noise: noise_kinds(first),
+        explanations,
+        verdict: Vec::new(),
+        warnings: Vec::new(),
+    };
+    ranking.verdict = verdict(&ranking).into_iter().collect();
+    ranking.verdict.extend(laws.iter().map(|law| law.in_words(&logs)));
+    ranking.warnings = warnings(&ranking, explained);
+    Ok(ExplanationsReport {
+        schema_version: SCHEMA_VERSION,
+        plan: ExplanationsPlan {
+            runs,
+            experiments: explained.iter().map(|one| one.record.plan.clone()).collect(),
+        },
+        comparisons: [ranking],
+    })
+}
+
+fn of(Explained { name, record }: &Explained, labels: &[String], places: &[usize]) -> Explanation {
+    let found: Vec<_> = record.observables().map(|(_, found)| found).collect();
+    let fits = labels.iter().zip(places).map(|(label, place)| FitOf {
+        label: label.clone(),
+        error: found[*place].map_error,
+        check: found[*place].check,
+    });
+    let (parameters, informed_parameters) = informed(record);
+    Explanation {
+        name: name.clone(),
+        log_evidence: record.log_evidence.value,
+        log_evidence_se: record.log_evidence.se,
+        probability: 0.0,
+        log_bayes_factor: 0.0,
+        strength: Strength::None,
+        fits: fits.collect(),
+        informed: parameters,
+        informed_parameters,
+        ess: record.ess.importance,
+        khat: record.khat,
+        sampling: record.trust.verdict,
+        trusted: record.trusted(),
+    }
+}
+
+/// The explanation that the data support, and how strongly.
+fn verdict(ranking: &Explanations) -> Option<String> {
+    let best = ranking.best()?;
+    let mut rivals: Vec<&Explanation> =
+        ranking.explanations.iter().filter(|one| one.name != best.name).collect();
+    rivals.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+    let second = rivals.first()?;
+    let close: Vec<&str> = rivals
+        .iter()
+        .filter(|one| one.strength <= Strength::BareMention)
+        .map(|one| one.name.as_str())
+        .collect();
+    Some(if close.is_empty() {
+        format!(
+            "The data support \"{}\": {} evidence against the next best, \"{}\" (Bayes factor {}).",
+            best.name,
+            second.strength,
+            second.name,
+            bayes_factor(-second.log_bayes_factor)
+        )
+    } else {
+        format!(
+            "The data do not decide between \"{}\" and \"{}\" (Bayes factors below 3).",
+            best.name,
+            close.join("\", \"")
+        )
+    })
+}
+
+fn ranked(one: &Explanation) -> Ranked {
+    Ranked {
+        name: one.name.clone(),
+        log_bayes_factor: one.log_bayes_factor,
+        se: one.log_evidence_se,
+        informed: one.informed_parameters,
+    }
+}
+
+/// Reasons to be careful: where the prior, the noise or the method decides.
+fn warnings(ranking: &Explanations, explained: &[Explained]) -> Vec<String> {
+    let noise = &ranking.noise;
+    let mut warnings = Vec::new();
+    for one in ranking.explanations.iter().filter(|one| one.sampling == Verdict::Untrusted) {
+        warnings.push(Careful::UntrustedKinetics {
+            kinetics: one.name.clone(),
+            noise: noise.clone(),
+            ess: one.ess,
+            khat: one.khat,
+        });
+    }
+    let Some(best) = ranking.best() else { return Vec::new() };
+    for one in ranking.explanations.iter().filter(|one| one.name != best.name) {
+        warnings.extend(close_call(&ranked(best), &ranked(one), noise));
+    }
+    warnings.extend(other_priors(explained));
+    let records = || explained.iter().filter(|one| one.name == best.name);
+    let dependent = records().flat_map(|one| one.record.observables()).find_map(|(plan, found)| {
+        let residuals = &found.residuals;
+        (!residuals.independent && residuals.lag1 > 0.0)
+            .then(|| (residuals.lag1, plan.noise.is_correlated()))
+    });
+    if let Some((lag1, correlated)) = dependent {
+        let (kinetics, noise) = (best.name.clone(), noise.clone());
+        warnings.push(Careful::DependentComparison { kinetics, noise, lag1, correlated });
+    }
+    let read_off = explained.iter().filter_map(|one| {
+        let value = read_off(&one.record)?;
+        Some(Careful::FinalContactRatioReadOff { value, of: Some(one.name.clone()) })
+    });
+    warnings.extend(read_off);
+    warnings.iter().map(ToString::to_string).collect()
+}
+
+/// Parameters of one name whose priors are not those of the first explanation that has it.
+fn other_priors(explained: &[Explained]) -> Vec<Careful> {
+    let mut found = Vec::new();
+    for (k, one) in explained.iter().enumerate() {
+        for parameter in &one.record.plan.parameters {
+            let same = |name: &String| name == &parameter.name;
+            let before = explained[..k].iter().find_map(|earlier| {
+                let all = &earlier.record.plan.parameters;
+                Some((&earlier.name, all.iter().find(|own| same(&own.name))?))
+            });
+            let Some((earlier, own)) = before.filter(|(_, own)| own.prior != parameter.prior)
+            else {
+                continue;
+            };
+            found.push(Careful::PriorsDiffer {
+                parameter: parameter.name.clone(),
+                one: earlier.clone(),
+                prior: prior_in_words(own.prior.spec()),
+                other: one.name.clone(),
+                other_prior: prior_in_words(parameter.prior.spec()),
+            });
+        }
+    }
+    found
+}
+
+/// The final contact ratio of an explanation that ends there, where it was read off the data.
+fn read_off(record: &Record) -> Option<f64> {
+    let pair = record.pair().ok()?.plan;
+    let calibrated = pair.calibrated(crate::pair::parameter::ParameterName::Phi);
+    let fixed = record.plan.parameters.iter().all(|parameter| parameter.name != calibrated);
+    let why = pair.final_contact_ratio_reason.as_deref()?;
+    (fixed && pair.heat.is_none() && why.contains("measured")).then_some(pair.final_contact_ratio)
+}
