@@ -35,7 +35,7 @@ impl fmt::Display for OfJoint {
         let Self::NotReplicated { observable, rmse, as_far, replicated } = self;
         write!(
             f,
-            "{observable}: its measurements contradict what the experiments share, or the noise: data made by the posterior are as far from their curves with {} only (RMSE {}); calibrate it alone, and ask calibrate compare --plan which shared law of R it is{}",
+            "{observable}: its measurements contradict what the experiments share, or the noise: data made by the posterior are as far from their curves with {} only (RMSE {}); calibrate it alone and see whether it is met then; of several radii calibrate compare --plan says which law of R is contradicted{}",
             as_far_in_words(*as_far, *replicated),
             significant(*rmse, 2),
             section(self)
