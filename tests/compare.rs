@@ -188,7 +188,8 @@ fn mistakes_are_refused() {
 
 /// A finished calibration in a folder of the sandbox.
 fn calibrated(sandbox: &Sandbox, options: &str, out: &str) {
-    let quiet = format!("{options} --samples 2048 --no-other-kinetics --quiet --out {out}");
+    let samples = if out == "pulse" { 8192 } else { 2048 };
+    let quiet = format!("{options} --samples {samples} --no-other-kinetics --quiet --out {out}");
     sandbox.run(&quiet).succeeded();
 }
 
@@ -227,7 +228,8 @@ fn finished_runs_of_one_table_are_ranked_by_their_evidence_and_named_by_what_the
     for kind in ["priors-differ", "final-contact-ratio-read-off"] {
         assert!(warnings.contains(kind), "{warnings}");
     }
-    for name in ["compare.md", "compare.csv", "compare-pair.svg", "report.html", "models-ps.json"] {
+    for name in ["compare.md", "compare.csv", "compare-ps-r30.svg", "report.html", "models-ps.json"]
+    {
         assert!(sandbox.path().join("c").join(name).exists(), "{name}");
     }
     let page = fs::read_to_string(sandbox.path().join("c/report.html")).expect("a report");

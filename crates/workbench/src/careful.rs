@@ -13,12 +13,14 @@ use smc_calib::trust::limits::khat_in_words;
 mod of_joint;
 mod of_population;
 mod of_sampler;
+mod words;
 
 pub(crate) use of_joint::{OfJoint, as_far_in_words};
 pub(crate) use of_population::OfPopulation;
 pub(crate) use of_sampler::{Simulations, concern, section};
 
 use crate::number::significant;
+use words::{dependent, necks_meet, outside_model, outside_priors, prior_decides, soft_settling};
 
 /// A reason to be careful that the sampler does not see: in the input, in what a result is used for, in a comparison.
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -179,32 +181,12 @@ impl Careful {
                 100.0 * share
             ),
             Self::SpreadUnknown => "too few draws reach the target, or at one time, to say which parameter the spread comes from".to_owned(),
-            Self::UntrustedKinetics { kinetics, noise, ess, khat } => format!(
-                "{kinetics} with {noise} errors: its posterior is not to be trusted (effective sample size {ess:.0}, k-hat {}), nor is its evidence",
-                khat_in_words(*khat)
-            ),
-            Self::EvidencesTooClose { best, other, noise, difference, error } => format!(
-                "{best} against {other} with {noise} errors: the evidences differ by {}, no more than their Monte Carlo error {} allows to tell",
-                significant(difference.max(0.0), 2), significant(*error, 2)
-            ),
-            Self::PriorDecides { best, other, noise, parameters, reach, difference } => {
-                let between = format!("{best} against {other} with {noise} errors");
-                prior_decides(&between, *parameters, *reach, *difference)
-            }
-            Self::DependentComparison { kinetics, noise, lag1, correlated } => {
-                dependent(kinetics, noise, *lag1, *correlated)
-            }
-            Self::FinalContactRatioReadOff { value, of } => format!(
-                "the final contact ratio {} was read off the data that it helps to fit, {}",
-                short(value),
-                of.as_ref().map_or_else(
-                    || "for every kinetics alike".to_owned(),
-                    |of| format!("which costs \"{of}\" nothing")
-                )
-            ),
-            Self::PriorsDiffer { parameter, one, prior, other, other_prior } => format!(
-                "the prior of {parameter} is {prior} in \"{one}\" and {other_prior} in \"{other}\": part of their Bayes factor is that of the priors"
-            ),
+            Self::UntrustedKinetics { .. }
+            | Self::EvidencesTooClose { .. }
+            | Self::PriorDecides { .. }
+            | Self::DependentComparison { .. }
+            | Self::FinalContactRatioReadOff { .. }
+            | Self::PriorsDiffer { .. } => self.of_a_comparison(),
             Self::UnusedPrior { priors, parameter, experiment, heat } => {
                 let why = if *heat { "its heat has no use for it" } else { "it has no [heat]" };
                 format!("{priors}: the prior of {parameter} changes nothing in {experiment}: {why}")
@@ -239,6 +221,40 @@ impl Careful {
             ),
             Self::FailedBeds { failed, draws } => format!(
                 "the beds of {failed} of {draws} draws could not be computed and are in no number"
+            ),
+            _ => String::new(),
+        }
+    }
+
+    /// The same of a comparison.
+    fn of_a_comparison(&self) -> String {
+        match self {
+            Self::UntrustedKinetics { kinetics, noise, ess, khat } => format!(
+                "{kinetics} with {noise} errors: its posterior is not to be trusted (effective sample size {ess:.0}, k-hat {}), nor is its evidence",
+                khat_in_words(*khat)
+            ),
+            Self::EvidencesTooClose { best, other, noise, difference, error } => format!(
+                "{best} against {other} with {noise} errors: the evidences differ by {}, no more than their Monte Carlo error {} allows to tell",
+                significant(difference.max(0.0), 2),
+                significant(*error, 2)
+            ),
+            Self::PriorDecides { best, other, noise, parameters, reach, difference } => {
+                let between = format!("{best} against {other} with {noise} errors");
+                prior_decides(&between, *parameters, *reach, *difference)
+            }
+            Self::DependentComparison { kinetics, noise, lag1, correlated } => {
+                dependent(kinetics, noise, *lag1, *correlated)
+            }
+            Self::FinalContactRatioReadOff { value, of } => format!(
+                "the final contact ratio {} was read off the data that it helps to fit, {}",
+                significant(*value, 3),
+                of.as_ref().map_or_else(
+                    || "for every kinetics alike".to_owned(),
+                    |of| format!("which costs \"{of}\" nothing")
+                )
+            ),
+            Self::PriorsDiffer { parameter, one, prior, other, other_prior } => format!(
+                "the prior of {parameter} is {prior} in \"{one}\" and {other_prior} in \"{other}\": part of their Bayes factor is that of the priors"
             ),
             _ => String::new(),
         }
@@ -314,64 +330,6 @@ impl Careful {
             }
         }
     }
-}
-
-/// Words on a bed in which the necks of a particle meet.
-fn necks_meet(time_s: f64, contact_ratio: f64, limit: f64, then: &str) -> String {
-    format!(
-        "from t = {} s (a/R {}) necks meet on more than {} % of the particles, or pores close: {then}",
-        significant(time_s, 3),
-        significant(contact_ratio, 3),
-        100.0 * limit
-    )
-}
-
-/// Words on contacts that settle softly; `load` and its limit are `fa/(K1 R)`.
-fn soft_settling(phase: &str, k1: f64, [load, limit]: [f64; 2], needed: f64) -> String {
-    format!(
-        "phase {phase}: with K1 = {} N/m adhesion alone presses contacts into each other by fa/(K1 R) = {}, above {limit}: the numerical stiffness has a part in how the bed settles, and the times of its heat move by ten percent and more with it; K1 of {} N/m or more is hard enough",
-        significant(k1, 3),
-        significant(load, 2),
-        significant(needed, 2)
-    )
-}
-
-/// Words on an earlier result most of which the priors exclude.
-fn outside_priors(from: &str, share: f64) -> String {
-    format!(
-        "{:.0} % of {from}, which the first runs are placed by, lie outside the priors of this run and are left out",
-        100.0 * share
-    )
-}
-
-/// Words on draws that reach the target after their pairs have ended.
-fn outside_model(outside: usize, draws: usize, limit: f64) -> String {
-    format!(
-        "{outside} of {draws} draws that reach the target do so after necks have met on more than {} % of the particles, or pores have closed: from there their times are not those of the contacts",
-        100.0 * limit
-    )
-}
-
-/// Words on a comparison that another prior would change.
-fn prior_decides(between: &str, parameters: usize, reach: f64, difference: f64) -> String {
-    format!(
-        "{between}: the prior decides: they differ in {parameters} informed parameter{}, and a prior one decade wider or narrower in each moves ln K by {}, more than the {} between them (Lindley's paradox)",
-        if parameters == 1 { "" } else { "s" },
-        significant(reach, 2),
-        significant(difference, 2)
-    )
-}
-
-/// Words on a comparison whose best entry leaves residuals that are alike.
-fn dependent(kinetics: &str, noise: &str, lag1: f64, correlated: bool) -> String {
-    format!(
-        "neighbouring residuals are alike even under {kinetics} with {noise} errors (lag-1 correlation {lag1:.2}): {}",
-        if correlated {
-            "no noise of this table describes them, and its evidences say which is the least bad"
-        } else {
-            "the evidences take the errors for independent, and they are not"
-        }
-    )
 }
 
 impl fmt::Display for Careful {

@@ -69,6 +69,10 @@ fn a_population_is_a_run_whose_next_pair_is_less_certain_than_each_of_its_member
     let width = |[lower, upper]: [f64; 2]| upper - lower;
     let measured = after.measured.as_ref().expect("with noise");
     assert!(width(measured.eti50) > width(after.contact_ratio.eti50));
+    // The run of a member stays where it is.
+    let own = RunFolder::prepare(&one, FILE_NAME).expect("the run of a member");
+    let aside = job.publish(&own, &Unwatched::default()).expect_err("a member's folder");
+    assert!(aside.to_string().contains("would be moved aside"), "{aside}");
     // A population is no member.
     let nested = refused(&of(&[&one, &out.path().to_owned()]));
     assert!(nested.contains("the runs that it was made of"), "{nested}");

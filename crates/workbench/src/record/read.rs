@@ -32,8 +32,8 @@ pub fn read_calibration(path: &Path) -> Result<Record, InputError> {
         |found: &str| InputError::new(path.display().to_string(), Mistake::Conflict).found(found);
     if record.population.is_some() {
         return Err(refused("a population")
-            .expected("a calibration: one of those that it was made of")
-            .help("name the runs themselves, and new ones beside them"));
+            .expected("a calibration")
+            .help("name the runs that it was made of, and the new ones"));
     }
     if !record.is_posterior {
         return Err(refused("a run with tuned noise, which is no posterior")
