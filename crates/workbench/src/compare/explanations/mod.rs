@@ -1,6 +1,7 @@
 //! Explanations of the same measurements, ranked by their evidence: finished runs, or a plan beside itself with what its radii
 //! share as one's own.
 
+mod explained;
 mod own;
 mod page;
 mod ranked;
@@ -19,19 +20,14 @@ use crate::output::inputs::{InputFile, Inputs, sum_of};
 use crate::output::page::FILE_NAME;
 use crate::output::{Published, RunFolder, kinds, pretty};
 use crate::pair::draws::PairDraws;
-use crate::plan::{Plan, Planned, shell_word};
+use crate::plan::{Planned, shell_word};
 use crate::record::{self, Record, locate};
 use crate::report::{NamedFigures, TimeScale, draw_all};
 use crate::watch::{Watch, Within};
 
+use explained::Explained;
 pub use ranked::{Explanation, Explanations, ExplanationsPlan, ExplanationsReport, FitOf};
 pub use text::text;
-
-/// An explanation that was calibrated.
-struct Explained {
-    name: String,
-    record: Record,
-}
 
 /// Explanations, ranked.
 pub struct RankedExplanations {
@@ -205,16 +201,4 @@ fn inputs(runs: &[PathBuf]) -> Result<Inputs, InputError> {
         Ok(InputFile { role: "posterior".to_owned(), name, bytes, sha256 })
     };
     Ok(Inputs { files: runs.iter().map(file).collect::<Result<_, InputError>>()? })
-}
-
-/// The noise models of a plan, each once.
-fn noise_kinds(plan: &Plan) -> String {
-    let mut names: Vec<String> = Vec::new();
-    for (_, observable) in plan.observables() {
-        let name = super::noises::name(&observable.noise);
-        if !names.contains(&name) {
-            names.push(name);
-        }
-    }
-    names.join(" and ")
 }

@@ -1,7 +1,7 @@
 //! Whether calibrations are of the same measurements under the same noise model: otherwise their evidences say nothing of each other.
 
 use super::super::noises;
-use super::Explained;
+use super::explained::Explained;
 use crate::error::{InputError, Mistake};
 use crate::plan::ObservablePlan;
 
