@@ -69,12 +69,11 @@ pub use observations::{ObservationError, Observations};
 pub use posterior::{
     BandPoint, Counters, Draw, EffectiveSampleSize, Evidence, Failing, FailingPlace, Failure,
     GroupSummary, Interval, MapPoint, Moments, ParameterSummary, PathParameter, PathPoint,
-    Posterior, Residuals, Sample, SigmaSummary, StopReason,
+    Posterior, PredictiveCheck, Residuals, Sample, SigmaSummary, StopReason,
 };
 pub use predictive::{predictive_band, predictive_band_of_group};
 pub use prior::{Coordinate, Prior, PriorError, PriorSpec};
 pub use problem::{Parameter, Problem};
-pub use replicated::PredictiveCheck;
 pub use reweight::{Reweighted, reweighted};
 pub use settings::Settings;
 pub use simulator::{FnSimulator, SimError, Simulator};

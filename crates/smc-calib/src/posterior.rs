@@ -1,8 +1,7 @@
 //! The result of a calibration, as plain data.
 
 use crate::{
-    Coordinate, Noise, NoiseDraw, NoiseShape, Parameter, PredictiveCheck, Settings, ShapeSummary,
-    StageRecord,
+    Coordinate, Noise, NoiseDraw, NoiseShape, Parameter, Settings, ShapeSummary, StageRecord,
 };
 use serde::{Deserialize, Serialize};
 
@@ -94,6 +93,19 @@ pub struct GroupSummary {
     /// Whether replicated data are as far from their curves; none without draws, or where whole curves were not kept.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub check: Option<PredictiveCheck>,
+}
+
+/// How often replicated data lie as far from their curve as the measurements do.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PredictiveCheck {
+    /// Probability that replicated data are as far from the curve or farther, by the root mean square of their errors.
+    pub as_far: f64,
+    /// Probability that neighbouring errors of replicated data are as much alike or more, by their lag-1 correlation.
+    pub as_alike: f64,
+    /// Number of replicated data sets.
+    pub replicated: usize,
 }
 
 impl GroupSummary {

@@ -5,6 +5,7 @@
 //! 733; E.C. Marshall, D.J. Spiegelhalter, Bayesian Anal. 2 (2007) 409): a size that was inferred from these very residuals always agrees with
 //! them.
 
+use crate::PredictiveCheck;
 use crate::joint::Group;
 use crate::noise::Likelihood;
 use crate::residuals::lag1;
@@ -12,23 +13,9 @@ use crate::stream::{Purpose, stream};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 /// Most draws that data are replicated for: a probability of 0.01 is known within a fifth of itself.
 const MOST: usize = 4000;
-
-/// How often replicated data lie as far from their curve as the measurements do.
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct PredictiveCheck {
-    /// Probability that replicated data are as far from the curve or farther, by the root mean square of their errors.
-    pub as_far: f64,
-    /// Probability that neighbouring errors of replicated data are as much alike or more, by their lag-1 correlation.
-    pub as_alike: f64,
-    /// Number of replicated data sets.
-    pub replicated: usize,
-}
 
 /// Checks a group; `curve` is its curve in each of `draws` draws. None where there are no draws.
 pub(crate) fn check<'a>(
