@@ -3,8 +3,8 @@
 use crate::kinetics::reference_time;
 use crate::reference::{integrate, largest_difference, materials, motion, quasi_static, verlet};
 use dem_core::{
-    Damping, Kinetics, PairScene, PairSpec, Sintering, SolverKind, SolverSettings, StopReason,
-    contact_ratios, paper, simulate, verlet_batch,
+    Damping, Kinetics, PairScene, PairSpec, Sintering, SolverSettings, StopReason, contact_ratios,
+    paper, simulate, verlet_batch,
 };
 
 fn ratios(

@@ -4,9 +4,9 @@ use crate::kinetics::reference_time;
 use crate::reference::{integrate, largest_difference, materials, motion, quasi_static, verlet};
 use dem_core::heat::{CoolDown, Heat, History, Mobility, MobilityLaw, literature};
 use dem_core::{
-    Kinetics, PairScene, PairSpec, Sintering, SolverKind, SolverSettings, StopReason,
-    contact_ratios, heated_contact_ratios, heated_time_to_contact_ratio, paper, simulate,
-    simulate_heated, time_to_contact_ratio,
+    Kinetics, PairScene, PairSpec, Sintering, SolverSettings, StopReason, contact_ratios,
+    heated_contact_ratios, heated_time_to_contact_ratio, paper, simulate, simulate_heated,
+    time_to_contact_ratio,
 };
 
 fn heated(
