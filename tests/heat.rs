@@ -159,6 +159,22 @@ fn one_pulse_freezes_and_says_nothing_of_another_energy_without_a_law() {
         "[heat]\nhistory = \"pulse\"\nmobility = \"direct\"\npulse_energy = 23.0\ncooling_power = 1.0\n",
     );
     predicted(&sandbox, "--after 1 --radius-m 30e-6 --heat pulse.toml");
+    // A cooling time and its radius are one statement: of the pair that is asked for, of another one, or of the calibration.
+    let pulse = "[heat]\nhistory = \"pulse\"\nmobility = \"direct\"\npulse_energy = 23.0\n";
+    let cooled = |more: &str| {
+        sandbox.write("pulse.toml", format!("{pulse}{more}"));
+        predicted(&sandbox, "--after 1 --radius-m 30e-6 --heat pulse.toml")["freezes"].clone()
+    };
+    let own = cooled("cooling_time_s = 0.1\n");
+    let other = cooled("cooling_time_s = 0.4\ncooling_radius_m = 60e-6\ncooling_power = 2.0\n");
+    let [a, b] = [&own, &other].map(|freezes| number(&freezes["contact_ratio"]["median"]));
+    assert!((a / b - 1.0).abs() < 1e-9, "{own} {other}");
+    sandbox.write("pulse.toml", format!("{pulse}cooling_radius_m = 30e-6\ncooling_power = 1.0\n"));
+    sandbox.run("predict --posterior run --after 1 --heat pulse.toml").refused(&[
+        "pulse.toml",
+        "heat.cooling_radius_m",
+        "state cooling_time_s too",
+    ]);
     // Twice as long a pulse goes further, and one without an end coalesces.
     sandbox.write(
         "long.toml",
@@ -233,7 +249,7 @@ fn beds_of_the_same_posterior_freeze_where_its_pairs_do(sandbox: &Sandbox) {
     sandbox.run(&format!("{common} scene.toml")).refused(&["3 experiments", "--of e19"]);
     // A scene's own heat is another history, with the numbers of the draws in place of its own.
     let own = "[heat]\nhistory = \"pulse\"\nmobility = \"threshold-power\"\nreference_energy = 29.0\npulse_energy = 25.0\n\
-               cooling_time_s = 9.0\nthreshold_energy = 1.0\nenergy_power = 3.0\n";
+               cooling_time_s = 9.0\ncooling_radius_m = 30e-6\ncooling_power = 1.0\nthreshold_energy = 1.0\nenergy_power = 3.0\n";
     sandbox.write("scene.toml", format!("{scene}{own}"));
     sandbox.run(&format!("{common} scene.toml --of e29 --out own --quiet")).succeeded();
     let text = fs::read_to_string(sandbox.path().join("own/densify.json")).expect("a record");

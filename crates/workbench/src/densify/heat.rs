@@ -30,15 +30,15 @@ impl BedHeat {
         input: &SceneInput,
     ) -> Result<Option<Self>, InputError> {
         let asked = options.heat.as_deref().map(HeatFields::open).transpose()?;
-        let fields = asked.as_ref().or(input.heat.as_ref());
-        let place = fields.map_or("--heat", HeatFields::file_name).to_owned();
-        let Some(mut plan) = heat_of(&calibrated.pair, fields, options.pulse_energy)? else {
-            return Ok(None);
-        };
-        if asked.is_none() {
-            // As those of [sintering], numbers of a scene give way to those of the draws.
-            plan.known.retain(|name, _| calibrated.value(*name, 0).is_none());
-        }
+        // As those of [sintering], numbers of a scene give way to those of the calibration.
+        let own = calibrated.pair.heat.as_ref();
+        let known = |name| own.is_some_and(|own| own.known.contains_key(&name));
+        let of_calibration = |name| known(name) || calibrated.value(name, 0).is_some();
+        let of_scene = || input.heat.as_ref().map(|heat| heat.without(of_calibration));
+        let fields = asked.or_else(of_scene);
+        let place = fields.as_ref().map_or("--heat", HeatFields::file_name).to_owned();
+        let heat = heat_of(&calibrated.pair, fields.as_ref(), options.pulse_energy)?;
+        let Some(plan) = heat else { return Ok(None) };
         let radius_m = plan.unrounded(input.outline.mean_radius_m);
         let heated = input.file.phases.iter().skip_while(|phase| !phase.heated);
         let lasts_s = heated.map(|phase| phase.duration_s).sum();

@@ -206,7 +206,8 @@ impl DensifyJob {
         let (computed, failed) = divide(&self.draws, beds);
         let parameters = self.parameters.iter().map(|parameter| parameter.name.clone()).collect();
         let about = (self.other_laws(&wanted, &computed)?, self.advice.clone());
-        let report = Report::new(self.plan.clone(), parameters, &computed, failed, about);
+        let freezes = Freezing::of(&computed, self.plan.target, &self.input);
+        let report = Report::new(self.plan.clone(), parameters, &computed, failed, freezes, about);
 
         let staging = self.folder.stage()?;
         let write =

@@ -148,6 +148,7 @@ impl Report {
         parameters: Vec<String>,
         computed: &[(Draw, Curve)],
         failed: Vec<FailedDraw>,
+        freezes: Option<Freezing>,
         (other_laws, mut advice): (Vec<OtherLaw>, Vec<String>),
     ) -> Self {
         let target = plan.target;
@@ -205,7 +206,7 @@ impl Report {
             parameters,
             target: record,
             pairs_end,
-            freezes: Freezing::of(computed, target),
+            freezes,
             other_laws,
             spread,
             curve: bands(&curves),

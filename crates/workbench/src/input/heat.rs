@@ -202,6 +202,23 @@ impl HeatFields {
         })
     }
 
+    /// Whether they have a cooling time.
+    pub fn states_cooling_time(&self) -> bool {
+        self.number("cooling_time_s").is_some()
+    }
+
+    /// The same without the numbers of parameters that `others` have; the radius of a cooling time goes with it.
+    pub(crate) fn without(&self, others: impl Fn(ParameterName) -> bool) -> Self {
+        let mut left = self.clone();
+        for (field, _) in OPEN.iter().filter(|(_, name)| others(*name)) {
+            left.fields.remove(field);
+        }
+        if self.states_cooling_time() && !left.states_cooling_time() {
+            left.fields.remove("cooling_radius_m");
+        }
+        left
+    }
+
     /// Name of the file that they are in.
     pub fn file_name(&self) -> &str {
         &self.place.file

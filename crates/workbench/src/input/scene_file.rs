@@ -104,6 +104,18 @@ fn with_heat(
 }
 
 impl SceneInput {
+    /// The heated phases of a bed that runs to `end_s`, each from one time to another since the first of them began \[s\].
+    pub fn heated_s(&self, end_s: f64) -> Vec<[f64; 2]> {
+        let mut begin_s = 0.0;
+        let phases = self.file.phases.iter().skip_while(|phase| !phase.heated);
+        let spans = phases.map(|phase| {
+            let from_s = begin_s;
+            begin_s += phase.duration_s;
+            (phase.heated, [from_s, begin_s.min(end_s)])
+        });
+        spans.filter(|(heated, [from, to])| *heated && from < to).map(|(_, span)| span).collect()
+    }
+
     /// The heat of the bed, which is that of particles of the mean radius: all of its numbers are stated.
     ///
     /// # Errors

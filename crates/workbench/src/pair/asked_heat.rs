@@ -8,7 +8,8 @@ use crate::plan::PairPlan;
 
 /// The heat to compute for: that of the calibration, with another history or another energy where that is wanted.
 ///
-/// Numbers that `fields` leave open are those of the calibration.
+/// Numbers that `fields` leave open are those of the calibration. A cooling time and the radius that it belongs to are one statement:
+/// both are those of `fields`, whose time belongs to the pair that is asked for where they have no radius, or both of the calibration.
 ///
 /// # Errors
 ///
@@ -36,9 +37,22 @@ pub fn heat_of(
         let place = fields.filter(|_| pulse_energy.is_none()).map(HeatFields::file_name);
         return Err(no_law(place.unwrap_or("--pulse-energy")));
     }
-    // Without a radius of its own a calibrated cooling time is that of the calibrated pair.
-    if let HistoryPlan::Pulse { cooling_radius_m, .. } = &mut heat.history {
-        cooling_radius_m.get_or_insert(pair.powder.radius_m);
+    let stated = fields.is_some_and(HeatFields::states_cooling_time);
+    let calibrated_m = own.and_then(|own| own.cooling_radius_m(pair.powder.radius_m));
+    if let HistoryPlan::Pulse { cooling_radius_m, .. } = &mut heat.history
+        && let Some(of) = calibrated_m.filter(|_| !stated)
+    {
+        if let Some(other) = cooling_radius_m.filter(|other| *other != of) {
+            return Err(InputError::new(
+                fields.map_or("--heat", HeatFields::file_name),
+                Mistake::Conflict,
+            )
+            .in_field("heat.cooling_radius_m")
+            .found(format_args!("{other} m, and no cooling_time_s that belongs to it"))
+            .expected(format_args!("{of} m, the radius of the calibrated cooling time"))
+            .help("leave it out, or state cooling_time_s too"));
+        }
+        *cooling_radius_m = Some(of);
     }
     Ok(Some(heat))
 }

@@ -168,22 +168,31 @@ const NOTHING_LEFT: f64 = 1e-2;
 /// How much of the growth of a heat a run of a bed has seen, in reduced time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct GrowthSeen {
-    /// Reduced time at the end of the run \[s\].
+    /// Reduced time for which it has grown, in its heated phases \[s\].
     pub reduced_time_s: f64,
     /// Reduced time after infinite time \[s\]; none where growth never ends.
     pub in_all_s: Option<f64>,
+    /// Reduced time when the last heated phase ended \[s\].
+    #[serde(skip)]
+    passed_s: f64,
 }
 
 impl GrowthSeen {
-    /// At a time after first contact \[s\].
-    pub fn of(heat: &Heat, time_s: f64) -> Self {
+    /// Of heated phases, each from one time after first contact to another \[s\], in order.
+    pub fn of(heat: &Heat, heated_s: &[[f64; 2]]) -> Self {
         let in_all_s = Some(heat.reduced_time_at_end()).filter(|end| end.is_finite());
-        Self { reduced_time_s: heat.reduced_time(time_s), in_all_s }
+        let reduced: Vec<[f64; 2]> =
+            heated_s.iter().map(|ends| ends.map(|time_s| heat.reduced_time(time_s))).collect();
+        Self {
+            reduced_time_s: reduced.iter().map(|[from, to]| to - from).sum(),
+            in_all_s,
+            passed_s: reduced.last().map_or(0.0, |[_, to]| *to),
+        }
     }
 
-    /// Whether nothing moves any more: less than a hundredth of all growth is still to come.
+    /// Whether its heat has ended: less than a hundredth of all its growth was to come after the last heated phase.
     pub fn is_frozen(&self) -> bool {
-        self.in_all_s.is_some_and(|all| self.reduced_time_s >= (1.0 - NOTHING_LEFT) * all)
+        self.in_all_s.is_some_and(|all| self.passed_s >= (1.0 - NOTHING_LEFT) * all)
     }
 }
 
@@ -280,7 +289,7 @@ impl HeatPlan {
         Some(other)
     }
 
-    /// Takes over from another heat of the same law what this one leaves open.
+    /// Takes over from another heat of the same law what this one leaves open, but for the radius of a cooling time.
     pub fn complete_with(&mut self, other: &Self) {
         self.frozen_below_k = self.frozen_below_k.or(other.frozen_below_k);
         for (name, value) in &other.known {
@@ -288,16 +297,13 @@ impl HeatPlan {
         }
         if let (
             HistoryPlan::Pulse {
-                energy: other_energy,
-                ambient_temperature_k: other_ambient_k,
-                cooling_radius_m: other_radius_m,
+                energy: other_energy, ambient_temperature_k: other_ambient_k, ..
             },
-            HistoryPlan::Pulse { energy, ambient_temperature_k, cooling_radius_m },
+            HistoryPlan::Pulse { energy, ambient_temperature_k, .. },
         ) = (&other.history, &mut self.history)
         {
             *energy = energy.or(*other_energy);
             *ambient_temperature_k = ambient_temperature_k.or(*other_ambient_k);
-            *cooling_radius_m = cooling_radius_m.or(*other_radius_m);
         }
     }
 

@@ -187,7 +187,9 @@ impl SceneRecord {
             particles: run.bed().particles().len(),
             observations: series.samples.len(),
             heated_from_s,
-            growth: heat.zip(heated_s).map(|(heat, time_s)| GrowthSeen::of(heat, time_s)),
+            growth: heat
+                .zip(heated_s)
+                .map(|(heat, end_s)| GrowthSeen::of(heat, &input.heated_s(end_s))),
             phases,
             start: series.samples.first().map(State::from),
             end: series.samples.last().map(State::from),
@@ -265,7 +267,10 @@ impl SceneRecord {
         let seen = significant(growth.reduced_time_s, 3);
         let grown = match growth.in_all_s {
             Some(all) if !growth.is_frozen() => {
-                format!("{seen} of {} s of reduced time, and grows still", significant(all, 3))
+                format!(
+                    "{seen} of {} s of reduced time: its heat ends later than the heated phases",
+                    significant(all, 3)
+                )
             }
             Some(_) => format!("{seen} s of reduced time, and nothing moves any more"),
             None => format!("{seen} s of reduced time"),

@@ -134,7 +134,9 @@ fn kept_models(
     explained: &[Explained],
     runs: &[PathBuf],
 ) -> Result<Option<KeptModels>, Failure> {
-    let Some(Ok(_)) = explained.first().map(|one| one.record.pair()) else { return Ok(None) };
+    if explained.iter().any(|one| one.record.pair().is_err()) {
+        return Ok(None);
+    }
     let of = |(one, run): (&Explained, &PathBuf)| {
         let (_, measured) = one.record.plan.pair()?;
         let draws = PairDraws::read(run)?;

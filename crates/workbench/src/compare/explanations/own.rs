@@ -29,8 +29,8 @@ pub(super) struct Law {
 }
 
 impl Law {
-    /// Whether the data contradict it, by the log evidences of the variants.
-    pub(super) fn in_words(&self, log_evidences: &[f64]) -> String {
+    /// Whether the data contradict it, by the log evidences of the variants, which are to be `trusted` or not.
+    pub(super) fn in_words(&self, log_evidences: &[f64], trusted: bool) -> String {
         let top = log_evidences.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let average = |own: bool| {
             let kept = self.own.iter().zip(log_evidences).filter(|(left, _)| **left == own);
@@ -40,19 +40,23 @@ impl Law {
         let gain = average(true) - average(false);
         let strength = Strength::of(gain.abs());
         let factor = bayes_factor(gain.abs());
-        match (gain > 0.0, strength) {
+        let but = if trusted { "" } else { ", by evidences that are not all to be trusted" };
+        let (verb, what) = match (gain > 0.0, strength) {
             (_, Strength::None | Strength::BareMention) => {
-                format!("Of \"{}\" the data do not decide (Bayes factor below 3).", self.words)
+                return format!(
+                    "Of \"{}\" the data do not decide (Bayes factor below 3){but}.",
+                    self.words
+                );
             }
-            (true, strength) => format!(
-                "The data contradict \"{}\": {strength} evidence for one of its own for each radius (Bayes factor {factor}).",
-                self.words
-            ),
-            (false, strength) => format!(
-                "The data support \"{}\": {strength} evidence against one of its own for each radius (Bayes factor {factor}).",
-                self.words
-            ),
-        }
+            (true, Strength::Positive) => ("speak against", "for"),
+            (true, _) => ("contradict", "for"),
+            (false, Strength::Positive) => ("speak for", "against"),
+            (false, _) => ("support", "against"),
+        };
+        format!(
+            "The data {verb} \"{}\": {strength} evidence {what} one of its own for each radius (Bayes factor {factor}){but}.",
+            self.words
+        )
     }
 }
 
@@ -239,7 +243,7 @@ mod tests {
     #[test]
     fn a_law_is_contradicted_or_supported_by_the_average_evidence_of_what_leaves_it() {
         let law = Law { words: "tau_s in proportion to R", own: vec![false, true, false, true] };
-        let said = |logs: [f64; 4]| law.in_words(&logs);
+        let said = |logs: [f64; 4]| law.in_words(&logs, true);
         // (e^5 + e^3)/(e^0 + e^1) = 45: strong.
         let against = said([0.0, 5.0, 1.0, 3.0]);
         assert!(
@@ -250,5 +254,8 @@ mod tests {
         let support = said([5.0, 0.0, 3.0, 1.0]);
         assert!(support.starts_with("The data support") && support.contains("45"), "{support}");
         assert!(said([0.0, 0.5, 0.5, 0.0]).contains("do not decide"));
+        // Little is not called a contradiction, and doubt in the evidences is said.
+        assert!(said([0.0, 2.0, 0.0, 2.0]).starts_with("The data speak against"));
+        assert!(law.in_words(&[0.0, 5.0, 1.0, 3.0], false).contains("not all to be trusted"));
     }
 }

@@ -10,7 +10,8 @@ use super::explained::{Explained, noise_kinds};
 use super::own::Law;
 use crate::careful::Careful;
 use crate::error::InputError;
-use crate::plan::{Plan, prior_in_words};
+use crate::pair::parameter::ParameterName;
+use crate::plan::{Plan, SimulatorPlan, prior_in_words};
 use crate::record::{FitError, Record};
 
 /// Version of the layout.
@@ -139,7 +140,8 @@ pub(super) fn report(
         warnings: Vec::new(),
     };
     ranking.verdict = verdict(&ranking).into_iter().collect();
-    ranking.verdict.extend(laws.iter().map(|law| law.in_words(&logs)));
+    let trusted = ranking.explanations.iter().all(|one| one.sampling != Verdict::Untrusted);
+    ranking.verdict.extend(laws.iter().map(|law| law.in_words(&logs, trusted)));
     ranking.warnings = warnings(&ranking, explained);
     Ok(ExplanationsReport {
         schema_version: SCHEMA_VERSION,
@@ -241,9 +243,10 @@ fn warnings(ranking: &Explanations, explained: &[Explained]) -> Vec<String> {
         let (kinetics, noise) = (best.name.clone(), noise.clone());
         warnings.push(Careful::DependentComparison { kinetics, noise, lag1, correlated });
     }
-    let read_off = explained.iter().filter_map(|one| {
-        let value = read_off(&one.record)?;
-        Some(Careful::FinalContactRatioReadOff { value, of: Some(one.name.clone()) })
+    let read_off = explained.iter().flat_map(|one| {
+        let of = Some(one.name.clone());
+        let values = read_off(&one.record).into_iter();
+        values.map(move |value| Careful::FinalContactRatioReadOff { value, of: of.clone() })
     });
     warnings.extend(read_off);
     warnings.iter().map(ToString::to_string).collect()
@@ -275,11 +278,21 @@ fn other_priors(explained: &[Explained]) -> Vec<Careful> {
     found
 }
 
-/// The final contact ratio of an explanation that ends there, where it was read off the data.
-fn read_off(record: &Record) -> Option<f64> {
-    let pair = record.pair().ok()?.plan;
-    let calibrated = pair.calibrated(crate::pair::parameter::ParameterName::Phi);
-    let fixed = record.plan.parameters.iter().all(|parameter| parameter.name != calibrated);
-    let why = pair.final_contact_ratio_reason.as_deref()?;
-    (fixed && pair.heat.is_none() && why.contains("measured")).then_some(pair.final_contact_ratio)
+/// The final contact ratios of an explanation that ends there, where they were read off the data.
+fn read_off(record: &Record) -> Vec<f64> {
+    let parameters = &record.plan.parameters;
+    let pairs = record.plan.experiments.iter().filter_map(|one| match &one.simulator {
+        SimulatorPlan::Builtin(pair) => Some(pair),
+        _ => None,
+    });
+    let read_off = pairs.filter(|pair| {
+        let calibrated = pair.calibrated(ParameterName::Phi);
+        let why = pair.final_contact_ratio_reason.as_deref();
+        parameters.iter().all(|parameter| parameter.name != calibrated)
+            && pair.heat.is_none()
+            && why.is_some_and(|why| why.contains("measured"))
+    });
+    let mut values: Vec<f64> = read_off.map(|pair| pair.final_contact_ratio).collect();
+    values.dedup();
+    values
 }
