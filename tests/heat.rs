@@ -204,6 +204,12 @@ fn pulses_of_one_powder_are_calibrated_together_and_give_the_energy_that_is_enou
     }
     let far = &predicted(&sandbox, "--of e19 --energy-for 1.5")["enough"];
     assert!(far["energy"].is_null(), "{far}");
+    // Outside of the calibrated energies the law alone speaks.
+    for (energy, outside) in [(18.9, true), (19.0, false), (29.0, false), (29.1, true)] {
+        let options = format!("predict --posterior run --of e19 --after 1 --pulse-energy {energy}");
+        let said = sandbox.run(&options).succeeded().stdout.clone();
+        assert_eq!(said.contains("outside-energies"), outside, "{energy}: {said}");
+    }
     // What is enough with 95 % probability is so for 95 % of the draws, up to draws of one sample.
     let there = predicted(&sandbox, &format!("--of e19 --contact-ratio 1 --pulse-energy {energy}"));
     let never = number(&there["sintering"][0]["never_probability"]);

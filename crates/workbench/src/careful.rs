@@ -20,7 +20,10 @@ pub(crate) use of_population::OfPopulation;
 pub(crate) use of_sampler::{Simulations, concern, section};
 
 use crate::number::significant;
-use words::{dependent, necks_meet, outside_model, outside_priors, prior_decides, soft_settling};
+use words::{
+    dependent, necks_meet, outside_energies, outside_model, outside_priors, prior_decides,
+    soft_settling,
+};
 
 /// A reason to be careful that the sampler does not see: in the input, in what a result is used for, in a comparison.
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -118,6 +121,8 @@ pub(crate) enum Careful {
     },
     /// A prior of a heat's parameter that the experiment's heat, or an experiment without one, has no use for.
     UnusedPrior { priors: String, parameter: String, experiment: String, heat: bool },
+    /// A pulse energy that lies outside of the calibrated ones.
+    OutsideEnergies { energy: f64, lowest: f64, highest: f64 },
 }
 
 impl Careful {
@@ -190,6 +195,9 @@ impl Careful {
             Self::UnusedPrior { priors, parameter, experiment, heat } => {
                 let why = if *heat { "its heat has no use for it" } else { "it has no [heat]" };
                 format!("{priors}: the prior of {parameter} changes nothing in {experiment}: {why}")
+            }
+            Self::OutsideEnergies { energy, lowest, highest } => {
+                outside_energies(*energy, [*lowest, *highest])
             }
         }
     }
@@ -327,6 +335,9 @@ impl Careful {
             }
             Self::UnusedPrior { .. } => {
                 "describe the heat in [heat] of the experiment, or take the prior out"
+            }
+            Self::OutsideEnergies { .. } => {
+                "measure a pair at such an energy, and see what another mobility law says"
             }
         }
     }

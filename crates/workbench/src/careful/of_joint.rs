@@ -21,12 +21,12 @@ impl OfJoint {
     pub(crate) const CONTRADICTED: f64 = 0.01;
 }
 
-/// The probability of replicated data as far off, in words.
+/// The probability of replicated data as far off, in words; where there are none of n, it is below 3/n with 95 % probability.
 pub(crate) fn as_far_in_words(as_far: f64, replicated: usize) -> String {
     if as_far > 0.0 {
         format!("p = {}", significant(as_far, 2))
     } else {
-        format!("p < {}", significant(1.0 / replicated.max(1) as f64, 1))
+        format!("p < {}", significant(3.0 / replicated.max(1) as f64, 1))
     }
 }
 
@@ -35,7 +35,7 @@ impl fmt::Display for OfJoint {
         let Self::NotReplicated { observable, rmse, as_far, replicated } = self;
         write!(
             f,
-            "{observable}: its measurements contradict what the experiments share, or the noise: data made by the posterior are as far from their curves with {} only (RMSE {}); calibrate it alone and see whether it is met then; of several radii calibrate compare --plan says which law of R is contradicted{}",
+            "{observable}: its measurements contradict what is calibrated together, or the noise: data made with its errors are as far from their curves with {} only (RMSE {}); calibrate it alone and see whether it is met then{}",
             as_far_in_words(*as_far, *replicated),
             significant(*rmse, 2),
             section(self)

@@ -30,6 +30,18 @@ pub(super) fn outside_priors(from: &str, share: f64) -> String {
     )
 }
 
+/// Words on a pulse energy beyond those that were calibrated.
+pub(super) fn outside_energies(energy: f64, [lowest, highest]: [f64; 2]) -> String {
+    let calibrated = match lowest < highest {
+        true => format!("those that were calibrated, {lowest} to {highest}"),
+        false => format!("the one that was calibrated, {lowest}"),
+    };
+    format!(
+        "a pulse energy of {} lies outside of {calibrated}: how far a pulse goes there is a claim of the mobility law, whose error no interval holds",
+        significant(energy, 3)
+    )
+}
+
 /// Words on draws that reach the target after their pairs have ended.
 pub(super) fn outside_model(outside: usize, draws: usize, limit: f64) -> String {
     format!(

@@ -64,8 +64,14 @@ pub(super) fn lines(laws: &[OtherLaw], bed: Option<f64>) -> Vec<String> {
         "    open and closed pores have no zipping stage: they start at once, and are faster early"
             .to_owned(),
     );
+    let never =
+        laws.iter().filter(|law| law.time_s.median.is_none()).count() + usize::from(bed.is_none());
+    let they = match never {
+        0 => "they".to_owned(),
+        _ => format!("{never} of {} never get there; the others", laws.len() + 1),
+    };
     lines.push(format!(
-        "    they differ by a factor of {} ({} .. {} s): the interval above is the posterior's part alone",
+        "    {they} differ by a factor of {} ({} .. {} s): the interval above is the posterior's part alone",
         significant(longest / shortest, 2),
         significant(shortest, 3),
         significant(longest, 3)

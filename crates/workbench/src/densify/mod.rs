@@ -28,7 +28,9 @@ use crate::output::inputs::Inputs;
 use crate::output::page::FILE_NAME;
 use crate::output::work_folder::{WorkFolder, fingerprint};
 use crate::output::{Published, RunFolder, make_room, pretty};
+use crate::pair::asked_heat::outside_energies;
 use crate::pair::draws::PairDraws;
+use crate::pair::heat::HeatPlan;
 use crate::report::{NamedFigures, draw_all};
 use crate::watch::Watch;
 use beds::{Wanted, file_name};
@@ -120,6 +122,9 @@ impl DensifyJob {
             pulse_energy: options.pulse_energy,
             version: env!("CARGO_PKG_VERSION").to_owned(),
         };
+        let energy = plan.heat.as_ref().and_then(HeatPlan::energy);
+        let mut advice = agreement::advice(&calibrated, &input);
+        advice.extend(energy.and_then(|energy| outside_energies(&calibrated.record.plan, energy)));
         let mut bed_plan = json!({
             "scene": plan.scene, "posterior": plan.posterior_fingerprint, "draws": plan.draws,
             "seed": plan.seed, "version": plan.version,
@@ -133,7 +138,7 @@ impl DensifyJob {
         let default = format!("{}-{}", input.folder_name(), posterior.name);
         let out = options.out.clone().unwrap_or_else(|| Path::new("results").join(default));
         Ok(Self {
-            advice: agreement::advice(&calibrated, &input),
+            advice,
             folder: RunFolder::prepare(&out, DENSIFY_RECORD)?,
             bed_plan: bed_plan.to_string(),
             inputs: page::inputs(options, plan.heat.as_ref(), &read),

@@ -1,10 +1,11 @@
 //! The heat that is asked for beside a posterior: that of the calibration, or another one.
 
+use crate::careful::Careful;
 use crate::error::{InputError, Mistake};
 use crate::input::heat::{HeatFields, field_of};
 use crate::pair::heat::{HeatPlan, HistoryPlan, LawPlan, NoHeat};
 use crate::pair::parameter::ParameterName;
-use crate::plan::PairPlan;
+use crate::plan::{PairPlan, Plan, SimulatorPlan};
 
 /// The heat to compute for: that of the calibration, with another history or another energy where that is wanted.
 ///
@@ -74,6 +75,18 @@ fn asked(pair: &PairPlan, fields: &HeatFields) -> Result<HeatPlan, InputError> {
     }
     heat.complete_with(own);
     Ok(heat)
+}
+
+/// What to say of an energy that lies outside of those of the calibration; nothing where it had none.
+pub(crate) fn outside_energies(plan: &Plan, energy: f64) -> Option<String> {
+    let energies = plan.experiments.iter().filter_map(|one| match &one.simulator {
+        SimulatorPlan::Builtin(pair) => pair.heat.as_ref()?.energy(),
+        _ => None,
+    });
+    let (lowest, highest) = energies
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), energy| (a.min(energy), b.max(energy)));
+    (lowest <= highest && !(lowest..=highest).contains(&energy))
+        .then(|| Careful::OutsideEnergies { energy, lowest, highest }.to_string())
 }
 
 fn no_pulse(option: &str) -> InputError {

@@ -26,7 +26,7 @@ use serde::Serialize;
 use self::drawn::{Drawn, Scatter};
 use crate::careful::Careful;
 use crate::error::{Failure, InputError, Mistake, RunError};
-use crate::pair::asked_heat::{heat_of, refused};
+use crate::pair::asked_heat::{heat_of, outside_energies, refused};
 use crate::pair::draws::PairDraws;
 use crate::pair::heat::{HeatPlan, LawPlan};
 use crate::pair::parameter::ParameterName;
@@ -144,6 +144,10 @@ pub fn predict(calibrated: &PairDraws, wanted: &Wanted) -> Result<Prediction, Fa
     });
     let enough = enough.transpose()?;
     let mut advice = calibrated.advice.clone();
+    let energies =
+        [heat.as_ref().and_then(HeatPlan::energy), enough.as_ref().and_then(|e| e.energy)];
+    let outside = |energy| outside_energies(&record.plan, energy);
+    advice.extend(energies.into_iter().flatten().filter_map(outside));
     if kinetics.only_approaches_the_merged_pair() {
         let limit = 2f64.cbrt();
         if wanted.targets.iter().any(|target| (target - limit).abs() < 1e-3) {
