@@ -317,10 +317,10 @@ impl Careful {
             Self::SpreadUnexplained { .. } => "take more --draws",
             Self::SpreadUnknown => "take more --draws, or a --target that more of them reach",
             Self::UntrustedKinetics { .. } | Self::EvidencesTooClose { .. } => {
-                "run more simulations with --samples"
+                "run more simulations: --samples, or --continue-from of a finished run"
             }
             Self::PriorDecides { .. } => {
-                "give priors that hold what is known, with --prior, before the evidence is quoted"
+                "give priors that hold what is known before the evidence is quoted"
             }
             Self::DependentComparison { correlated: false, .. } => {
                 "--noise inferred,correlated says what the evidences are with errors that may be alike"
