@@ -47,7 +47,7 @@ fn predicted(sandbox: &Sandbox, options: &str) -> Value {
     serde_json::from_str(&ran.succeeded().stdout).expect("JSON")
 }
 
-fn number(value: &Value) -> f64 {
+pub(crate) fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
 }
 

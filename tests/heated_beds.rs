@@ -4,37 +4,9 @@ use std::fs;
 
 use serde_json::Value;
 
-use crate::sandbox::{Sandbox, root};
-
-/// Twenty particles in a periodic box, from balance to balance.
-const PACKING: &str = r#"
-name = "twenty"
-[material]
-youngs_modulus_pa = 1.65e9
-surface_tension_n_per_m = 40.7e-3
-density_kg_per_m3 = 1000.0
-[sintering]
-kinetics = "three-stage"
-c1 = 1.177e-5
-tau_s = 3.81
-delta_c = 9.55e-8
-calibrated_radius_m = 31.5e-6
-when_necks_meet = "stop"
-[box]
-sides = ["periodic", "periodic", "periodic"]
-free = true
-[particles.packing]
-count = 20
-radii = { equal = { radius_m = 31.5e-6 } }
-seed = 3
-[[phases]]
-name = "hot"
-duration_s = 6.0
-heated = true
-mode = "quasi-static"
-outputs = 12
-tolerance = 2e-3
-"#;
+use crate::heat::number;
+use crate::sandbox::Sandbox;
+use crate::scenes;
 
 /// s = 0.5 s in all, of which 6 s leave 3e-6.
 const PULSE: &str =
@@ -44,23 +16,28 @@ const PULSE: &str =
 const REFERENCE: &str = "[heat]\nhistory = \"constant\"\nmobility = \"arrhenius\"\nreference_temperature_k = 450.0\n\
                          temperature_k = 450.0\nactivation_energy_j_per_mol = 1e5\n";
 
-/// The same kinetics as [`PACKING`] for a pair.
+/// The same kinetics as [`packing`] for a pair.
 const PA12: &str = "--material pa12 --c1 1.177e-5 --tau-s 3.81 --delta-c 9.55e-8";
+
+/// The particles in a periodic box of other scenes for 6 s, to where necks meet.
+fn packing() -> String {
+    scenes::PACKING
+        .replace(
+            "calibrated_radius_m = 31.5e-6",
+            "calibrated_radius_m = 31.5e-6\nwhen_necks_meet = \"stop\"",
+        )
+        .replace("count = 40", "count = 20")
+        .replace("duration_s = 1.5", "duration_s = 6.0")
+        .replace("tolerance = 1e-2", "tolerance = 2e-3")
+}
 
 /// The pair of the paper, from balance to balance.
 fn pair(duration_s: f64) -> String {
-    let text = fs::read_to_string(root().join("experiments/scenes/pair.toml")).expect("the scene");
-    let text = text.replace("duration_s = 8.0", &format!("duration_s = {duration_s}"));
-    format!("{text}mode = \"quasi-static\"\noutputs = 20\ntolerance = 1e-4\n")
+    scenes::pair(20).replace("duration_s = 8.0", &format!("duration_s = {duration_s}"))
 }
 
 fn json(sandbox: &Sandbox, path: &str) -> Value {
-    let text = fs::read_to_string(sandbox.path().join(path)).expect("a file");
-    serde_json::from_str(&text).expect("JSON")
-}
-
-fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+    scenes::json(&sandbox.path().join(path))
 }
 
 /// a/R of the pair at a time, exactly.
@@ -114,8 +91,8 @@ fn a_pair_of_a_scene_freezes_where_it_is_after_the_reduced_time_without_heat() {
 #[test]
 fn a_bed_freezes_at_the_density_that_it_has_after_the_reduced_time_without_heat() {
     let sandbox = Sandbox::new();
-    sandbox.write("pulse.toml", PACKING.to_owned() + PULSE);
-    sandbox.write("short.toml", PACKING.replace("duration_s = 6.0", "duration_s = 0.5"));
+    sandbox.write("pulse.toml", packing() + PULSE);
+    sandbox.write("short.toml", packing().replace("duration_s = 6.0", "duration_s = 0.5"));
     let [[before, frozen], [_, isothermal]] = ["pulse", "short"].map(|run| {
         sandbox.run(&format!("scene {run}.toml --out {run} --quiet")).succeeded();
         let record = json(&sandbox, &format!("{run}/scene.json"));

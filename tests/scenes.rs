@@ -11,7 +11,7 @@ use serde_json::Value;
 use crate::sandbox::{Sandbox, root};
 
 /// Forty particles in a periodic box: quick to compute, and with a density.
-const PACKING: &str = r#"
+pub(crate) const PACKING: &str = r#"
 name = "forty"
 [material]
 youngs_modulus_pa = 1.65e9
@@ -40,7 +40,7 @@ tolerance = 1e-2
 "#;
 
 /// The pair of the paper, from balance to balance.
-fn pair(outputs: usize) -> String {
+pub(crate) fn pair(outputs: usize) -> String {
     let text = fs::read_to_string(root().join("experiments/scenes/pair.toml")).expect("the scene");
     format!("{text}mode = \"quasi-static\"\noutputs = {outputs}\ntolerance = 1e-4\n")
 }
@@ -57,7 +57,7 @@ fn calibrated(scene: &str) -> Sandbox {
     sandbox
 }
 
-fn json(path: &Path) -> Value {
+pub(crate) fn json(path: &Path) -> Value {
     serde_json::from_str(&fs::read_to_string(path).expect("a file")).expect("JSON")
 }
 

@@ -197,12 +197,7 @@ pub(super) fn warnings(comparison: &Comparison) -> Vec<String> {
             correlated,
         });
     }
-    if !comparison.with_phi()
-        && comparison
-            .final_contact_ratio_reason
-            .as_deref()
-            .is_some_and(|why| why.contains("measured"))
-    {
+    if !comparison.with_phi() && is_read_off(comparison.final_contact_ratio_reason.as_deref()) {
         let value = comparison.final_contact_ratio;
         warnings.push(Careful::FinalContactRatioReadOff { value, of: None });
     }
@@ -234,6 +229,11 @@ fn close_calls(comparison: &Comparison, noise: &str) -> Vec<Careful> {
     };
     let rivals = comparison.under(noise).filter(|entry| entry.kinetics != best.kinetics);
     rivals.flat_map(|entry| close_call(&ranked(best), &ranked(entry), noise)).collect()
+}
+
+/// Whether a final contact ratio was read off the measurements, by the reason that is given for it.
+pub(super) fn is_read_off(reason: Option<&str>) -> bool {
+    reason.is_some_and(|why| why.contains("measured"))
 }
 
 /// A model by its evidence.

@@ -25,13 +25,6 @@ pub struct Freezing {
     pub stopped: usize,
 }
 
-/// How a bed under a heat ended.
-enum End {
-    AtRest(f64),
-    Later,
-    Stopped,
-}
-
 impl Freezing {
     /// Of the beds of draws; none where no heat ends.
     pub(super) fn of(
@@ -44,19 +37,14 @@ impl Freezing {
         for (draw, curve) in computed {
             let (Some(heat), Some(last)) = (&draw.heat, curve.moments.last()) else { continue };
             let growth = GrowthSeen::of(heat, &input.heated_s(last.time_s));
-            let end = match growth.in_all_s {
-                None => continue,
+            match growth.in_all_s {
+                None => {}
                 // A full bed has nowhere to go.
                 Some(_) if growth.is_frozen() || last.relative_density >= 1.0 => {
-                    End::AtRest(last.of_target(target))
+                    ends.push(last.of_target(target));
                 }
-                Some(_) if last.time_s < (1.0 - 1e-9) * whole_s => End::Stopped,
-                Some(_) => End::Later,
-            };
-            match end {
-                End::AtRest(value) => ends.push(value),
-                End::Later => later += 1,
-                End::Stopped => stopped += 1,
+                Some(_) if last.time_s < (1.0 - 1e-9) * whole_s => stopped += 1,
+                Some(_) => later += 1,
             }
         }
         let draws = ends.len();

@@ -5,7 +5,7 @@ use crate::error::{InputError, Mistake};
 use crate::input::heat::{HeatFields, field_of};
 use crate::pair::heat::{HeatPlan, HistoryPlan, LawPlan, NoHeat};
 use crate::pair::parameter::ParameterName;
-use crate::plan::{PairPlan, Plan, SimulatorPlan};
+use crate::plan::{PairPlan, Plan, pairs};
 
 /// The heat to compute for: that of the calibration, with another history or another energy where that is wanted.
 ///
@@ -79,10 +79,7 @@ fn asked(pair: &PairPlan, fields: &HeatFields) -> Result<HeatPlan, InputError> {
 
 /// What to say of an energy that lies outside of those of the calibration; nothing where it had none.
 pub(crate) fn outside_energies(plan: &Plan, energy: f64) -> Option<String> {
-    let energies = plan.experiments.iter().filter_map(|one| match &one.simulator {
-        SimulatorPlan::Builtin(pair) => pair.heat.as_ref()?.energy(),
-        _ => None,
-    });
+    let energies = pairs(&plan.experiments).filter_map(|(_, pair)| pair.heat.as_ref()?.energy());
     let (lowest, highest) = energies
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), energy| (a.min(energy), b.max(energy)));
     (lowest <= highest && !(lowest..=highest).contains(&energy))

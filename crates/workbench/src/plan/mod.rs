@@ -30,6 +30,7 @@ pub(crate) use made_of::{PLAN, PROGRAM};
 pub use options::command_line;
 pub(crate) use options::{noise_option, shell_word};
 pub use pair::{PairOptions, sampler_for};
+pub(crate) use pair_file::pairs;
 pub use population::{PopulationPlan, PopulationRun};
 pub(crate) use template::with_folder;
 pub use types::{

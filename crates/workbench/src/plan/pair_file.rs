@@ -193,7 +193,9 @@ pub(super) fn check_priors(
 }
 
 /// The built-in pairs of a plan, with their experiments.
-fn pairs(experiments: &[ExperimentPlan]) -> impl Iterator<Item = (&ExperimentPlan, &PairPlan)> {
+pub(crate) fn pairs(
+    experiments: &[ExperimentPlan],
+) -> impl Iterator<Item = (&ExperimentPlan, &PairPlan)> {
     experiments.iter().filter_map(|experiment| match &experiment.simulator {
         SimulatorPlan::Builtin(pair) => Some((experiment, pair)),
         _ => None,

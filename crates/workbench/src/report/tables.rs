@@ -1,5 +1,6 @@
 //! The posterior as the table that a paper prints.
 
+use std::borrow::Borrow;
 use std::fmt::Write as _;
 
 use smc_calib::trust::limits::khat_in_words;
@@ -188,7 +189,7 @@ pub fn markdown(record: &Record) -> String {
 }
 
 /// A table as Markdown.
-fn markdown_table(columns: &[&str], rows: &[Vec<String>]) -> String {
+pub(crate) fn markdown_table<C: Borrow<str>>(columns: &[C], rows: &[Vec<String>]) -> String {
     let mut text = format!("| {} |\n|{}\n", columns.join(" | "), "---|".repeat(columns.len()));
     for row in rows {
         let _ = writeln!(text, "| {} |", row.join(" | "));

@@ -6,7 +6,7 @@ use super::super::strength::{Strength, bayes_factor};
 use crate::error::{InputError, Mistake};
 use crate::pair::heat::HistoryPlan;
 use crate::pair::parameter::ParameterName;
-use crate::plan::{PairPlan, Plan, SimulatorPlan};
+use crate::plan::{Plan, SimulatorPlan, pairs};
 
 /// Parameters that go with the radius by a law, each with its words.
 const LAWS: [(ParameterName, &str); 2] = [
@@ -91,14 +91,6 @@ pub(super) fn variants(plan: &Plan) -> Result<Variants, InputError> {
     Ok(Variants { laws, plans })
 }
 
-/// The built-in pairs of a plan.
-fn pairs(plan: &Plan) -> impl Iterator<Item = &PairPlan> {
-    plan.experiments.iter().filter_map(|experiment| match &experiment.simulator {
-        SimulatorPlan::Builtin(pair) => Some(pair),
-        _ => None,
-    })
-}
-
 /// The plan with a parameter of one's own for each radius but the first that shares it, with the same prior; none where no two
 /// radii share it.
 fn with_own(plan: &Plan, name: ParameterName) -> Option<Plan> {
@@ -140,8 +132,8 @@ fn with_own(plan: &Plan, name: ParameterName) -> Option<Plan> {
 fn cooled_at_their_own_radius(plan: &mut Plan) {
     let power = ParameterName::CoolingPower;
     let names = |plan: &Plan| -> Vec<String> {
-        let own = pairs(plan).filter(|pair| pair.takes(power));
-        own.map(|pair| pair.calibrated(power).to_owned()).collect()
+        let own = pairs(&plan.experiments).filter(|(_, pair)| pair.takes(power));
+        own.map(|(_, pair)| pair.calibrated(power).to_owned()).collect()
     };
     let before = names(plan);
     for experiment in &mut plan.experiments {
@@ -214,11 +206,12 @@ mod tests {
         );
         assert_eq!(own_both.parameters.len(), 7);
         let of = |plan: &Plan, name: ParameterName| -> Vec<String> {
-            pairs(plan).map(|pair| pair.calibrated(name).to_owned()).collect()
+            pairs(&plan.experiments).map(|(_, pair)| pair.calibrated(name).to_owned()).collect()
         };
         assert_eq!(of(own_tau_s, ParameterName::TauS), ["tau_s", "tau_s_r30"]);
         assert_eq!(own_tau_s.parameters[1].prior, own_tau_s.parameters[2].prior);
-        let powers = pairs(own_time).filter(|pair| pair.takes(ParameterName::CoolingPower));
+        let powers = pairs(&own_time.experiments)
+            .filter(|(_, pair)| pair.takes(ParameterName::CoolingPower));
         assert_eq!(powers.count(), 0);
         assert_eq!(laws[0].own, [false, true, false, true]);
         assert_eq!(laws[1].own, [false, false, true, true]);
@@ -234,8 +227,9 @@ mod tests {
         again.name = "again".to_owned();
         plan.experiments.push(again);
         let freed = with_own(&plan, ParameterName::TauS).expect("two radii");
-        let own: Vec<&str> =
-            pairs(&freed).map(|pair| pair.calibrated(ParameterName::TauS)).collect();
+        let own: Vec<&str> = pairs(&freed.experiments)
+            .map(|(_, pair)| pair.calibrated(ParameterName::TauS))
+            .collect();
         assert_eq!(own, ["tau_s", "tau_s_r30", "tau_s_r30"]);
         assert_eq!(freed.parameters.len(), plan.parameters.len() + 1);
     }

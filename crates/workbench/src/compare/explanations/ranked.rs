@@ -5,13 +5,13 @@ use smc_calib::{PredictiveCheck, Verdict};
 
 use super::super::comparison::{Informed, informed, weights};
 use super::super::strength::{Strength, bayes_factor};
-use super::super::verdict::{Ranked, close_call};
+use super::super::verdict::{Ranked, close_call, is_read_off};
 use super::explained::{Explained, noise_kinds};
 use super::own::Law;
 use crate::careful::Careful;
 use crate::error::InputError;
 use crate::pair::parameter::ParameterName;
-use crate::plan::{Plan, SimulatorPlan, prior_in_words};
+use crate::plan::{Plan, pairs, prior_in_words};
 use crate::record::{FitError, Record};
 
 /// Version of the layout.
@@ -281,18 +281,13 @@ fn other_priors(explained: &[Explained]) -> Vec<Careful> {
 /// The final contact ratios of an explanation that ends there, where they were read off the data.
 fn read_off(record: &Record) -> Vec<f64> {
     let parameters = &record.plan.parameters;
-    let pairs = record.plan.experiments.iter().filter_map(|one| match &one.simulator {
-        SimulatorPlan::Builtin(pair) => Some(pair),
-        _ => None,
-    });
-    let read_off = pairs.filter(|pair| {
+    let read_off = pairs(&record.plan.experiments).filter(|(_, pair)| {
         let calibrated = pair.calibrated(ParameterName::Phi);
-        let why = pair.final_contact_ratio_reason.as_deref();
         parameters.iter().all(|parameter| parameter.name != calibrated)
             && pair.heat.is_none()
-            && why.is_some_and(|why| why.contains("measured"))
+            && is_read_off(pair.final_contact_ratio_reason.as_deref())
     });
-    let mut values: Vec<f64> = read_off.map(|pair| pair.final_contact_ratio).collect();
+    let mut values: Vec<f64> = read_off.map(|(_, pair)| pair.final_contact_ratio).collect();
     values.dedup();
     values
 }

@@ -6,6 +6,7 @@ use super::super::strength::{Strength, bayes_factor};
 use super::ranked::{Explanation, Explanations, ExplanationsReport, FitOf};
 use crate::careful::as_far_in_words;
 use crate::number::{digits_of, probability, significant, with_error};
+use crate::report::markdown_table;
 
 /// Headings and rows of a table.
 pub(super) type Table = (Vec<String>, Vec<Vec<String>>);
@@ -95,14 +96,6 @@ fn aligned(text: &mut String, (columns, rows): &Table) {
     }
 }
 
-fn markdown_table(text: &mut String, (columns, rows): &Table) {
-    let _ = writeln!(text, "| {} |\n|{}", columns.join(" | "), "---|".repeat(columns.len()));
-    for row in rows {
-        let _ = writeln!(text, "| {} |", row.join(" | "));
-    }
-    text.push('\n');
-}
-
 /// The ranking for the terminal.
 pub fn text(report: &ExplanationsReport) -> String {
     let found = report.ranked();
@@ -132,8 +125,9 @@ pub(super) fn markdown(report: &ExplanationsReport, command: &str) -> String {
     for line in &found.verdict {
         let _ = writeln!(text, "**{line}**\n");
     }
-    for table in [ranking(found), fits(found), parameters(found)] {
-        markdown_table(&mut text, &table);
+    for (columns, rows) in [ranking(found), fits(found), parameters(found)] {
+        text.push_str(&markdown_table(&columns, &rows));
+        text.push('\n');
     }
     for line in &found.warnings {
         let _ = writeln!(text, "> {line}\n");

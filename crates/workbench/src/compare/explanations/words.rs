@@ -2,7 +2,7 @@
 
 use crate::pair::heat::HistoryPlan;
 use crate::pair::parameter::ParameterName;
-use crate::plan::{PairPlan, Plan, SimulatorPlan, short};
+use crate::plan::{PairPlan, Plan, pairs, short};
 
 /// Names of plans, each another; where the plans themselves tell two not apart they are called by their run, `given`.
 pub(super) fn names<'p>(plans: impl Iterator<Item = &'p Plan>, given: &[String]) -> Vec<String> {
@@ -31,11 +31,9 @@ fn in_words(plan: &Plan) -> String {
             list.push(words);
         }
     };
-    for experiment in &plan.experiments {
-        if let SimulatorPlan::Builtin(pair) = &experiment.simulator {
-            add(&mut kinetics, pair.kinetics.to_string());
-            add(&mut ends, end(plan, pair));
-        }
+    for (_, pair) in pairs(&plan.experiments) {
+        add(&mut kinetics, pair.kinetics.to_string());
+        add(&mut ends, end(plan, pair));
     }
     kinetics.extend((!ends.is_empty()).then(|| ends.join(" and ")));
     kinetics.join(", ")
