@@ -255,6 +255,12 @@ fn runs_of_other_measurements_or_another_noise_are_not_ranked() {
     sandbox.run("compare ps window").refused(&["window", "no measurements like", "--window"]);
     sandbox.run("compare ps tuned").refused(&["tuned noise", "evidence"]);
     sandbox.run("compare ps nothing").refused(&["nothing"]);
+    // One explanation counts once, however often and under whatever name it was calibrated.
+    calibrated(&sandbox, "--material ps --seed 2", "again");
+    let seeds = ["again", "the explanation of ps once more", "seed 2 and 2048", "leave one"];
+    sandbox.run("compare ps again").refused(&seeds);
+    calibrated(&sandbox, "--experiment ps-r30 --seed 3", "named");
+    sandbox.run("compare ps named").refused(&["the explanation of ps once more"]);
     assert!(!sandbox.path().join("results/compare").exists());
 }
 

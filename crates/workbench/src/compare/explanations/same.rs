@@ -1,9 +1,17 @@
 //! Whether calibrations are of the same measurements under the same noise model: otherwise their evidences say nothing of each other.
 
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use smc_calib::Settings;
+
 use super::super::noises;
 use super::explained::Explained;
 use crate::error::{InputError, Mistake};
-use crate::plan::ObservablePlan;
+use crate::input::text_file::folder_of;
+use crate::output::inputs::Inputs;
+use crate::plan::{ObservablePlan, PROGRAM, Plan, SimulatorPlan};
+use crate::record::locate;
 
 /// For each explanation the places of its observables in the order of the first one's. `given` are the runs, where they are such.
 ///
@@ -18,19 +26,74 @@ pub(super) fn places(
     let mut places = vec![(0..first.record.plan.observables().count()).collect()];
     for (k, other) in others.iter().enumerate() {
         let run = given.get(k + 1).unwrap_or(&other.name);
-        let same_plan = explained[..=k].iter().position(|one| one.record.plan == other.record.plan);
-        if let Some(twin) = same_plan {
-            return Err(InputError::new(run, Mistake::Duplicate)
-                .found(format_args!(
-                    "the calibration of {} once more",
-                    given.get(twin).unwrap_or(run)
-                ))
-                .expected("another explanation")
-                .help("leave one of the two out"));
+        for (twin, one) in explained[..k + 1].iter().enumerate() {
+            let named = given.get(twin).unwrap_or(&one.name);
+            if let Some(found) = once_more((one, named), (other, run)) {
+                return Err(InputError::new(run, Mistake::Duplicate)
+                    .found(found)
+                    .expected("another explanation, as each counts once in the probabilities")
+                    .help("leave one of the two out"));
+            }
         }
         places.push(beside(first, other, (given.first().unwrap_or(&first.name), run))?);
     }
     Ok(places)
+}
+
+/// What to say of a calibration of an explanation that is there: the same one, or another with other settings of the sampler.
+fn once_more(
+    (one, named): (&Explained, &String),
+    (other, run): (&Explained, &String),
+) -> Option<String> {
+    let (first, second) = (&one.record.plan, &other.record.plan);
+    if first == second {
+        return Some(format!("the calibration of {named} once more"));
+    }
+    let programs = || first.commands().next().is_none() || programs(named) == programs(run);
+    let is_same = first.function().is_none() && explanation(first) == explanation(second);
+    (is_same && programs()).then(|| {
+        let words =
+            |plan: &Plan| format!("seed {} and {} simulations", plan.sampler.seed, plan.budget());
+        format!(
+            "the explanation of {named} once more: model, priors and measurements are the same, with {} where {named} has {}",
+            words(second),
+            words(first)
+        )
+    })
+}
+
+/// What of a plan is an explanation of its measurements: neither the settings of the sampler, nor names, sources and words.
+fn explanation(plan: &Plan) -> Plan {
+    let mut plan = Plan {
+        name: String::new(),
+        title: String::new(),
+        source: None,
+        prior_source: None,
+        sampler: Settings::default(),
+        design: None,
+        proposal: None,
+        version: String::new(),
+        ..plan.clone()
+    };
+    for experiment in &mut plan.experiments {
+        experiment.name = String::new();
+        if let SimulatorPlan::Builtin(pair) = &mut experiment.simulator {
+            (pair.experiment, pair.material) = (String::new(), None);
+            (pair.final_contact_ratio_reason, pair.solver.reason) = (None, String::new());
+        }
+        for observable in &mut experiment.observables {
+            (observable.table, observable.table_read) = (String::new(), None);
+            observable.lines = Vec::new();
+        }
+    }
+    plan
+}
+
+/// The sums of the programs of a run, and of the files that they were given; nothing where they are not known.
+fn programs(run: &str) -> Option<BTreeSet<String>> {
+    let record = locate(Path::new(run));
+    let files = Inputs::read(folder_of(&record)).ok()??.files.into_iter();
+    Some(files.filter(|file| file.role == PROGRAM).map(|file| file.sha256).collect())
 }
 
 fn beside(
