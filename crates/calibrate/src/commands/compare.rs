@@ -126,6 +126,10 @@ pub(crate) fn run(args: &CompareArgs) -> Result<(), Failure> {
         Ok::<_, Failure>((compared, published))
     })?;
     terminal.announce(&published, &args.out);
+    let all = &compared.report.comparisons;
+    let warnings =
+        all.iter().flat_map(|one| one.warnings.iter().map(|line| format!("{}: {line}", one.name)));
+    terminal.advise(&warnings.collect::<Vec<_>>());
     let text = || {
         let comparisons: String =
             compared.report.comparisons.iter().map(render::terminal).collect();
@@ -149,6 +153,7 @@ fn rank(args: &CompareArgs, folder: &RunFolder, terminal: &Terminal) -> Result<(
         Ok::<_, Failure>((ranked, published))
     })?;
     terminal.announce(&published, &args.out);
+    terminal.advise(&ranked.report.ranked().warnings);
     let text = || {
         let out = args.out.display();
         format!(

@@ -145,6 +145,14 @@ fn columns(
     noises.iter().map(column).collect()
 }
 
+/// Warnings on the measurements and the priors, whatever the kinetics and the noise.
+fn of_input(table: &[Column]) -> Vec<String> {
+    let plans = || table.iter().flat_map(|column| &column.plans);
+    let first = plans().next().map_or(&[][..], |planned| &planned.warnings[..]);
+    let of_all = |line: &&String| plans().all(|planned| planned.warnings.contains(line));
+    first.iter().filter(of_all).cloned().collect()
+}
+
 /// The plan of one kinetics.
 fn planned(subject: &PairOptions, phi: bool, kinetics: Kinetics) -> Result<Planned, InputError> {
     let mut planned = PairOptions { kinetics, ..subject.clone() }.plan()?;
@@ -200,6 +208,7 @@ fn side_by_side(
     let mut comparison = Comparison::new(plan, noises, entries)?;
     comparison.verdict = verdict::in_words(&comparison);
     comparison.warnings = verdict::warnings(&comparison);
+    comparison.warnings.extend(of_input(table));
     let probabilities = comparison.entries.iter().map(|entry| entry.probability);
     let kept = KeptModels::new((&comparison.name, &comparison.title), probabilities, models);
     let preferred = comparison.best().map_or("", |best| best.noise.as_str());

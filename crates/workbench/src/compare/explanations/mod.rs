@@ -97,7 +97,8 @@ impl RankedExplanations {
         }
         watch.end();
         let places = same::places(&explained, &[])?;
-        let report = ranked::report(&explained, &places, Vec::new(), laws)?;
+        let mut report = ranked::report(&explained, &places, Vec::new(), laws)?;
+        report.comparisons[0].warnings.extend(planned.warnings.iter().cloned());
         let file = planned.path.as_ref().map(|path| shell_word(&path.display().to_string()));
         Ok(Self {
             figures: figures(&report, &explained, &places, scale),
