@@ -320,8 +320,20 @@ fn a_plan_of_two_radii_says_by_evidence_that_the_data_contradict_a_tau_s_in_prop
     assert!(said.contains("; as far off again: p "), "{said}");
     assert!(said.contains("r30.contact_ratio: its measurements contradict"), "{said}");
     assert!(!said.contains("r60.contact_ratio: its measurements contradict"), "{said}");
+    // Without its text a comparison gives its warnings, as all commands do.
+    let few = plan.replace("samples = 4096", "samples = 512");
+    sandbox.write("radii.toml", few);
+    let warned = sandbox.run("compare --plan radii.toml --out few --quiet");
+    assert!(warned.succeeded().stdout.is_empty() && warned.stderr.contains("warning: "));
     let power = heat.join("ps-power.toml").display().to_string();
     sandbox.run(&format!("compare --plan {power}")).refused(&["two radii", "tau_s_radius_m"]);
+    let program = root().join("experiments/external/impact.toml").display().to_string();
+    sandbox.run(&format!("compare --plan {program}")).refused(&[
+        "experiment drop",
+        "a program (sh ",
+        "impact.sh",
+        "calibrate compare RUN RUN",
+    ]);
 }
 
 #[test]

@@ -6,7 +6,7 @@ use super::super::strength::{Strength, bayes_factor};
 use crate::error::{InputError, Mistake};
 use crate::pair::heat::HistoryPlan;
 use crate::pair::parameter::ParameterName;
-use crate::plan::{Plan, SimulatorPlan, pairs};
+use crate::plan::{ExperimentPlan, Plan, SimulatorPlan, pairs};
 
 /// Parameters that go with the radius by a law, each with its words.
 const LAWS: [(ParameterName, &str); 2] = [
@@ -64,8 +64,10 @@ impl Law {
 ///
 /// # Errors
 ///
-/// [`InputError`] for a plan in which two radii share none of the parameters that go with R.
+/// [`InputError`] for a plan with an experiment that is not computed here, and for one in which two radii share none of the
+/// parameters that go with R.
 pub(super) fn variants(plan: &Plan) -> Result<Variants, InputError> {
+    plan.experiments.iter().try_for_each(|experiment| is_built_in(plan, experiment))?;
     let freed: Vec<_> = LAWS
         .into_iter()
         .filter_map(|(name, words)| Some((name, words, with_own(plan, name)?)))
@@ -89,6 +91,25 @@ pub(super) fn variants(plan: &Plan) -> Result<Variants, InputError> {
     }
     let laws = freed.iter().zip(own).map(|((_, words, _), own)| Law { words, own }).collect();
     Ok(Variants { laws, plans })
+}
+
+/// Refuses an experiment whose runs need a folder, or the program that has its function.
+fn is_built_in(plan: &Plan, experiment: &ExperimentPlan) -> Result<(), InputError> {
+    let (simulator, finish) = match &experiment.simulator {
+        SimulatorPlan::Builtin(_) => return Ok(()),
+        SimulatorPlan::Command(call) => {
+            (format!("a program ({})", call.argv.join(" ")), "calibrate --plan FILE --out DIR")
+        }
+        SimulatorPlan::Function { name } => {
+            (format!("the function {name}"), "by the program that has the function")
+        }
+    };
+    Err(InputError::new(&plan.name, Mistake::Conflict)
+        .found(format_args!("experiment {}, whose simulator is {simulator}", experiment.name))
+        .expected("built-in pairs alone, which are calibrated here with what they share and without")
+        .help(format_args!(
+            "write a plan for each explanation, finish a run of each ({finish}), and rank them by folder: calibrate compare RUN RUN"
+        )))
 }
 
 /// The plan with a parameter of one's own for each radius but the first that shares it, with the same prior; none where no two
