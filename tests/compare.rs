@@ -312,7 +312,7 @@ fn a_plan_of_two_radii_says_by_evidence_that_the_data_contradict_a_tau_s_in_prop
     let correlated = "kind = \"correlated\", s0 = 0.04";
     let stated = format!(
         "{}[experiments.r30.simulator]{}",
-        first.replace(correlated, "kind = \"fixed\", sigma = 0.1"),
+        first.replace(correlated, "kind = \"fixed\", sigma = 0.2"),
         second.replace(correlated, "kind = \"fixed\", sigma = 0.015"),
     );
     sandbox.write("stated.toml", stated);
@@ -320,6 +320,9 @@ fn a_plan_of_two_radii_says_by_evidence_that_the_data_contradict_a_tau_s_in_prop
     assert!(said.contains("; as far off again: p "), "{said}");
     assert!(said.contains("r30.contact_ratio: its measurements contradict"), "{said}");
     assert!(!said.contains("r60.contact_ratio: its measurements contradict"), "{said}");
+    let too_large = said.lines().filter(|line| line.contains("noise is larger than the scatter"));
+    let too_large: Vec<&str> = too_large.collect();
+    assert!(too_large.len() == 1 && too_large[0].contains("fit of r60"), "{said}");
     // Without its text a comparison gives its warnings, as all commands do.
     let few = plan.replace("samples = 4096", "samples = 512");
     sandbox.write("radii.toml", few);

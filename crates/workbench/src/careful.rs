@@ -15,7 +15,7 @@ mod of_population;
 mod of_sampler;
 mod words;
 
-pub(crate) use of_joint::{OfJoint, as_far_in_words};
+pub(crate) use of_joint::{OfJoint, as_far_in_words, counted, noise_too_large};
 pub(crate) use of_population::OfPopulation;
 pub(crate) use of_sampler::{Simulations, concern, section};
 

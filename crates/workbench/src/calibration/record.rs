@@ -43,7 +43,8 @@ pub(super) fn record(
         let name = experiment.name.clone();
         experiments.push(ExperimentRecord { name, observables, neck_growth });
     }
-    let advice = advice((plan, warnings), &trust, &experiments, of_pairs);
+    let advice =
+        advice((plan, warnings), (&trust, posterior.ess.importance), &experiments, of_pairs);
     Ok(Record {
         schema_version: SCHEMA_VERSION,
         plan: plan.clone(),
@@ -72,7 +73,7 @@ pub(super) fn record(
 /// Reasons to be careful in plain words: warnings on the input, doubts of clock and priors, concerns, advice on pairs.
 fn advice(
     (plan, warnings): (&Plan, &[String]),
-    trust: &Trust,
+    (trust, ess): (&Trust, f64),
     experiments: &[ExperimentRecord],
     of_pairs: Vec<String>,
 ) -> Vec<String> {
@@ -90,7 +91,8 @@ fn advice(
             .map(|concern| careful::concern(concern, plan.simulations())),
     );
     advice.extend(of_pairs);
-    advice.extend(experiments.iter().flat_map(|one| &one.observables).filter_map(contradicted));
+    let observables = experiments.iter().flat_map(|one| &one.observables);
+    advice.extend(observables.filter_map(|found| contradicted(found, ess)));
     if plan.design.is_some() {
         advice.push(Careful::GivenParameterSets.to_string());
     }
@@ -101,13 +103,13 @@ fn advice(
 }
 
 /// An observable that data made by the posterior do not look like.
-fn contradicted(found: &ObservableRecord) -> Option<String> {
+fn contradicted(found: &ObservableRecord, ess: f64) -> Option<String> {
     let check = found.check.filter(|check| check.as_far < OfJoint::CONTRADICTED)?;
     let not_replicated = OfJoint::NotReplicated {
         observable: found.label.clone(),
         rmse: found.map_error.rmse,
         as_far: check.as_far,
-        replicated: check.replicated,
+        counted: careful::counted(&check, ess),
     };
     Some(not_replicated.to_string())
 }

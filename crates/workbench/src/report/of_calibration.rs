@@ -5,7 +5,7 @@ use smc_calib::trust::limits::{KHAT_LIMIT, khat_in_words};
 use super::pictures::not_in_corner;
 use super::summary::{neck_growth, text};
 use super::tables::{observable_cells, posterior_cells};
-use crate::careful::as_far_in_words;
+use crate::careful::{as_far_in_words, counted, noise_too_large};
 use crate::number::{shown_unit, significant, with_error};
 use crate::output::inputs::Inputs;
 use crate::output::page::{self, Drawn, MOST_ROWS, Page, Part, Verdict};
@@ -283,7 +283,10 @@ fn checked(record: &Record) -> Part {
         ),
     );
     for (plan, found) in record.observables() {
-        part.fact(format!("Residuals of {}", found.label), residuals(plan, found));
+        part.fact(
+            format!("Residuals of {}", found.label),
+            residuals((plan, found), record.ess.importance),
+        );
     }
     let failed: usize = record.failures.iter().map(|failure| failure.count).sum();
     part.fact("Failed simulations", failed.to_string());
@@ -302,15 +305,16 @@ fn checked(record: &Record) -> Part {
     part
 }
 
-fn residuals(plan: &ObservablePlan, found: &ObservableRecord) -> String {
+fn residuals((plan, found): (&ObservablePlan, &ObservableRecord), ess: f64) -> String {
     let residuals = &found.residuals;
     let misfit = residuals.misfit.map_or_else(String::new, |misfit| {
         format!("; {} times the expected noise", significant(misfit, 2))
     });
     let check = found.check.map_or_else(String::new, |check| {
-        let words = |p: f64| as_far_in_words(p, check.replicated);
+        let words = |p: f64| as_far_in_words(p, counted(&check, ess));
+        let but = noise_too_large(found).map_or_else(String::new, |but| format!(": {but}"));
         format!(
-            "; data made by the posterior are as far off with {}, neighbours as much alike with {}",
+            "; data made by the posterior are as far off with {}, neighbours as much alike with {}{but}",
             words(check.as_far),
             words(check.as_alike)
         )

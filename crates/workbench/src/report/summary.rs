@@ -8,7 +8,7 @@ use smc_calib::{Concern, ParameterSummary};
 
 use super::noise::{beside, noise_line};
 use super::population;
-use crate::careful::as_far_in_words;
+use crate::careful::{as_far_in_words, counted, noise_too_large};
 use crate::error::RunError;
 use crate::number::{digits_of, percentile, shown_unit, significant};
 use crate::output::pretty;
@@ -68,7 +68,7 @@ pub fn text(record: &Record, seconds: Option<f64>, out: Option<&Path>) -> String
         text.push_str(&population::lines(record, population, width));
     }
     for (plan, found) in record.observables() {
-        text.push_str(&fit_line(plan, found, neck));
+        text.push_str(&fit_line((plan, found), neck, record.ess.importance));
         text.push_str(&noise_line(plan, found));
     }
     for experiment in &record.experiments {
@@ -202,9 +202,9 @@ fn table3_lines(neck: &NeckGrowthRecord) -> String {
 }
 
 fn fit_line(
-    plan: &ObservablePlan,
-    found: &ObservableRecord,
+    (plan, found): (&ObservablePlan, &ObservableRecord),
     neck: Option<&NeckGrowthRecord>,
+    ess: f64,
 ) -> String {
     let noise = found.sigma.map_or_else(String::new, |sigma| {
         format!("; noise sigma {}", significant(sigma.median, 2))
@@ -225,7 +225,9 @@ fn fit_line(
         unit => format!("{unit} "),
     };
     let check = found.check.map_or_else(String::new, |check| {
-        format!("; as far off again: {}", as_far_in_words(check.as_far, check.replicated))
+        let words = as_far_in_words(check.as_far, counted(&check, ess));
+        let but = noise_too_large(found).map_or_else(String::new, |but| format!(" ({but})"));
+        format!("; as far off again: {words}{but}")
     });
     format!("  fit of {}: RMSE {rmse} {unit}(MAP){noise}{check}\n", found.label)
 }

@@ -8,7 +8,7 @@ use smc_calib::{Coordinate, ShapeSummary};
 
 use super::noise::{beside_markdown, length_unit, noise_line, or_one};
 use super::summary::{OF_TABLE3, failing_line, is_uninformed, neck_growth, paper_place};
-use crate::careful::as_far_in_words;
+use crate::careful::{as_far_in_words, counted};
 use crate::input::data_table::quoted;
 use crate::number::{digits_of, shown_unit, significant, with_error};
 use crate::plan::{ObservablePlan, SimulatorPlan};
@@ -277,7 +277,9 @@ pub(super) fn observable_cells(record: &Record) -> (Vec<&'static str>, Vec<Vec<S
             alike.to_owned(),
         ];
         if checked {
-            let words = found.check.map(|check| as_far_in_words(check.as_far, check.replicated));
+            let ess = record.ess.importance;
+            let words =
+                found.check.map(|check| as_far_in_words(check.as_far, counted(&check, ess)));
             cells.push(words.unwrap_or_default());
         }
         cells

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::super::strength::{Strength, bayes_factor};
 use super::ranked::{Explanation, Explanations, ExplanationsReport, FitOf};
-use crate::careful::as_far_in_words;
+use crate::careful::{as_far_in_words, counted};
 use crate::number::{digits_of, probability, significant, with_error};
 use crate::report::markdown_table;
 
@@ -44,15 +44,18 @@ pub(super) fn fits(ranking: &Explanations) -> Table {
     let labels = ranking.explanations.first().into_iter().flat_map(|one| &one.fits);
     let mut columns = vec!["RMSE (as far off again)".to_owned()];
     columns.extend(labels.map(|fit| fit.label.clone()));
-    let cell = |fit: &FitOf| {
+    let cell = |fit: &FitOf, ess: f64| {
         let rmse = significant(fit.error.rmse, 2);
         let check = |check: smc_calib::PredictiveCheck| {
-            format!("{rmse} ({})", as_far_in_words(check.as_far, check.replicated))
+            format!("{rmse} ({})", as_far_in_words(check.as_far, counted(&check, ess)))
         };
         fit.check.map_or_else(|| rmse.clone(), check)
     };
     let row = |one: &Explanation| {
-        [one.name.clone()].into_iter().chain(one.fits.iter().map(cell)).collect()
+        [one.name.clone()]
+            .into_iter()
+            .chain(one.fits.iter().map(|fit| cell(fit, one.ess)))
+            .collect()
     };
     (columns, by_evidence(ranking).into_iter().map(row).collect())
 }
