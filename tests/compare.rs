@@ -247,6 +247,16 @@ fn finished_runs_of_one_table_are_ranked_by_their_evidence_and_named_by_what_the
     {
         assert!(sandbox.path().join("c").join(name).exists(), "{name}");
     }
+    // What was read of the runs stands in the inputs: their records and their draws.
+    let inputs = fs::read_to_string(sandbox.path().join("c/inputs.json")).expect("inputs");
+    for run in ["phi", "pulse"] {
+        let sums = fs::read_to_string(sandbox.path().join(run).join("SHA256SUMS")).expect("sums");
+        for file in ["posterior.json", "draws.csv"] {
+            let sum = sums.lines().find(|line| line.ends_with(file)).expect(file);
+            let sum = sum.split_whitespace().next().expect("a sum");
+            assert!(inputs.contains(sum) && inputs.contains(&format!("{run}/{file}")), "{inputs}");
+        }
+    }
     let page = fs::read_to_string(sandbox.path().join("c/report.html")).expect("a report");
     assert!(page.contains("phi = 1.08") && page.contains("it cooled (direct)"));
     let average = sandbox.run("predict --average c --contact-ratio 1.1").succeeded().stdout.clone();

@@ -37,6 +37,7 @@ pub use notation::TimeScale;
 pub(crate) use notation::symbol;
 pub use pictures::{fit, pictures};
 pub use population::csv as population_csv;
+pub(crate) use samples::DRAWS;
 pub use samples::{
     DrawColumns, SampleColumns, parse_draws, parse_samples, read_draws, read_samples, read_sigma,
 };
@@ -116,7 +117,7 @@ fn write_tables(
     let read_again = [
         (FILE_NAME, record_text(record)?),
         ("samples.csv", samples::samples_csv(posterior)),
-        ("draws.csv", samples::draws_csv(record, posterior)),
+        (DRAWS, samples::draws_csv(record, posterior)),
     ];
     let sums = checksums::write_all(&read_again, write)?;
     if record.plan.commands().next().is_some() {

@@ -13,6 +13,9 @@ use crate::output::checksums;
 use crate::plan::ObservablePlan;
 use crate::record::{ObservableRecord, Record};
 
+/// File of the equally weighted draws.
+pub(crate) const DRAWS: &str = "draws.csv";
+
 /// Column of `draws.csv` with the number of the sample, from 0.
 const SAMPLE: &str = "sample";
 
@@ -71,7 +74,7 @@ impl DrawColumns {
     ///
     /// [`InputError`] for a file that is missing or cut off.
     pub fn read(record: &Record, folder: &Path) -> Result<Self, InputError> {
-        checksums::read_as(&folder.join("draws.csv"), |name, text| {
+        checksums::read_as(&folder.join(DRAWS), |name, text| {
             let found: Vec<&ObservableRecord> =
                 record.observables().map(|(_, found)| found).collect();
             let known = |titles: &Vec<String>, found: &ObservableRecord| {
@@ -255,7 +258,7 @@ pub fn read_samples(record: &Record, folder: &Path) -> Result<SampleColumns, Inp
 ///
 /// [`InputError`] for a file that is missing or cut off.
 pub fn read_draws(record: &Record, folder: &Path) -> Result<Vec<Vec<f64>>, InputError> {
-    checksums::read_as(&folder.join("draws.csv"), |name, text| {
+    checksums::read_as(&folder.join(DRAWS), |name, text| {
         let draws = parse_draws(name, text, record.parameters.len())?;
         complete(name, draws.first().map_or(0, Vec::len), record.plan.sampler.draws, "draws")?;
         Ok(draws)
@@ -269,7 +272,7 @@ pub fn read_draws(record: &Record, folder: &Path) -> Result<Vec<Vec<f64>>, Input
 /// [`InputError`] for a file that is missing or cut off.
 pub fn read_sigma(record: &Record, folder: &Path) -> Result<Option<Vec<f64>>, InputError> {
     const COLUMN: &str = "sigma [1]";
-    checksums::read_as(&folder.join("draws.csv"), |name, text| {
+    checksums::read_as(&folder.join(DRAWS), |name, text| {
         let there =
             text.lines().next().is_some_and(|head| head.split(',').any(|one| one == COLUMN));
         if !there {
@@ -357,7 +360,7 @@ mod tests {
     fn the_parameters_come_first_and_the_weight_by_its_name() {
         let samples = parse_samples("samples.csv", SAMPLES, 1).expect("samples");
         assert_eq!((samples.parameters, samples.weights), (vec![vec![1.0, 2.0]], vec![0.25, 0.75]));
-        assert_eq!(parse_draws("draws.csv", SAMPLES, 2).expect("draws")[1], [0.5, -1.0]);
+        assert_eq!(parse_draws(DRAWS, SAMPLES, 2).expect("draws")[1], [0.5, -1.0]);
     }
 
     #[test]
@@ -371,7 +374,7 @@ mod tests {
             planned.plan.sampler.draws = 100;
             let found = Calibration::run(&planned, &Unwatched::default()).expect("a posterior");
             let folder = tempfile::tempdir().expect("a folder");
-            let file = folder.path().join("draws.csv");
+            let file = folder.path().join(DRAWS);
             let text = draws_csv(&found.record, &found.posterior);
             std::fs::write(&file, &text).expect("written");
             let read = DrawColumns::read(&found.record, folder.path()).expect("draws");
@@ -398,7 +401,7 @@ mod tests {
             assert_eq!((error.mistake, error.line), (mistake, line), "{text}: {error}");
             assert!(error.to_string().contains("run the calibration again"), "{error}");
         }
-        let few = parse_draws("draws.csv", SAMPLES, 5).expect_err("too few columns");
+        let few = parse_draws(DRAWS, SAMPLES, 5).expect_err("too few columns");
         assert_eq!((few.mistake, few.line), (Mistake::MissingColumn, Some(1)));
     }
 }

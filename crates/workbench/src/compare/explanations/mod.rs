@@ -4,6 +4,7 @@
 mod explained;
 mod own;
 mod page;
+mod priors;
 mod ranked;
 mod same;
 mod text;
@@ -22,7 +23,7 @@ use crate::output::{Published, RunFolder, kinds, pretty};
 use crate::pair::draws::PairDraws;
 use crate::plan::{Planned, shell_word};
 use crate::record::{self, Record, locate};
-use crate::report::{NamedFigures, TimeScale, draw_all};
+use crate::report::{DRAWS, NamedFigures, TimeScale, draw_all};
 use crate::watch::{Watch, Within};
 
 use explained::Explained;
@@ -69,8 +70,8 @@ impl RankedExplanations {
         Ok(Self {
             figures: figures(&report, &explained, &places, scale),
             report,
+            inputs: Some(inputs(runs, kept.is_some())?),
             kept: kept.into_iter().collect(),
-            inputs: Some(inputs(runs)?),
             command: format!("calibrate compare {}", words.join(" ")),
         })
     }
@@ -194,14 +195,19 @@ fn curve(record: &Record, place: usize) -> Option<(&record::Curves, &[f64])> {
     Some((&experiment.neck_growth.as_ref()?.curves, &found.map))
 }
 
-/// The records that are compared, by name and sum.
-fn inputs(runs: &[PathBuf]) -> Result<Inputs, InputError> {
-    let file = |run: &PathBuf| {
-        let path = locate(run);
+/// The files of the runs that are compared, by name and sum: their records, and their draws where these were read.
+fn inputs(runs: &[PathBuf], with_draws: bool) -> Result<Inputs, InputError> {
+    let file = |(role, path): (&str, PathBuf)| {
         let name = path.display().to_string();
         let (bytes, sha256) = sum_of(&path)
             .map_err(|error| InputError::new(&name, Mistake::Unreadable).found(error))?;
-        Ok(InputFile { role: "posterior".to_owned(), name, bytes, sha256 })
+        Ok(InputFile { role: role.to_owned(), name, bytes, sha256 })
     };
-    Ok(Inputs { files: runs.iter().map(file).collect::<Result<_, InputError>>()? })
+    let of_run = |run: &PathBuf| {
+        let record = locate(run);
+        let draws = with_draws.then(|| ("draws", record.with_file_name(DRAWS)));
+        [("posterior", record)].into_iter().chain(draws)
+    };
+    let files = runs.iter().flat_map(of_run).map(file);
+    Ok(Inputs { files: files.collect::<Result<_, InputError>>()? })
 }

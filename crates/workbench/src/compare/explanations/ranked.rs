@@ -8,10 +8,11 @@ use super::super::strength::{Strength, bayes_factor};
 use super::super::verdict::{Ranked, close_call, is_read_off};
 use super::explained::{Explained, noise_kinds};
 use super::own::Law;
+use super::priors;
 use crate::careful::Careful;
 use crate::error::InputError;
 use crate::pair::parameter::ParameterName;
-use crate::plan::{Plan, pairs, prior_in_words};
+use crate::plan::{Plan, pairs};
 use crate::record::{FitError, Record};
 
 /// Version of the layout.
@@ -232,7 +233,7 @@ fn warnings(ranking: &Explanations, explained: &[Explained]) -> Vec<String> {
     for one in ranking.explanations.iter().filter(|one| one.name != best.name) {
         warnings.extend(close_call(&ranked(best), &ranked(one), noise));
     }
-    warnings.extend(other_priors(explained));
+    warnings.extend(priors::that_differ(explained));
     let records = || explained.iter().filter(|one| one.name == best.name);
     let dependent = records().flat_map(|one| one.record.observables()).find_map(|(plan, found)| {
         let residuals = &found.residuals;
@@ -250,32 +251,6 @@ fn warnings(ranking: &Explanations, explained: &[Explained]) -> Vec<String> {
     });
     warnings.extend(read_off);
     warnings.iter().map(ToString::to_string).collect()
-}
-
-/// Parameters of one name whose priors are not those of the first explanation that has it.
-fn other_priors(explained: &[Explained]) -> Vec<Careful> {
-    let mut found = Vec::new();
-    for (k, one) in explained.iter().enumerate() {
-        for parameter in &one.record.plan.parameters {
-            let same = |name: &String| name == &parameter.name;
-            let before = explained[..k].iter().find_map(|earlier| {
-                let all = &earlier.record.plan.parameters;
-                Some((&earlier.name, all.iter().find(|own| same(&own.name))?))
-            });
-            let Some((earlier, own)) = before.filter(|(_, own)| own.prior != parameter.prior)
-            else {
-                continue;
-            };
-            found.push(Careful::PriorsDiffer {
-                parameter: parameter.name.clone(),
-                one: earlier.clone(),
-                prior: prior_in_words(own.prior.spec()),
-                other: one.name.clone(),
-                other_prior: prior_in_words(parameter.prior.spec()),
-            });
-        }
-    }
-    found
 }
 
 /// The final contact ratios of an explanation that ends there, where they were read off the data.
