@@ -31,6 +31,7 @@ use crate::output::{Published, RunFolder, make_room, pretty};
 use crate::pair::asked_heat::outside_energies;
 use crate::pair::draws::PairDraws;
 use crate::pair::heat::HeatPlan;
+use crate::plan::pairs;
 use crate::report::{NamedFigures, draw_all};
 use crate::watch::Watch;
 use beds::{Wanted, file_name};
@@ -124,7 +125,8 @@ impl DensifyJob {
         };
         let energy = plan.heat.as_ref().and_then(HeatPlan::energy);
         let mut advice = agreement::advice(&calibrated, &input);
-        advice.extend(energy.and_then(|energy| outside_energies(&calibrated.record.plan, energy)));
+        let pairs = pairs(&calibrated.record.plan.experiments).map(|(_, pair)| pair);
+        advice.extend(energy.and_then(|energy| outside_energies(pairs, energy)));
         let mut bed_plan = json!({
             "scene": plan.scene, "posterior": plan.posterior_fingerprint, "draws": plan.draws,
             "seed": plan.seed, "version": plan.version,

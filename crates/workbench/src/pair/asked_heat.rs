@@ -5,7 +5,7 @@ use crate::error::{InputError, Mistake};
 use crate::input::heat::{HeatFields, field_of};
 use crate::pair::heat::{HeatPlan, HistoryPlan, LawPlan, NoHeat};
 use crate::pair::parameter::ParameterName;
-use crate::plan::{PairPlan, Plan, pairs};
+use crate::plan::PairPlan;
 
 /// The heat to compute for: that of the calibration, with another history or another energy where that is wanted.
 ///
@@ -77,9 +77,12 @@ fn asked(pair: &PairPlan, fields: &HeatFields) -> Result<HeatPlan, InputError> {
     Ok(heat)
 }
 
-/// What to say of an energy that lies outside of those of the calibration; nothing where it had none.
-pub(crate) fn outside_energies(plan: &Plan, energy: f64) -> Option<String> {
-    let energies = pairs(&plan.experiments).filter_map(|(_, pair)| pair.heat.as_ref()?.energy());
+/// What to say of an energy that lies outside of those that pairs were calibrated with; nothing where they had none.
+pub(crate) fn outside_energies<'p>(
+    calibrated: impl IntoIterator<Item = &'p PairPlan>,
+    energy: f64,
+) -> Option<String> {
+    let energies = calibrated.into_iter().filter_map(|pair| pair.heat.as_ref()?.energy());
     let (lowest, highest) = energies
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), energy| (a.min(energy), b.max(energy)));
     (lowest <= highest && !(lowest..=highest).contains(&energy))

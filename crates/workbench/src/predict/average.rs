@@ -11,7 +11,8 @@ use super::drawn::{Drawn, Predicted, Scatter};
 use super::{Prediction, Wanted, carried, freezing, predicted};
 use crate::compare::{self, KeptModel, KeptModels};
 use crate::error::{Failure, InputError, Mistake};
-use crate::pair::asked_heat::{heat_of, refused};
+use crate::pair::asked_heat::{heat_of, outside_energies, refused};
+use crate::pair::heat::HeatPlan;
 use crate::pair::model::NeckGrowth;
 use crate::pair::parameter::ParameterName;
 
@@ -60,11 +61,12 @@ pub(crate) fn average(kept: &KeptModels, wanted: &Wanted) -> Result<Prediction, 
         compare::weights(&kept.models.iter().map(|model| model.log_evidence).collect::<Vec<_>>());
     let mut drawn = Vec::new();
     let mut averaged = Vec::new();
-    let mut advice: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+    let mut advice: BTreeMap<String, Vec<String>> = BTreeMap::new();
     let mut starts = Vec::new();
     let mut trusted = true;
     for (model, weight) in kept.models.iter().zip(weights) {
-        let own = draws_of(model, weight, wanted)?;
+        let heat = heat_of(&model.pair, wanted.heat.as_ref(), wanted.pulse_energy)?;
+        let own = draws_of(model, weight, wanted, heat.as_ref())?;
         if own.is_empty() {
             return Err(InputError::new(&kept.name, Mistake::Damaged)
                 .found("a model without draws")
@@ -76,7 +78,9 @@ pub(crate) fn average(kept: &KeptModels, wanted: &Wanted) -> Result<Prediction, 
         let kinetics = model.pair.kinetics;
         if weight >= LEAST_WEIGHT {
             trusted &= model.trusted;
-            for line in &model.advice {
+            let energy = heat.as_ref().and_then(HeatPlan::energy);
+            let outside = energy.and_then(|e| outside_energies([&model.pair], e));
+            for line in model.advice.iter().cloned().chain(outside) {
                 let name = model.explanation.clone().unwrap_or_else(|| kinetics.to_string());
                 advice.entry(line).or_default().push(format!("{name} with {}", model.noise));
             }
@@ -123,9 +127,13 @@ fn first_contacts(model: &KeptModel, weight: f64) -> impl Iterator<Item = (f64, 
 }
 
 /// The draws of a model at the wanted radius; together they weigh `weight`.
-fn draws_of(model: &KeptModel, weight: f64, wanted: &Wanted) -> Result<Vec<Drawn>, InputError> {
+fn draws_of(
+    model: &KeptModel,
+    weight: f64,
+    wanted: &Wanted,
+    heat: Option<&HeatPlan>,
+) -> Result<Vec<Drawn>, InputError> {
     let growth = NeckGrowth::new(&model.pair, &model.parameters, Vec::new())?;
-    let heat = heat_of(&model.pair, wanted.heat.as_ref(), wanted.pulse_energy)?;
     let count = model.columns.first().map_or(0, Vec::len);
     let calibrated = model.pair.powder.radius_m;
     let radius_m = wanted.radius_m.unwrap_or(calibrated);
@@ -144,7 +152,7 @@ fn draws_of(model: &KeptModel, weight: f64, wanted: &Wanted) -> Result<Vec<Drawn
                 .and_then(|place| theta.get(place).copied())
                 .unwrap_or(model.pair.final_contact_ratio);
             let value = |name| growth.place(name).and_then(|place| theta.get(place).copied());
-            let heat = heat.as_ref().map(|heat| heat.at(radius_m, value)).transpose();
+            let heat = heat.map(|heat| heat.at(radius_m, value)).transpose();
             let heat = heat.map_err(|error| refused("--heat", &error))?;
             let scene = PairSpec::new(Powder { radius_m, ..model.pair.powder }, phi).build();
             let sigma = model.sigma.as_ref().and_then(|sigma| sigma.get(row).copied());
@@ -254,5 +262,42 @@ mod tests {
         let wanted = Wanted { after_s: vec![20.0], ..Wanted::default() };
         let start = average(&kept, &wanted).expect("an average").first_contact_s;
         assert!((start.expect("a time").median - 3.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_pulse_energy_outside_of_that_of_a_model_is_said_of_the_models_that_have_one() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../experiments/heat");
+        let plan = crate::plan::Planned::read(&folder.join("ps-power.toml")).expect("a plan").plan;
+        let (_, pair) = crate::plan::pairs(&plan.experiments).next().expect("the pulse of 19");
+        let model = KeptModel {
+            explanation: Some("it cooled".to_owned()),
+            noise: "fixed 0.04".to_owned(),
+            log_evidence: 0.0,
+            log_evidence_se: 0.0,
+            trusted: true,
+            advice: Vec::new(),
+            pair: pair.clone(),
+            columns: plan.parameters.iter().map(|one| vec![one.prior.quantile(0.5)]).collect(),
+            parameters: plan.parameters.clone(),
+            sigma: None,
+            outliers: None,
+        };
+        let kept = KeptModels {
+            schema_version: 2,
+            name: "ps".to_owned(),
+            title: "PS".to_owned(),
+            left_out: 0,
+            left_out_probability: 0.0,
+            models: vec![model],
+        };
+        for (energy, said) in [(None, 0), (Some(19.0), 0), (Some(23.0), 1)] {
+            let wanted = Wanted { after_s: vec![1.0], pulse_energy: energy, ..Wanted::default() };
+            let advice = average(&kept, &wanted).expect("an average").advice;
+            assert_eq!(advice.len(), said, "{energy:?}: {advice:?}");
+            let named = |line: &String| {
+                line.starts_with("it cooled with fixed 0.04: a pulse energy of 23.0 lies outside")
+            };
+            assert!(advice.iter().all(named), "{advice:?}");
+        }
     }
 }

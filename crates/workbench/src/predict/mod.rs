@@ -30,6 +30,7 @@ use crate::pair::asked_heat::{heat_of, outside_energies, refused};
 use crate::pair::draws::PairDraws;
 use crate::pair::heat::{HeatPlan, LawPlan};
 use crate::pair::parameter::ParameterName;
+use crate::plan::pairs;
 
 /// The time at which a contact ratio is reached.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -146,7 +147,8 @@ pub fn predict(calibrated: &PairDraws, wanted: &Wanted) -> Result<Prediction, Fa
     let mut advice = calibrated.advice.clone();
     let energies =
         [heat.as_ref().and_then(HeatPlan::energy), enough.as_ref().and_then(|e| e.energy)];
-    let outside = |energy| outside_energies(&record.plan, energy);
+    let all = || pairs(&record.plan.experiments).map(|(_, pair)| pair);
+    let outside = |energy| outside_energies(all(), energy);
     advice.extend(energies.into_iter().flatten().filter_map(outside));
     if kinetics.only_approaches_the_merged_pair() {
         let limit = 2f64.cbrt();
