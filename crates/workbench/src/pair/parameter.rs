@@ -143,7 +143,7 @@ impl ParameterName {
             Self::DeltaC => [1e-15, 1e3],
             Self::Phi => [0.1, 2.0],
             Self::Amplitude | Self::CoolingTime => [1e-15, 1e15],
-            Self::CoolingPower => [1e-3, 4.0],
+            Self::CoolingPower => [0.0, 4.0],
             Self::ActivationEnergy => [1.0, 1e7],
             Self::WlfC1 => [1e-3, 1e3],
             Self::WlfC2 | Self::VogelT0 => [1e-3, 1e4],

@@ -47,6 +47,18 @@ fn mistakes_are_told_with_field_value_and_remedy() {
 }
 
 #[test]
+fn a_cooling_time_that_goes_with_no_power_of_r_is_the_same_at_every_radius() {
+    let text = "history = \"pulse\"\nmobility = \"direct\"\ncooling_time_s = 0.4\ncooling_radius_m = 60e-6\n";
+    let end = |power: &str, radius_m: f64| {
+        let plan = plan(&format!("{text}cooling_power = {power}")).expect("a heat");
+        plan.at(radius_m, |_| None).expect("all is stated").reduced_time_at_end()
+    };
+    assert_eq!(end("0", 30e-6), end("0", 60e-6));
+    assert_eq!(end("0.0", 30e-6), end("1", 60e-6));
+    assert!(plan(&format!("{text}cooling_power = -0.1")).is_err());
+}
+
+#[test]
 fn a_table_of_temperatures_is_read_with_the_line_of_what_is_wrong() {
     let folder = tempfile::tempdir().expect("a folder");
     let read = |table: &str| {
