@@ -96,6 +96,24 @@ fn fewer_points_than_parameters_is_a_warning() {
 }
 
 #[test]
+fn several_experiments_of_one_powder_are_one_calibration_the_same_as_by_their_plan() {
+    let sandbox = Sandbox::new();
+    let options = "--experiment pa12-r30 --experiment pa12-r32 --samples 512";
+    let plan = sandbox.run(&format!("{options} --dry-run --toml")).succeeded().stdout.clone();
+    sandbox.write("plan.toml", &plan);
+    sandbox.run(&format!("{options} --out both --quiet")).succeeded();
+    sandbox.run("--plan plan.toml --out plan --quiet").succeeded();
+    let read = |file: &str| std::fs::read_to_string(sandbox.path().join(file)).expect(file);
+    assert_eq!(read("both/draws.csv"), read("plan/draws.csv"));
+    assert!(
+        read("both/report.html").contains("calibrate --experiment pa12-r30 --experiment pa12-r32")
+    );
+    let of_second = sandbox.run("predict --posterior both --of pa12-r32 --contact-ratio 0.8");
+    assert!(of_second.succeeded().stdout.contains("R = 31.5 um"), "{}", of_second.stdout);
+    sandbox.run(&format!("{options} --verify")).refused(&["--verify", "2 experiments"]);
+}
+
+#[test]
 fn completions_version_and_help_are_there() {
     let sandbox = Sandbox::new();
     for shell in ["bash", "zsh", "fish"] {

@@ -315,6 +315,18 @@ fn heats_that_cannot_be_meant_together_are_refused_with_what_to_do() {
     let stated = radii.replace("[heat]", "[heat]\ncooling_radius_m = 60e-6\ncooling_power = 1.0");
     sandbox.write("plan.toml", stated);
     sandbox.run("--plan plan.toml --out run --dry-run").succeeded();
+    // One pulse on two radii, by options: they share an amplitude, and not a cooling time.
+    let table = fs::read_to_string(root().join("experiments/ps-r60-e19.csv")).expect("a table");
+    let (but_last, _) = table.trim_end().rsplit_once('\n').expect("rows");
+    sandbox.write("ps-r60-e19.csv", but_last);
+    let half = small.replace("radius_m = 60e-6", "radius_m = 30e-6");
+    sandbox.write("half.toml", half.replace("name = \"ps-r60-e19\"", "name = \"half\""));
+    let prior = root().join("priors/ps-pulse.toml").display().to_string();
+    sandbox.run(&format!("-e ps-r60-e19 -e half.toml -p {prior} --dry-run")).refused(&[
+        "half.toml, field heat.cooling_radius_m",
+        "one cooling_time for R = 0.00003 m and for 0.00006 m in ps-r60-e19",
+        "cooling_power",
+    ]);
     let external = root().join("experiments/external");
     for file in ["impact.sh", "impact-force.txt", "impact-rebound.csv"] {
         fs::copy(external.join(file), sandbox.path().join(file)).expect("a copy");

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use dem_core::Kinetics;
 use smc_calib::Noise;
 use workbench::calibration::{self, Finished, RunOptions};
-use workbench::error::{Failure, RunError};
+use workbench::error::{Failure, InputError, Mistake, RunError};
 use workbench::input::material::Material;
 use workbench::output::{pool, pretty};
 use workbench::plan::{self, PairOptions, Planned};
@@ -24,9 +24,10 @@ pub(crate) struct CalibrateArgs {
     material: Option<Material>,
 
     /// Own measurements: a description (.toml), a bare table (.csv; needs --material), or the name of
-    /// a built-in experiment [default: the material's]
+    /// a built-in experiment [default: the material's]. Given several times: experiments of one powder, calibrated together with
+    /// all parameters shared, tau_s in proportion to R
     #[arg(short, long, value_name = "FILE", help_heading = "What to calibrate")]
-    experiment: Option<PathBuf>,
+    experiment: Vec<PathBuf>,
 
     /// Own priors (.toml) [default: the material's]
     #[arg(short, long, value_name = "FILE", help_heading = "What to calibrate")]
@@ -180,17 +181,18 @@ impl CalibrateArgs {
     /// Whether nothing was asked for.
     pub(crate) fn is_empty(&self) -> bool {
         self.material.is_none()
-            && self.experiment.is_none()
+            && self.experiment.is_empty()
             && self.plan.is_none()
             && self.resume.is_none()
             && self.continue_from.is_none()
     }
 
-    /// Options of a calibration on one pair of particles.
+    /// Options of a calibration on one pair of particles, or several of one powder.
     pub(crate) fn pair(&self) -> PairOptions {
         PairOptions {
             material: self.material,
-            experiment: self.experiment.clone(),
+            experiment: self.experiment.first().cloned(),
+            others: self.experiment.iter().skip(1).cloned().collect(),
             columns: self.columns.columns(),
             prior: self.prior.clone(),
             window_s: self.window,
@@ -209,6 +211,13 @@ impl CalibrateArgs {
 
 /// Runs the command.
 pub(crate) fn run(args: &CalibrateArgs) -> Result<(), Failure> {
+    let several = args.experiment.len();
+    if args.verify && several > 1 {
+        return Err(InputError::new("--verify", Mistake::Conflict)
+            .found(format_args!("{several} experiments"))
+            .expected("one, over whose parameters quadrature goes")
+            .into());
+    }
     let (mut out, mut extends) = (args.out.clone(), None);
     let planned = match (&args.plan, &args.resume, &args.continue_from, args.samples) {
         (_, _, Some(from), Some(samples)) => {

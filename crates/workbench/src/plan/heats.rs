@@ -15,22 +15,33 @@ pub(super) fn check_heats(
     experiments: &[ExperimentPlan],
     heat: Option<&HeatFields>,
 ) -> Result<(), InputError> {
-    let heated: Vec<Heated<'_>> = experiments.iter().filter_map(Heated::of).collect();
-    if heated.is_empty() && heat.is_some() {
+    if experiments.iter().all(|one| Heated::of(one).is_none()) && heat.is_some() {
         return Err(fields
             .table_error(Mistake::Conflict)
             .in_field("heat")
             .found("a heat, and no experiment of kind = \"builtin\" that has it")
             .help("a program gets its heat from its own input files"));
     }
-    for (place, one) in heated.iter().enumerate() {
-        for other in &heated[..place] {
-            if let Some(error) = one.beside(other, fields) {
-                let line =
-                    tables.iter().find(|(at, _)| at.value == one.name).map(|(at, _)| at.line);
-                return Err(InputError { line, ..error });
-            }
-        }
+    beside_each_other(experiments, &|mistake, name, field| {
+        let line = tables.iter().find(|(at, _)| at.value == name).map(|(at, _)| at.line);
+        let error = fields.table_error(mistake);
+        let error = error.in_field(format_args!("experiments.{name}.simulator.{field}"));
+        InputError { line, ..error }
+    })
+}
+
+/// Where an experiment says something of its heat: an error of its name and a field.
+type Place<'p> = &'p dyn Fn(Mistake, &str, &str) -> InputError;
+
+/// Refuses heats that cannot share their parameters; `place` is where an experiment has them.
+pub(super) fn beside_each_other(
+    experiments: &[ExperimentPlan],
+    place: Place<'_>,
+) -> Result<(), InputError> {
+    let heated: Vec<Heated<'_>> = experiments.iter().filter_map(Heated::of).collect();
+    for (k, one) in heated.iter().enumerate() {
+        let refused = heated[..k].iter().find_map(|other| one.beside(other, place));
+        refused.map_or(Ok(()), Err)?;
     }
     Ok(())
 }
@@ -69,29 +80,28 @@ impl<'a> Heated<'a> {
     }
 
     /// What speaks against calibrating two heats together.
-    fn beside(&self, other: &Self, fields: &Fields<'_>) -> Option<InputError> {
-        let error = |mistake, field: &str| {
-            fields
-                .table_error(mistake)
-                .in_field(format_args!("experiments.{}.simulator.{field}", self.name))
-        };
+    fn beside(&self, other: &Self, place: Place<'_>) -> Option<InputError> {
+        let error = |mistake, field: &str| place(mistake, self.name, field);
         let amplitude = ParameterName::Amplitude;
         let direct = |one: &Self| {
             one.heat.law == LawPlan::Direct && !one.heat.known.contains_key(&amplitude)
         };
-        if direct(self) && direct(other) && self.shares(other, amplitude) {
-            let (own, others) = (self.heat.energy()?, other.heat.energy()?);
+        let (own, others) = (self.heat.energy(), other.heat.energy());
+        if direct(self) && direct(other) && self.shares(other, amplitude) && own != others {
             let name = self.pair.calibrated(amplitude);
-            return (own != others).then(|| {
-                error(Mistake::Conflict, "parameters")
-                    .found(format_args!(
-                        "one {name} for a pulse of energy {own} and one of {others} in {}",
-                        other.name
-                    ))
-                    .expected("an amplitude for each energy, or a law of the energy")
-                    .help("give it its own: parameters = { amplitude = \"amplitude_2\" } and [parameters.amplitude_2]")
-                    .help("or choose mobility = \"threshold-power\", \"arrhenius\" or \"wlf\" in [heat]")
-            });
+            let energy = |energy: Option<f64>| {
+                energy.map_or_else(|| "that is not stated".to_owned(), |energy| energy.to_string())
+            };
+            let (own, others) = (energy(own), energy(others));
+            let refused = error(Mistake::Conflict, "parameters")
+                .found(format_args!(
+                    "one {name} for a pulse of energy {own} and one of {others} in {}",
+                    other.name
+                ))
+                .expected("an amplitude for each energy, or a law of the energy")
+                .help("give it its own: parameters = { amplitude = \"amplitude_2\" } and [parameters.amplitude_2]")
+                .help("or choose mobility = \"threshold-power\", \"arrhenius\" or \"wlf\" in [heat]");
+            return Some(refused);
         }
         let cooling = |one: &Self| one.heat.cooling_radius_m(one.pair.powder.radius_m);
         let (own, others) = (cooling(self)?, cooling(other)?);

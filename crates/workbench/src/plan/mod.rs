@@ -1,6 +1,6 @@
 //! The plan of a calibration: everything that decides its result, checked, and nothing else.
 //!
-//! A plan comes from options ([`PairOptions`]: a material or an experiment of one pair) or from a plan file
+//! A plan comes from options ([`PairOptions`]: a material, or experiments of one powder) or from a plan file
 //! ([`Planned::read`]), and is written as a plan file again ([`Planned::toml`]). How the runs are executed is apart, in
 //! [`ExecutorPlan`]: the same plan gives the same bytes on threads, local processes and a cluster.
 
@@ -20,6 +20,7 @@ mod population;
 mod proposal;
 mod sampler;
 mod template;
+mod together;
 mod toml;
 mod types;
 mod words;

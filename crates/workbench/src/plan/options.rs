@@ -5,13 +5,15 @@ use std::path::PathBuf;
 use smc_calib::{DistanceScale, FixedSigma, Noise};
 
 use super::pair::{PairOptions, sampler_for};
+use super::pair_file::pairs;
 use super::types::{ObservablePlan, PairPlan, Plan, SolverPlan};
 use crate::input::experiment::BUILT_IN_NAMES;
 
 /// The command whose options make this plan, to the last digit; none where the files that it names have moved or changed, or
 /// where a plan file says what options cannot.
 pub fn command_line(plan: &Plan) -> Option<String> {
-    let (pair, measured) = plan.pair().ok()?;
+    let (_, pair) = pairs(&plan.experiments).next()?;
+    let (_, measured) = plan.observables().next()?;
     noise_options(&measured.noise).into_iter().find_map(|(noise, words)| {
         let options = PairOptions { noise, ..options(plan, pair, measured) };
         let same = options.plan().is_ok_and(|planned| planned.plan == *plan);
@@ -21,22 +23,19 @@ pub fn command_line(plan: &Plan) -> Option<String> {
 
 fn options(plan: &Plan, pair: &PairPlan, measured: &ObservablePlan) -> PairOptions {
     let sampler = &plan.sampler;
-    let built_in = pair.experiment.strip_prefix("built-in experiments/");
-    let built_in = built_in.and_then(|name| name.strip_suffix(".toml"));
     let by_default = pair.material.is_some_and(|material| material.name() == plan.name);
-    let experiment = match built_in.filter(|name| BUILT_IN_NAMES.contains(name)) {
-        Some(_) if by_default => None,
-        Some(name) => Some(name),
-        None => Some(pair.experiment.as_str()),
-    };
+    let (experiment, is_built_in) = named(pair);
+    let experiment = Some(experiment).filter(|_| !(is_built_in && by_default));
     let bare = measured.table == pair.experiment;
     let own_priors = plan.prior_source.as_ref().filter(|file| !file.starts_with("built-in "));
     let defaults = sampler_for(sampler.samples);
     PairOptions {
         material: pair.material.filter(|_| experiment.is_none() || bare),
         experiment: experiment.map(PathBuf::from),
+        others: pairs(&plan.experiments).skip(1).map(|(_, pair)| named(pair).0.into()).collect(),
         prior: own_priors.map(PathBuf::from),
-        window_s: measured.window,
+        // Several have those of their descriptions.
+        window_s: measured.window.filter(|_| plan.experiments.len() == 1),
         kinetics: pair.kinetics,
         solver: pair.solver.forced.then_some(pair.solver.name),
         tolerance: pair.solver.tolerance,
@@ -46,6 +45,16 @@ fn options(plan: &Plan, pair: &PairPlan, measured: &ObservablePlan) -> PairOptio
         seed: sampler.seed,
         proposal: plan.proposal.as_ref().map(|earlier| PathBuf::from(&earlier.from)),
         ..PairOptions::default()
+    }
+}
+
+/// The experiment of a pair as an option names it, and whether it is built in.
+fn named(pair: &PairPlan) -> (&str, bool) {
+    let built_in = pair.experiment.strip_prefix("built-in experiments/");
+    let built_in = built_in.and_then(|name| name.strip_suffix(".toml"));
+    match built_in.filter(|name| BUILT_IN_NAMES.contains(name)) {
+        Some(name) => (name, true),
+        None => (&pair.experiment, false),
     }
 }
 
@@ -91,6 +100,9 @@ fn in_words(options: &PairOptions, noise: &str) -> String {
     let path = |path: &Option<PathBuf>| path.as_ref().map(|path| path.display().to_string());
     option("material", options.material.map(|material| material.name().to_owned()));
     option("experiment", path(&options.experiment));
+    for other in &options.others {
+        option("experiment", Some(other.display().to_string()));
+    }
     option("prior", path(&options.prior));
     option("window", options.window_s.map(|[from, to]| format!("{from:?}:{to:?}")));
     let other = |same: bool, value: String| (!same).then_some(value);

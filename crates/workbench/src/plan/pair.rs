@@ -1,4 +1,4 @@
-//! The plan of one pair of particles, from options: what `--material` and `--experiment` stand for.
+//! The plan of pairs of particles, from options: what `--material` and `--experiment` stand for.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -7,7 +7,9 @@ use dem_core::{Kinetics, PairScene, SolverKind, SolverSettings, choose_solver};
 use smc_calib::{FixedSigma, Noise, Settings};
 
 use super::made_of;
+use super::pair_file::pairs;
 use super::proposal::{Named, begin_from};
+use super::together;
 use super::toml::toml;
 use super::types::{
     ExecutorPlan, ExperimentPlan, ObservablePlan, PairPlan, Plan, Planned, SimulatorPlan,
@@ -21,13 +23,12 @@ use crate::input::files_read;
 use crate::input::heat::HeatFields;
 use crate::input::material::Material;
 use crate::input::prior_file::PriorFile;
-use crate::pair::heat::HeatPlan;
 use crate::pair::parameter::ParameterName;
 
 /// Name of the one observable of the built-in simulator.
 pub(super) const CONTACT_RATIO: &str = "contact_ratio";
 
-/// Options of the calibration of one pair of particles. The default has the documented defaults and nothing to
+/// Options of the calibration of one pair of particles, or of several of one powder. The default has the documented defaults and nothing to
 /// calibrate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PairOptions {
@@ -35,6 +36,9 @@ pub struct PairOptions {
     pub material: Option<Material>,
     /// Own measurements: a description, a bare table (which needs a material), or the name of a built-in experiment.
     pub experiment: Option<PathBuf>,
+    /// Further experiments of the same powder, calibrated together with the first: all parameters are shared, tau_s in proportion
+    /// to R, but for the time of first contact.
+    pub others: Vec<PathBuf>,
     /// What is said of the columns of the table beside its header and its description.
     pub columns: Columns,
     /// Own priors.
@@ -66,6 +70,7 @@ impl Default for PairOptions {
         Self {
             material: None,
             experiment: None,
+            others: Vec::new(),
             columns: Columns::default(),
             prior: None,
             window_s: None,
@@ -91,60 +96,40 @@ impl PairOptions {
     }
 
     fn read(&self) -> Result<Planned, InputError> {
-        let experiment = self.read_experiment()?;
-        let priors = match (&self.prior, experiment.material) {
-            (Some(path), _) => PriorFile::read(path)?,
-            (None, Some(material)) => PriorFile::of_material(material)?,
-            (None, None) => {
-                return Err(InputError::new("--prior", Mistake::MissingField)
-                    .found(format_args!(
-                        "no priors for {}, whose powder is not built in",
-                        experiment.description_name
-                    ))
-                    .expected("--prior FILE")
-                    .help("calibrate init TABLE proposes priors; priors/example-my-powder.toml shows what can stand there"));
-            }
-        };
-        self.check_noise(&experiment)?;
-        let pair = pair_experiment(
-            &experiment,
-            PairModel {
-                kinetics: self.kinetics,
-                solver: self.solver,
-                tolerance: self.tolerance,
-                tau_s_radius_m: None,
-                parameters: BTreeMap::new(),
-                heat: None,
-            },
-            self.window_s,
-            self.noise.clone(),
-        )?;
-        let parameters = match &pair.simulator {
-            SimulatorPlan::Builtin(pair) => priors.parameters(self.kinetics, heat_of(pair))?,
-            _ => Vec::new(),
-        };
+        let all = self.read_experiments()?;
+        together::check(self, &all)?;
+        let priors = self.read_priors(&all)?;
+        all.iter().try_for_each(|experiment| self.check_noise(experiment))?;
+        let pairs: Vec<ExperimentPlan> =
+            all.iter().map(|one| self.pair_of(one, &all, &priors)).collect::<Result<_, _>>()?;
+        together::check_heats(&pairs, &all)?;
         // A built-in experiment of a material goes by the name that the user typed.
-        let by_default = self.experiment.is_none();
-        let (name, title) = match (experiment.material, &experiment.title) {
-            (Some(material), _) if by_default => (material.name(), material.title()),
-            (_, title) => (experiment.name.as_str(), title.as_deref().unwrap_or(&experiment.name)),
+        let (name, title) = match &all[..] {
+            [one] => match (one.material.filter(|_| self.experiment.is_none()), &one.title) {
+                (Some(material), _) => (material.name().to_owned(), material.title().to_owned()),
+                (None, title) => {
+                    (one.name.clone(), title.clone().unwrap_or_else(|| one.name.clone()))
+                }
+            },
+            several => together::name_and_title(several),
         };
         let mut plan = Plan {
-            name: name.to_owned(),
-            title: title.to_owned(),
-            source: experiment.source.clone(),
-            parameters,
+            name,
+            title,
+            source: together::source(&all),
+            parameters: together::parameters(&priors, self.kinetics, &pairs)?,
             prior_source: Some(priors.file_name.clone()),
-            experiments: vec![pair],
+            experiments: pairs,
             sampler: self.sampler(),
             design: None,
             proposal: None,
             population: None,
             version: env!("CARGO_PKG_VERSION").to_owned(),
         };
-        let mut warnings = experiment.warnings();
+        let mut warnings: Vec<String> = all.iter().flat_map(Experiment::warnings).collect();
         if self.prior.is_some() {
-            warnings.extend(unused_priors(&plan, &priors, &experiment.name));
+            let names: Vec<&str> = all.iter().map(|one| one.name.as_str()).collect();
+            warnings.extend(unused_priors(&plan, &priors, &names.join(" and ")));
         }
         if let Some(path) = &self.proposal {
             let (from, place) = (path.display().to_string(), |m| InputError::new("--proposal", m));
@@ -154,6 +139,52 @@ impl PairOptions {
         let text = toml(&plan);
         let executor = ExecutorPlan::Threads { threads: None };
         Ok(Planned { plan, executor, warnings, path: None, text, inputs: None }.warned())
+    }
+
+    fn read_experiments(&self) -> Result<Vec<Experiment>, InputError> {
+        let others = self.others.iter();
+        let others = others.map(|path| Experiment::open(path, self.material, &Columns::default()));
+        [self.read_experiment()].into_iter().chain(others).collect()
+    }
+
+    /// The user's priors, or those of the built-in material that all experiments are of.
+    fn read_priors(&self, all: &[Experiment]) -> Result<PriorFile, InputError> {
+        let material = all.first().and_then(|one| one.material);
+        match (&self.prior, material, all.iter().find(|one| one.material.is_none())) {
+            (Some(path), ..) => PriorFile::read(path),
+            (None, Some(material), None) => PriorFile::of_material(material),
+            (None, _, of_none) => Err(InputError::new("--prior", Mistake::MissingField)
+                .found(format_args!(
+                    "no priors for {}, whose powder is not built in",
+                    of_none.map_or("the experiments", |one| &one.description_name)
+                ))
+                .expected("--prior FILE")
+                .help("calibrate init TABLE proposes priors; priors/example-my-powder.toml shows what can stand there")),
+        }
+    }
+
+    /// The plan of one of the experiments.
+    fn pair_of(
+        &self,
+        experiment: &Experiment,
+        all: &[Experiment],
+        priors: &PriorFile,
+    ) -> Result<ExperimentPlan, InputError> {
+        let alone = all.len() == 1;
+        let name = together::word(&experiment.name);
+        let model = PairModel {
+            kinetics: self.kinetics,
+            solver: self.solver,
+            tolerance: self.tolerance,
+            tau_s_radius_m: together::tau_s_radius_m(all),
+            parameters: match alone {
+                true => BTreeMap::new(),
+                false => together::own_names(priors, &name),
+            },
+            heat: None,
+        };
+        let pair = pair_experiment(experiment, model, self.window_s, self.noise.clone())?;
+        Ok(if alone { pair } else { ExperimentPlan { name, ..pair } })
     }
 
     fn read_experiment(&self) -> Result<Experiment, InputError> {
@@ -230,7 +261,7 @@ pub(super) struct PairModel {
 
 /// Priors of a heat in a file of the user's that the experiment has no use for. Those of other kinetics are there on purpose.
 fn unused_priors(plan: &Plan, priors: &PriorFile, experiment: &str) -> Vec<String> {
-    let heat = plan.pair().is_ok_and(|(pair, _)| pair.heat.is_some());
+    let heat = pairs(&plan.experiments).any(|(_, pair)| pair.heat.is_some());
     let unused = ParameterName::ALL.into_iter().filter(|name| {
         let calibrated = plan.parameters.iter().any(|one| one.name == name.name());
         name.is_of_heat() && priors.get(*name).is_some() && !calibrated
@@ -242,11 +273,6 @@ fn unused_priors(plan: &Plan, priors: &PriorFile, experiment: &str) -> Vec<Strin
         heat,
     });
     said.map(|careful| careful.to_string()).collect()
-}
-
-/// The heat of a pair, with the radius that it heats \[m\].
-fn heat_of(pair: &PairPlan) -> Option<(&HeatPlan, f64)> {
-    Some((pair.heat.as_ref()?, pair.powder.radius_m))
 }
 
 /// The experiment of one pair, checked.
