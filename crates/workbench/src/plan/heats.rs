@@ -46,6 +46,16 @@ pub(super) fn beside_each_other(
     Ok(())
 }
 
+/// The built-in pairs of a plan, with their experiments.
+pub(crate) fn pairs(
+    experiments: &[ExperimentPlan],
+) -> impl Iterator<Item = (&ExperimentPlan, &PairPlan)> {
+    experiments.iter().filter_map(|experiment| match &experiment.simulator {
+        SimulatorPlan::Builtin(pair) => Some((experiment, pair)),
+        _ => None,
+    })
+}
+
 impl PairPlan {
     /// Whether a curve of the pair depends on one of the model's parameters, so that it is calibrated where it has a prior.
     pub fn takes(&self, parameter: ParameterName) -> bool {

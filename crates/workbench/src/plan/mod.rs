@@ -27,11 +27,11 @@ mod words;
 
 pub use earlier::EarlierPosterior;
 pub use function::{FunctionOptions, Measured};
+pub(crate) use heats::pairs;
 pub(crate) use made_of::{PLAN, PROGRAM};
 pub use options::command_line;
 pub(crate) use options::{noise_option, shell_word};
 pub use pair::{PairOptions, sampler_for};
-pub(crate) use pair_file::pairs;
 pub use population::{PopulationPlan, PopulationRun};
 pub(crate) use template::with_folder;
 pub use types::{

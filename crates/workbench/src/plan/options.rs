@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use smc_calib::{DistanceScale, FixedSigma, Noise};
 
+use super::heats::pairs;
 use super::pair::{PairOptions, sampler_for};
-use super::pair_file::pairs;
 use super::types::{ObservablePlan, PairPlan, Plan, SolverPlan};
 use crate::input::experiment::BUILT_IN_NAMES;
 

@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use dem_core::{Kinetics, PairScene, SolverKind, SolverSettings, choose_solver};
 use smc_calib::{FixedSigma, Noise, Settings};
 
+use super::heats::pairs;
 use super::made_of;
-use super::pair_file::pairs;
 use super::proposal::{Named, begin_from};
 use super::together;
 use super::toml::toml;
@@ -97,7 +97,8 @@ impl PairOptions {
 
     fn read(&self) -> Result<Planned, InputError> {
         let all = self.read_experiments()?;
-        together::check(self, &all)?;
+        self.check_together(all.len())?;
+        together::check(&all)?;
         let priors = self.read_priors(&all)?;
         all.iter().try_for_each(|experiment| self.check_noise(experiment))?;
         let pairs: Vec<ExperimentPlan> =
@@ -145,6 +146,27 @@ impl PairOptions {
         let others = self.others.iter();
         let others = others.map(|path| Experiment::open(path, self.material, &Columns::default()));
         [self.read_experiment()].into_iter().chain(others).collect()
+    }
+
+    /// Refuses options on one table beside several experiments.
+    fn check_together(&self, experiments: usize) -> Result<(), InputError> {
+        let (option, found, help) = if experiments == 1 {
+            return Ok(());
+        } else if self.window_s.is_some() {
+            let help = "take rows away from a table by window = [FROM, TO] in its description";
+            ("--window", "one window", help)
+        } else if self.columns != Columns::default() {
+            let help = "say it in [columns] of its description";
+            ("--time-column and the like", "what is said of one table", help)
+        } else if matches!(self.noise, Noise::EssTarget { .. }) {
+            let help = "choose noise inferred, correlated, robust or fixed";
+            ("--noise", "noise that is tuned to one table", help)
+        } else {
+            return Ok(());
+        };
+        Err(InputError::new(option, Mistake::Conflict)
+            .found(format_args!("{found}, and {experiments} experiments"))
+            .help(help))
     }
 
     /// The user's priors, or those of the built-in material that all experiments are of.

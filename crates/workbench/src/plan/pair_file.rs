@@ -7,6 +7,7 @@ use campaign::template::{Piece, pieces};
 use dem_core::{Kinetics, SolverKind};
 use smc_calib::{Noise, Parameter};
 
+use super::heats::pairs;
 use super::input_files::templates_name;
 use super::observable::{checked, noise, window};
 use super::pair::{CONTACT_RATIO, PairModel, pair_experiment};
@@ -190,16 +191,6 @@ pub(super) fn check_priors(
         }
     }
     Ok(())
-}
-
-/// The built-in pairs of a plan, with their experiments.
-pub(crate) fn pairs(
-    experiments: &[ExperimentPlan],
-) -> impl Iterator<Item = (&ExperimentPlan, &PairPlan)> {
-    experiments.iter().filter_map(|experiment| match &experiment.simulator {
-        SimulatorPlan::Builtin(pair) => Some((experiment, pair)),
-        _ => None,
-    })
 }
 
 /// Where pairs of several radii share a tau_s, the plan says which radius it belongs to.

@@ -6,15 +6,12 @@
 use std::collections::BTreeMap;
 
 use dem_core::{Kinetics, Powder};
-use smc_calib::{Noise, Parameter};
+use smc_calib::Parameter;
 
-use super::heats::beside_each_other;
-use super::pair::PairOptions;
-use super::pair_file::pairs;
+use super::heats::{beside_each_other, pairs};
 use super::types::{ExperimentPlan, PairPlan, is_word};
 use super::words::short;
 use crate::error::{InputError, Mistake};
-use crate::input::columns::Columns;
 use crate::input::experiment::Experiment;
 use crate::input::prior_file::PriorFile;
 use crate::pair::heat::HeatPlan;
@@ -27,26 +24,8 @@ const LONGEST: usize = 48;
 const OPTION: &str = "--experiment";
 
 /// Refuses experiments that are not of one powder at one temperature, are there twice, or cannot be told apart.
-pub(super) fn check(options: &PairOptions, all: &[Experiment]) -> Result<(), InputError> {
-    let Some((first, others)) = all.split_first().filter(|(_, others)| !others.is_empty()) else {
-        return Ok(());
-    };
-    let refused = |option: &str, found: &str| {
-        InputError::new(option, Mistake::Conflict)
-            .found(format_args!("{found}, and {} experiments", all.len()))
-    };
-    if options.window_s.is_some() {
-        return Err(refused("--window", "one window")
-            .help("take rows away from a table by window = [FROM, TO] in its description"));
-    }
-    if options.columns != Columns::default() {
-        return Err(refused("--time-column and the like", "what is said of one table")
-            .help("say it in [columns] of its description"));
-    }
-    if matches!(options.noise, Noise::EssTarget { .. }) {
-        return Err(refused("--noise", "noise that is tuned to one table")
-            .expected("noise inferred, correlated, robust or fixed"));
-    }
+pub(super) fn check(all: &[Experiment]) -> Result<(), InputError> {
+    let Some((first, others)) = all.split_first() else { return Ok(()) };
     for (k, one) in others.iter().enumerate() {
         all[..=k].iter().try_for_each(|before| apart(before, one))?;
         one_powder(first, one)?;
@@ -207,8 +186,10 @@ pub(super) fn source(all: &[Experiment]) -> Option<String> {
 mod tests {
     use std::path::{Path, PathBuf};
 
-    use super::super::command_line;
+    use smc_calib::Noise;
+
     use super::super::types::Planned;
+    use super::super::{PairOptions, command_line};
     use super::*;
 
     fn of(names: &[&str]) -> PairOptions {
