@@ -356,3 +356,23 @@ fn a_run_of_one_observable_has_no_replicated_data_beside_it() {
     let file: Value = serde_json::from_str(&file).expect("JSON");
     assert!(file["experiments"][0]["observables"][0]["check"].is_null());
 }
+
+#[test]
+fn a_program_is_another_explanation_where_it_was_changed_and_not_where_only_its_seed_was() {
+    let sandbox = Sandbox::new();
+    let external = root().join("experiments/external");
+    let read = |file: &str| fs::read_to_string(external.join(file)).expect(file);
+    for file in ["impact.sh", "impact-force.txt", "impact-rebound.csv"] {
+        sandbox.write(file, read(file));
+    }
+    let plan = read("impact.toml").replace("samples = 300", "samples = 24");
+    sandbox.write("one.toml", &plan);
+    sandbox.write("two.toml", plan.replace("seed = 1", "seed = 2"));
+    for (plan, out) in [("one", "one"), ("two", "two")] {
+        sandbox.run(&format!("--plan {plan}.toml --out {out} --quiet")).succeeded();
+    }
+    sandbox.run("compare one two").refused(&["the explanation of one once more", "seed 2"]);
+    sandbox.write("impact.sh", read("impact.sh").replace("mass = 1e-6", "mass = 1.1e-6"));
+    sandbox.run("--plan two.toml --out heavier --quiet").succeeded();
+    sandbox.run("compare one heavier").succeeded();
+}
