@@ -8,6 +8,7 @@ use figures::Width;
 use smc_calib::{DistanceScale, FixedSigma, Noise};
 use workbench::error::nearest;
 use workbench::input::experiment::{Constant, checked_phi};
+use workbench::input::heat::PULSE_ENERGIES;
 use workbench::input::material::Material;
 use workbench::input::observation_table::{LARGEST_CONTACT_RATIO, TIMES_S};
 use workbench::plan::{SAMPLES, SolverPlan};
@@ -157,7 +158,7 @@ pub(crate) fn percent(text: &str) -> Result<f64, String> {
 /// Energy of a pulse, in the unit of the calibrated ones.
 pub(crate) fn pulse_energy(text: &str) -> Result<f64, String> {
     let value = number(text)?;
-    let known = (1e-12..=1e12).contains(&value);
+    let known = PULSE_ENERGIES.contains(&value);
     known.then_some(value).ok_or_else(|| "expected an energy from 1e-12 to 1e12".to_owned())
 }
 

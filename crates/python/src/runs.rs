@@ -10,6 +10,7 @@ use workbench::error::{Failure, InputError, Mistake};
 use workbench::export::{Attributes, Format, Groups, Values, Variable, export_posterior};
 use workbench::init::InitOptions;
 use workbench::input::columns::Columns;
+use workbench::input::heat::HeatFields;
 use workbench::pair::draws::PairDraws;
 use workbench::plan::{FunctionOptions, PairOptions};
 use workbench::predict::Wanted;
@@ -60,6 +61,7 @@ fn pair_options(given: &Bound<'_, PyDict>) -> PyResult<PairOptions> {
         match key.as_str() {
             "material" => options.material = Some(named(&value.extract::<String>()?)?),
             "experiment" => options.experiment = Some(value.extract()?),
+            "others" => options.others = value.extract()?,
             "prior" => options.prior = Some(value.extract()?),
             "window_s" => options.window_s = Some(value.extract()?),
             "kinetics" => options.kinetics = kinetics(&value.extract::<String>()?)?,
@@ -216,19 +218,32 @@ fn attributes(attributes: &Attributes) -> String {
     serde_json::Value::Object(attributes.clone()).to_string()
 }
 
-/// What a run of one pair predicts: as text, and as JSON.
+/// What a run of pairs predicts, with options of `calibrate predict` by their names: as text, and as JSON.
 #[pyfunction]
 pub(crate) fn predict(
     py: Python<'_>,
     path: PathBuf,
     targets: Vec<f64>,
     after_s: Vec<f64>,
-    of: (Option<f64>, bool),
+    asked: &Bound<'_, PyDict>,
 ) -> PyResult<(String, String)> {
-    let (radius_m, with_noise) = of;
-    let wanted = Wanted { targets, after_s, radius_m, with_noise, ..Wanted::default() };
+    let number = |name: &str| asked.get_item(name)?.map(|value| value.extract()).transpose();
+    let of: Option<String> = asked.get_item("of")?.map(|name| name.extract()).transpose()?;
+    let heat: Option<PathBuf> = asked.get_item("heat")?.map(|file| file.extract()).transpose()?;
+    let with_noise = asked.get_item("with_noise")?.map(|with| with.is_truthy()).transpose()?;
+    let wanted = Wanted {
+        targets,
+        after_s,
+        radius_m: number("radius_m")?,
+        with_noise: with_noise.unwrap_or_default(),
+        heat: None,
+        pulse_energy: number("pulse_energy")?,
+        enough: number("energy_for")?.zip(number("probability")?),
+    };
     let predicted = py.detach(|| {
-        let found = workbench::predict::predict(&PairDraws::read(&path)?, &wanted)?;
+        let heat = heat.as_deref().map(HeatFields::open).transpose()?;
+        let draws = PairDraws::read_of(&path, of.as_deref())?;
+        let found = workbench::predict::predict(&draws, &Wanted { heat, ..wanted })?;
         let json = workbench::output::pretty(&found).map_err(Failure::from)?;
         Ok((found.text(), json))
     });

@@ -63,6 +63,12 @@ def line_run() -> cal.Run:
     return cal.calibrate(line, LINE, measured(), samples=300, seed=3)
 
 
+@pytest.fixture(scope="session")
+def pair_run() -> cal.Run:
+    """A calibration of a pair."""
+    return cal.material("ps").calibrate(samples=64, other_kinetics=False)
+
+
 def copied(source: Path, folder: Path) -> Path:
     """A copy of a folder of the project."""
     shutil.copytree(source, folder)

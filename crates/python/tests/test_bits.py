@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import LINE, T, Y, line, measured, same_files
+from conftest import LINE, ROOT, T, Y, line, measured, same_files
 
 import calibrate as cal
 
@@ -45,6 +45,31 @@ def test_a_material_has_the_bits_of_the_command(run_command, tmp_path: Path) -> 
         own = cal.material(name).calibrate(samples=4096, seed=5)
         run_command("--material", name, "-n", 4096, "--seed", 5, "--out", "by-command", "--quiet", cwd=tmp_path)
         same_files(own.folder, tmp_path / "by-command", ["posterior.json", "samples.csv", "draws.csv", "table.md", "corner.svg"])
+
+
+def test_several_experiments_of_one_powder_have_the_bits_of_the_command(run_command, tmp_path: Path) -> None:
+    own = cal.experiment("pa12-r30", "pa12-r32").calibrate(samples=256, seed=5)
+    words = ["--experiment", "pa12-r30", "--experiment", "pa12-r32"]
+    run_command(*words, "-n", 256, "--seed", 5, "--out", "by-command", "--quiet", cwd=tmp_path)
+    same_files(own.folder, tmp_path / "by-command", ["posterior.json", "samples.csv", "draws.csv", "fit-together.svg"])
+    assert own.parameters == ["c1", "tau_s", "delta_c"] and "fit-together" in own.figures
+    asked = ["--of", "pa12-r32", "--contact-ratio", 0.6, "--json"]
+    by_command = run_command("predict", "--posterior", "by-command", *asked, cwd=tmp_path)
+    assert own.predict(0.6, of="pa12-r32") == json.loads(by_command)
+
+
+def test_predictions_of_pulses_are_those_of_the_command(run_command, tmp_path: Path) -> None:
+    plan = (ROOT / "experiments" / "heat" / "ps-power.toml").read_text()
+    (tmp_path / "pulses.toml").write_text(plan.replace("samples = 16384", "samples = 256"))
+    run_command("--plan", "pulses.toml", "--out", "pulses", "--quiet", cwd=tmp_path)
+    asked = {"of": "e23", "pulse_energy": 25, "energy_for": 1, "probability": 0.9}
+    options = [word for name, value in asked.items() for word in (f"--{name.replace('_', '-')}", value)]
+    by_command = run_command("predict", "--posterior", "pulses", *options, "--json", cwd=tmp_path)
+    found = cal.read(tmp_path / "pulses").predict(**asked)  # type: ignore[arg-type]
+    assert found == json.loads(by_command) and found["enough"]["probability"] == 0.9
+    (tmp_path / "heat.toml").write_text('[heat]\nhistory = "pulse"\nmobility = "threshold-power"\npulse_energy = 25\nreference_energy = 29\n')
+    under = cal.read(tmp_path / "pulses").predict(of="e23", heat=tmp_path / "heat.toml")
+    assert under["freezes"] == found["freezes"]
 
 
 def test_a_python_function_has_the_bits_of_a_program(run_command, tmp_path: Path) -> None:

@@ -49,6 +49,8 @@ def test_mistakes_are_value_errors_and_failed_runs_runtime_errors() -> None:
         (["neck_growth", "c1"], lambda: cal.neck_growth([0, 1], c1=-1, tau_s=1, delta_c=1e-7, powder=cal.PS)),
         (["kinetics", '"frenkl"', "did you mean frenkel?"], lambda: cal.material("ps").calibrate(kinetics="frenkl")),
         (["samples", "found 3"], lambda: cal.material("ps").calibrate(samples=3)),
+        (["experiment", "['pa12-r30', 'pa12-r32']", 'experiment("a.toml", "b.toml")'], lambda: cal.experiment(["pa12-r30", "pa12-r32"])),  # type: ignore[arg-type]
+        (["pa12-r30", "once more"], lambda: cal.experiment("pa12-r30", "pa12-r30").calibrate()),
     ],
 )
 def test_what_is_given_is_checked_where_it_is_given(words: list[str], make) -> None:
@@ -305,6 +307,23 @@ def test_what_neck_growth_and_predictions_are_given_is_checked() -> None:
         with pytest.raises(cal.InputMistake, match=words):
             cal.neck_growth([0.01], **given, **more)  # type: ignore[arg-type]
     assert np.array_equal(cal.neck_growth([0.01], **given, powder=cal.material("ps")), cal.neck_growth([0.01], **given, powder=cal.PS))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ({"of": 3}, "of: found 3"),
+        ({"of": "ps-r3"}, "ps-r3"),
+        ({"pulse_energy": "much"}, "pulse_energy: found 'much'"),
+        ({"pulse_energy": -1}, "pulse-energy: found -1"),
+        ({"energy_for": 1, "probability": 2}, "probability: found 2"),
+        ({"energy_for": 1}, "no pulse whose amplitude goes with its energy"),
+        ({"heat": "not-there.toml"}, "not-there.toml"),
+    ],
+)
+def test_predictions_name_what_is_asked_wrongly(asked: dict[str, object], words: str, pair_run: cal.Run) -> None:
+    with pytest.raises(cal.InputMistake, match=words):
+        pair_run.predict(**asked)  # type: ignore[arg-type]
 
 
 def test_a_figure_outlives_its_run() -> None:

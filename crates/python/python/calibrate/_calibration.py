@@ -364,9 +364,22 @@ def material(name: str) -> Material:
     return Material(name)
 
 
-def experiment(path: str | os.PathLike[str], *, prior: str | os.PathLike[str] | None = None, material: str | None = None) -> Experiment:
-    """An experiment of your own by its file, as ``--experiment`` and ``--prior`` of the command; :func:`init` writes both."""
-    options: dict[str, Any] = {"experiment": Path(path)}
+def experiment(
+    path: str | os.PathLike[str],
+    *others: str | os.PathLike[str],
+    prior: str | os.PathLike[str] | None = None,
+    material: str | None = None,
+) -> Experiment:
+    """An experiment of your own by its file, as ``--experiment`` and ``--prior`` of the command; :func:`init` writes both.
+
+    Several are experiments of one powder, as ``--experiment`` given several times: they are calibrated together.
+    """
+    all_of_them: list[Path] = []
+    for one in (path, *others):
+        if not isinstance(one, (str, os.PathLike)):
+            raise mistake("experiment", repr(one), "a file, or the name of a built-in one", 'several one after the other: experiment("a.toml", "b.toml")')
+        all_of_them.append(Path(one))
+    options: dict[str, Any] = {"experiment": all_of_them[0], "others": all_of_them[1:]}
     if prior is not None:
         options["prior"] = Path(prior)
     if material is not None:

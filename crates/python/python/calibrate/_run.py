@@ -13,7 +13,7 @@ import numpy as np
 
 from . import _arviz, _calibrate
 from ._errors import mistake
-from ._priors import FloatArray, numbers
+from ._priors import FloatArray, numbers, real, word
 
 
 class Text(str):
@@ -211,14 +211,39 @@ class Run:
         after_s: float | Sequence[float] = (),
         radius_m: float | None = None,
         with_noise: bool = False,
+        of: str | None = None,
+        heat: str | Path | None = None,
+        pulse_energy: float | None = None,
+        energy_for: float | None = None,
+        probability: float = 0.95,
     ) -> Prediction:
         """When a neck has grown to a contact ratio a/R, and what it is after a time [s], with the intervals of the posterior.
 
-        For runs of a pair of particles. ``radius_m`` is that of the particles that are predicted [m].
+        For runs of pairs of particles; the rest is as the options of ``calibrate predict``.
+
+        Parameters
+        ----------
+        contact_ratio, after_s : float, or several
+            Contact ratios a/R whose times are asked for, and times [s] whose contact ratios are.
+        radius_m : float
+            Radius of the particles that are predicted [m]; that of the calibration if not given.
+        with_noise : bool
+            Whether a/R after a time is given as measured, too.
+        of : str
+            The experiment, of a run of several.
+        heat : path
+            Another heat: a file with ``[heat]``.
+        pulse_energy : float
+            Another energy of the pulse.
+        energy_for, probability : float
+            A contact ratio whose pulse energy is asked for, and the probability with which it is to be enough.
         """
         targets = _not_negative("contact_ratio", contact_ratio)
         times = _not_negative("after_s", after_s)
-        text, found = _calibrate.predict(self.folder, targets, times, (radius_m, with_noise))
+        given = {"radius_m": radius_m, "pulse_energy": pulse_energy, "energy_for": energy_for, "probability": probability}
+        asked: dict[str, Any] = {name: real(name, value) for name, value in given.items() if value is not None}
+        asked |= {"with_noise": with_noise} | ({} if of is None else {"of": word("of", of)}) | ({} if heat is None else {"heat": Path(heat)})
+        text, found = _calibrate.predict(self.folder, targets, times, asked)
         return Prediction(json.loads(found), text)
 
     def _figure(self, name: str) -> Figure:

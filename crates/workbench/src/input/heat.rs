@@ -4,6 +4,7 @@
 //! known then is a parameter with a prior. `crates/guide/pages/heat.md` has every field.
 
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use dem_core::heat::Heat;
@@ -20,8 +21,8 @@ const TEXTS: [&str; 3] = ["history", "mobility", "table"];
 
 /// Fields of numbers that are never calibrated, each with its unit and range.
 const NUMBERS: [(&str, &str, [f64; 2]); 13] = [
-    ("pulse_energy", "in the unit of all pulses", [1e-12, 1e12]),
-    ("reference_energy", "in the unit of all pulses", [1e-12, 1e12]),
+    ("pulse_energy", "in the unit of all pulses", ENERGIES),
+    ("reference_energy", "in the unit of all pulses", ENERGIES),
     ("cooling_radius_m", "m", [1e-9, 1e-2]),
     ("ambient_temperature_k", "K", TEMPERATURES_K),
     ("reference_temperature_k", "K", TEMPERATURES_K),
@@ -34,6 +35,10 @@ const NUMBERS: [(&str, &str, [f64; 2]); 13] = [
     ("cooling_rate_k_per_s", "K/s", [1e-9, 1e9]),
     ("start_s", "s", [-1e12, 1e12]),
 ];
+
+/// Energies of a pulse, in the unit of all pulses of a powder.
+pub const PULSE_ENERGIES: RangeInclusive<f64> = ENERGIES[0]..=ENERGIES[1];
+const ENERGIES: [f64; 2] = [1e-12, 1e12];
 
 /// Temperatures that are computed with \[K\].
 pub(crate) const TEMPERATURES_K: [f64; 2] = [1.0, 1e4];
