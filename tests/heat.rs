@@ -214,6 +214,14 @@ fn pulses_of_one_powder_are_calibrated_together_and_give_the_energy_that_is_enou
     let there = predicted(&sandbox, &format!("--of e19 --contact-ratio 1 --pulse-energy {energy}"));
     let never = number(&there["sintering"][0]["never_probability"]);
     assert!((0.02..0.051).contains(&never), "{never}");
+    // A time that hardly any sample has is said to be theirs; one that all draws have is not.
+    let tail =
+        number(&predicted(&sandbox, "--of e23 --after 1")["freezes"]["contact_ratio"]["eti95"][1]);
+    for (ratio, few) in [(0.2, false), (tail, true), (2.0, false)] {
+        let said =
+            sandbox.run(&format!("predict --posterior run --of e23 --contact-ratio {ratio}"));
+        assert_eq!(said.succeeded().stdout.contains("few-reach"), few, "{ratio}: {}", said.stdout);
+    }
     // The same heat from any of the three is the same prediction.
     let [a, b] = ["e19", "e29"]
         .map(|of| predicted(&sandbox, &format!("--of {of} --pulse-energy 25 --after 1")));

@@ -21,8 +21,8 @@ pub(crate) use of_sampler::{Simulations, concern, section};
 
 use crate::number::significant;
 use words::{
-    dependent, necks_meet, outside_energies, outside_model, outside_priors, prior_decides,
-    soft_settling,
+    dependent, few_reach, necks_meet, outside_energies, outside_model, outside_priors,
+    prior_decides, soft_settling,
 };
 
 /// A reason to be careful that the sampler does not see: in the input, in what a result is used for, in a comparison.
@@ -66,6 +66,8 @@ pub(crate) enum Careful {
     ProposalOutsidePriors { from: String, share: f64 },
     /// Draws of a result whose noise was tuned.
     TunedDraws,
+    /// A contact ratio that few samples reach, whose time is theirs alone.
+    FewReach { contact_ratio: f64, reach: usize, samples: usize, draws: usize },
     /// A contact ratio that is reached after an infinite time.
     NeverReached { kinetics: String },
     /// A heated phase in which inertia has a part.
@@ -119,6 +121,8 @@ pub(crate) enum Careful {
         other: String,
         other_prior: String,
     },
+    /// A most probable explanation whose best curve misses measurements that another one meets.
+    BestCurveMisses { best: String, observable: String, rmse: f64, other: String, other_rmse: f64 },
     /// A prior of a heat's parameter that the experiment's heat, or an experiment without one, has no use for.
     UnusedPrior { priors: String, parameter: String, experiment: String, heat: bool },
     /// A pulse energy that lies outside of the calibrated ones.
@@ -166,6 +170,9 @@ impl Careful {
             Self::NeverReached { kinetics } => format!(
                 "under the {kinetics} kinetics a/R approaches 2^(1/3) for ever: times to it have no meaning"
             ),
+            Self::FewReach { contact_ratio, reach, samples, draws } => {
+                few_reach(*contact_ratio, *reach, *samples, *draws)
+            }
             Self::NecksMeet { time_s, contact_ratio, limit, then } => {
                 necks_meet(*time_s, *contact_ratio, *limit, then)
             }
@@ -191,7 +198,8 @@ impl Careful {
             | Self::PriorDecides { .. }
             | Self::DependentComparison { .. }
             | Self::FinalContactRatioReadOff { .. }
-            | Self::PriorsDiffer { .. } => self.of_a_comparison(),
+            | Self::PriorsDiffer { .. }
+            | Self::BestCurveMisses { .. } => self.of_a_comparison(),
             Self::UnusedPrior { priors, parameter, experiment, heat } => {
                 let why = if *heat { "its heat has no use for it" } else { "it has no [heat]" };
                 format!("{priors}: the prior of {parameter} changes nothing in {experiment}: {why}")
@@ -264,6 +272,11 @@ impl Careful {
             Self::PriorsDiffer { parameter, one, prior, other, other_prior } => format!(
                 "the prior of {parameter} is {prior} in \"{one}\" and {other_prior} in \"{other}\": part of their Bayes factor is that of the priors"
             ),
+            Self::BestCurveMisses { best, observable, rmse, other, other_rmse } => format!(
+                "the best curve of \"{best}\" misses {observable} by {} (RMSE), that of \"{other}\" by {}: what the curve misses is taken for noise, and the evidence is that of both",
+                significant(*rmse, 2),
+                significant(*other_rmse, 2)
+            ),
             _ => String::new(),
         }
     }
@@ -295,6 +308,7 @@ impl Careful {
             }
             Self::TunedDraws => "calibrate with --noise inferred",
             Self::NeverReached { .. } => "ask for a smaller --contact-ratio",
+            Self::FewReach { .. } => "ask for a contact ratio that more of them reach",
             Self::InertiaFelt { .. } => "mode = \"quasi-static\" in that phase leaves it out",
             Self::NecksMeet { .. } => "sintering.when_necks_meet = \"stop\" ends the run there",
             Self::SoftSettling { .. } => "set it as k1_n_per_m of that phase, or of [material]",
@@ -332,6 +346,9 @@ impl Careful {
             Self::FinalContactRatioReadOff { .. } => "a prior [phi] calibrates it instead",
             Self::PriorsDiffer { .. } => {
                 "calibrate both with one prior of it, unless that difference is meant"
+            }
+            Self::BestCurveMisses { .. } => {
+                "look at the curves in compare-*.png before the explanation is believed"
             }
             Self::UnusedPrior { .. } => {
                 "describe the heat in [heat] of the experiment, or take the prior out"

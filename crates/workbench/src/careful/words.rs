@@ -50,6 +50,15 @@ pub(super) fn outside_model(outside: usize, draws: usize, limit: f64) -> String 
     )
 }
 
+/// Words on a time that rests on few samples.
+pub(super) fn few_reach(ratio: f64, reach: usize, samples: usize, draws: usize) -> String {
+    format!(
+        "{reach} of {draws} draws reach a/R = {}, copies of {samples} sample{}: the interval of its time is theirs, not that of the posterior",
+        significant(ratio, 3),
+        if samples == 1 { "" } else { "s" }
+    )
+}
+
 /// Words on a comparison that another prior would change.
 pub(super) fn prior_decides(
     between: &str,

@@ -293,9 +293,13 @@ fn experiment_text(
             (fit.final_contact_ratio, "full coalescence at constant volume, 2^(1/3)".to_owned())
         }
     };
+    text.push_str("\n# phi, the a/R where coalescence stops.\n");
+    if fit.plateau_rows.is_some() {
+        text.push_str("# A pair that was heated by a pulse may have cooled there instead: crates/guide/pages/heat.md.\n");
+    }
     let _ = writeln!(
         text,
-        "\n# phi, the a/R where coalescence stops.\nfinal_contact_ratio = {phi:?}\nfinal_contact_ratio_reason = {}\n",
+        "final_contact_ratio = {phi:?}\nfinal_contact_ratio_reason = {}\n",
         quoted(&reason)
     );
     match options.built_in() {

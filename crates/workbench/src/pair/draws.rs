@@ -38,6 +38,14 @@ fn calibrated<'a>(pair: &Pair<'a>) -> (PairPlan, Vec<f64>, Option<&'a Observable
     (pair.plan.clone(), pair.measured.control.clone(), Some(pair.found))
 }
 
+/// A run of several pairs, of which one is to be named.
+fn which_of(run: &str, names: &[&str]) -> InputError {
+    InputError::new(run, Mistake::MissingField)
+        .found(format_args!("a run of {} experiments", names.len()))
+        .expected(format_args!("one of {}", names.join(", ")))
+        .help(format_args!("name it: --of {}", names[0]))
+}
+
 impl PairDraws {
     /// Reads `posterior.json` and the `draws.csv` beside it; `path` is the file or its folder.
     ///
@@ -45,11 +53,7 @@ impl PairDraws {
     ///
     /// [`Failure::Input`] for files that are missing, damaged or not of one pair.
     pub fn read(path: &Path) -> Result<Self, Failure> {
-        let record = record::read(path)?;
-        if record.population.is_none() {
-            record.pair()?;
-        }
-        Self::of_record(path, record, None)
+        Self::read_of(path, None)
     }
 
     /// As [`read`](Self::read), of the experiment of this name where several were calibrated together.
@@ -65,11 +69,10 @@ impl PairDraws {
         let (pair, control, found) = match (&record.population, experiment) {
             (Some(population), None) => (next_pair(path, population)?, Vec::new(), None),
             (_, Some(name)) => calibrated(&record.pair_named(name)?),
-            (None, None) => calibrated(&record.pair().map_err(|error| {
-                let of =
-                    record.pair_names().first().map(|name| format!("of one of them: --of {name}"));
-                error.help_if(of)
-            })?),
+            (None, None) => match &record.pair_names()[..] {
+                names @ [_, _, ..] => return Err(which_of(&record.plan.name, names).into()),
+                _ => calibrated(&record.pair()?),
+            },
         };
         let file = record::locate(path);
         let folder = file.parent().unwrap_or(Path::new("."));

@@ -8,7 +8,7 @@ use serde::Serialize;
 use smc_calib::Parameter;
 
 use super::drawn::{Drawn, Predicted, Scatter};
-use super::{Prediction, Wanted, carried, freezing, predicted};
+use super::{Prediction, SinteringTime, Wanted, carried, freezing, predicted};
 use crate::compare::{self, KeptModel, KeptModels};
 use crate::error::{Failure, InputError, Mistake};
 use crate::pair::asked_heat::{heat_of, outside_energies, refused};
@@ -94,10 +94,11 @@ pub(crate) fn average(kept: &KeptModels, wanted: &Wanted) -> Result<Prediction, 
             .help("run the comparison again")
             .into());
     };
-    let advice =
-        advice.into_iter().map(|(line, models)| format!("{}: {line}", models.join(", "))).collect();
     let calibrated_radius_m = first.pair.powder.radius_m;
     let (sintering, after) = predicted(&drawn, wanted)?;
+    let of_models =
+        advice.into_iter().map(|(line, models)| format!("{}: {line}", models.join(", ")));
+    let advice = of_models.chain(sintering.iter().filter_map(SinteringTime::few)).collect();
     Ok(Prediction {
         name: kept.name.clone(),
         title: kept.title.clone(),

@@ -16,6 +16,8 @@ pub use drawn::Predicted;
 pub use heated::EnoughEnergy;
 pub use wanted::Wanted;
 
+use std::collections::BTreeSet;
+
 use dem_core::heat::Heat;
 use dem_core::{
     Kinetics, SceneError, Sintering, SolverKind, SolverSettings, contact_ratios,
@@ -32,6 +34,9 @@ use crate::pair::heat::{HeatPlan, LawPlan};
 use crate::pair::parameter::ParameterName;
 use crate::plan::pairs;
 
+/// Fewest samples that an interval of 95 % has an end inside of.
+const FEWEST: usize = 40;
+
 /// The time at which a contact ratio is reached.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SinteringTime {
@@ -41,10 +46,23 @@ pub struct SinteringTime {
     pub time_s: Option<Predicted>,
     /// Number of draws whose curve ends below the target.
     pub never: usize,
+    /// Number of different times among the draws that reach it: draws repeat samples of large weight.
+    #[serde(skip)]
+    samples: usize,
     /// Number of draws.
     pub draws: usize,
     /// Probability that the target is never reached.
     pub never_probability: f64,
+}
+
+impl SinteringTime {
+    /// What to say of a time that too few samples reach for an interval.
+    fn few(&self) -> Option<String> {
+        let Self { contact_ratio, never, samples, draws, .. } = *self;
+        let few = never > 0 && (1..FEWEST).contains(&samples);
+        let reach = draws - never;
+        few.then(|| Careful::FewReach { contact_ratio, reach, samples, draws }.to_string())
+    }
 }
 
 /// The contact ratio at a given time.
@@ -150,6 +168,7 @@ pub fn predict(calibrated: &PairDraws, wanted: &Wanted) -> Result<Prediction, Fa
     let all = || pairs(&record.plan.experiments).map(|(_, pair)| pair);
     let outside = |energy| outside_energies(all(), energy);
     advice.extend(energies.into_iter().flatten().filter_map(outside));
+    advice.extend(sintering.iter().filter_map(SinteringTime::few));
     if kinetics.only_approaches_the_merged_pair() {
         let limit = 2f64.cbrt();
         if wanted.targets.iter().any(|target| (target - limit).abs() < 1e-3) {
@@ -233,9 +252,11 @@ fn predicted(
             .collect();
         let reached: f64 = times.iter().map(|(_, weight)| weight).sum();
         let never = drawn.len() - times.len();
+        let different: BTreeSet<u64> = times.iter().map(|(time_s, _)| time_s.to_bits()).collect();
         SinteringTime {
             contact_ratio: target,
             never,
+            samples: different.len(),
             draws: drawn.len(),
             never_probability: if never == 0 { 0.0 } else { (1.0 - reached / total).max(0.0) },
             time_s: Predicted::of(times),

@@ -234,6 +234,7 @@ fn warnings(ranking: &Explanations, explained: &[Explained]) -> Vec<String> {
         warnings.extend(close_call(&ranked(best), &ranked(one), noise));
     }
     warnings.extend(priors::that_differ(explained));
+    warnings.extend(best_curve_misses(best, &ranking.explanations));
     let records = || explained.iter().filter(|one| one.name == best.name);
     let dependent = records().flat_map(|one| one.record.observables()).find_map(|(plan, found)| {
         let residuals = &found.residuals;
@@ -253,6 +254,33 @@ fn warnings(ranking: &Explanations, explained: &[Explained]) -> Vec<String> {
     warnings.iter().map(ToString::to_string).collect()
 }
 
+/// How many times worse than another the best curve of the most probable explanation may be before that is said.
+const MUCH_WORSE: f64 = 2.0;
+
+/// The observable that the best curve of the most probable explanation misses most, beside the one that meets it best, where it is
+/// much worse.
+fn best_curve_misses(best: &Explanation, all: &[Explanation]) -> Option<Careful> {
+    let times_worse = |(fit, _, meets): &(&FitOf, &Explanation, f64)| fit.error.rmse / meets;
+    let of = |(k, fit): (usize, _)| {
+        let others = all.iter().filter_map(|one| Some((fit, one, one.fits.get(k)?.error.rmse)));
+        others.min_by(|a, b| a.2.total_cmp(&b.2))
+    };
+    let (fit, other, other_rmse) = best
+        .fits
+        .iter()
+        .enumerate()
+        .filter_map(of)
+        .filter(|found| times_worse(found) > MUCH_WORSE)
+        .max_by(|a, b| times_worse(a).total_cmp(&times_worse(b)))?;
+    Some(Careful::BestCurveMisses {
+        best: best.name.clone(),
+        observable: fit.label.clone(),
+        rmse: fit.error.rmse,
+        other: other.name.clone(),
+        other_rmse,
+    })
+}
+
 /// The final contact ratios of an explanation that ends there, where they were read off the data.
 fn read_off(record: &Record) -> Vec<f64> {
     let parameters = &record.plan.parameters;
@@ -265,4 +293,45 @@ fn read_off(record: &Record) -> Vec<f64> {
     let mut values: Vec<f64> = read_off.map(|(_, pair)| pair.final_contact_ratio).collect();
     values.dedup();
     values
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An explanation that meets two observables with these root mean square errors.
+    fn of(name: &str, rmse: [f64; 2]) -> Explanation {
+        let fit = |(label, rmse): (&str, f64)| FitOf {
+            label: label.to_owned(),
+            error: FitError { rmse, max: rmse },
+            check: None,
+        };
+        Explanation {
+            name: name.to_owned(),
+            log_evidence: 0.0,
+            log_evidence_se: 0.0,
+            probability: 0.5,
+            log_bayes_factor: 0.0,
+            strength: Strength::None,
+            fits: ["large", "small"].into_iter().zip(rmse).map(fit).collect(),
+            informed: Vec::new(),
+            informed_parameters: 0,
+            ess: 1000.0,
+            khat: 0.1,
+            sampling: Verdict::Converged,
+            trusted: true,
+        }
+    }
+
+    #[test]
+    fn a_most_probable_explanation_whose_curve_misses_what_another_meets_is_named_with_the_worst() {
+        let all = [of("shared", [0.06, 0.02]), of("own", [0.2, 0.05]), of("none", [0.3, 0.1])];
+        let words = best_curve_misses(&all[1], &all).expect("a reason").to_string();
+        let says = "\"own\" misses large by 0.20 (RMSE), that of \"shared\" by 0.060";
+        assert!(words.contains(says), "{words}");
+        assert_eq!(best_curve_misses(&all[0], &all), None);
+        // Twice as far is not much worse.
+        let near = [of("shared", [0.06, 0.02]), of("own", [0.12, 0.04])];
+        assert_eq!(best_curve_misses(&near[1], &near), None);
+    }
 }
