@@ -337,7 +337,7 @@ impl Careful {
                 "give priors that hold what is known before the evidence is quoted"
             }
             Self::DependentComparison { correlated: false, .. } => {
-                "--noise inferred,correlated says what the evidences are with errors that may be alike"
+                "see what the evidences are with errors that may be alike: --noise inferred,correlated; finished runs and plans are calibrated with correlated noise for that"
             }
             Self::DependentComparison { .. } => {
                 "look at the residuals before a Bayes factor is quoted"

@@ -15,6 +15,7 @@ use crate::output::date::{ago, iso_day, written};
 use crate::output::{CAMPAIGN, kinds, on_one_line};
 use crate::plan::{Plan, shell_word};
 use crate::record::{self, FILE_NAME};
+use crate::report::aligned;
 
 /// Largest record that is read \[bytes\].
 const LARGEST: u64 = 256 << 20;
@@ -321,17 +322,6 @@ impl Listing {
         }
         text
     }
-}
-
-/// Rows with their columns below each other.
-fn aligned(rows: &[[String; 8]]) -> String {
-    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max();
-    let widths: Vec<usize> = (0..8).map(|column| width(column).unwrap_or(0)).collect();
-    let line = |row: &[String; 8]| {
-        let cells = row.iter().zip(&widths).map(|(cell, width)| format!("{cell:<width$}"));
-        cells.collect::<Vec<_>>().join("  ").trim_end().to_owned() + "\n"
-    };
-    rows.iter().map(line).collect()
 }
 
 #[cfg(test)]

@@ -66,7 +66,7 @@ pub(super) fn choose(
                 });
             let time = time.unwrap_or(f64::INFINITY);
             let Some(heat) = heat else { return Ok((time, row)) };
-            Ok((time / heat.of(calibrated, row)?.reduced_time(heat.lasts_s), row))
+            Ok((time / heat.growth_s(&heat.of(calibrated, row)?), row))
         })
         .collect::<Result<_, InputError>>()?;
     order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));

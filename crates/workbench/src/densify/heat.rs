@@ -8,7 +8,7 @@ use crate::input::heat::HeatFields;
 use crate::input::scene_file::SceneInput;
 use crate::pair::asked_heat::{heat_of, refused};
 use crate::pair::draws::PairDraws;
-use crate::pair::heat::HeatPlan;
+use crate::pair::heat::{GrowthSeen, HeatPlan};
 
 /// The heat of all beds, whose numbers may be those of each draw.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,8 +18,8 @@ pub(super) struct BedHeat {
     radius_m: f64,
     /// Where it is asked for.
     place: String,
-    /// From the first contact to the end of the scene \[s\].
-    pub(super) lasts_s: f64,
+    /// The heated phases, each from one time to another since first contact \[s\].
+    heated_s: Vec<[f64; 2]>,
 }
 
 impl BedHeat {
@@ -40,9 +40,13 @@ impl BedHeat {
         let heat = heat_of(&calibrated.pair, fields.as_ref(), options.pulse_energy)?;
         let Some(plan) = heat else { return Ok(None) };
         let radius_m = plan.unrounded(input.outline.mean_radius_m);
-        let heated = input.file.phases.iter().skip_while(|phase| !phase.heated);
-        let lasts_s = heated.map(|phase| phase.duration_s).sum();
-        Ok(Some(Self { plan, radius_m, place, lasts_s }))
+        let heated_s = input.heated_s(f64::INFINITY);
+        Ok(Some(Self { plan, radius_m, place, heated_s }))
+    }
+
+    /// The reduced time for which beds under the heat of a draw grow, by the end of the scene \[s\].
+    pub(super) fn growth_s(&self, heat: &Heat) -> f64 {
+        GrowthSeen::of(heat, &self.heated_s).reduced_time_s
     }
 
     /// The heat of a draw.

@@ -28,6 +28,7 @@ use crate::input::prior_file::PriorFile;
 use crate::input::toml_fields::quoted;
 use crate::number::significant;
 use crate::output::{check_file, write_file};
+use crate::plan::shell_word;
 
 /// What is known of a table and its powder.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -244,7 +245,7 @@ impl Files {
     /// What was written, and the next commands; `phi` is the final contact ratio.
     fn text(&self, phi: f64) -> String {
         let [experiment, priors] =
-            [&self.experiment, &self.priors].map(|path| word(&path.display().to_string()));
+            [&self.experiment, &self.priors].map(|path| shell_word(&path.display().to_string()));
         let written = self.all().map(|path| path.display().to_string()).join(", ");
         format!(
             "wrote {written}\nnext, after a look at these:\n  calibrate check {experiment} {priors}\n  \
@@ -254,12 +255,6 @@ impl Files {
             (0.8 * phi).min(0.9)
         )
     }
-}
-
-/// A path as a shell takes it for one word.
-fn word(path: &str) -> String {
-    let plain = |c: char| c.is_alphanumeric() || "-_.+/\\:".contains(c);
-    if path.chars().all(plain) { path.to_owned() } else { format!("\"{path}\"") }
 }
 
 fn experiment_text(

@@ -39,7 +39,7 @@ pub fn heat_of(
         return Err(no_law(place.unwrap_or("--pulse-energy")));
     }
     let stated = fields.is_some_and(HeatFields::states_cooling_time);
-    let calibrated_m = own.and_then(|own| own.cooling_radius_m(pair.powder.radius_m));
+    let calibrated_m = pair.cooling_radius_m();
     if let HistoryPlan::Pulse { cooling_radius_m, .. } = &mut heat.history
         && let Some(of) = calibrated_m.filter(|_| !stated)
     {

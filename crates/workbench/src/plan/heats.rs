@@ -113,8 +113,7 @@ impl<'a> Heated<'a> {
                 .help("or choose mobility = \"threshold-power\", \"arrhenius\" or \"wlf\" in [heat]");
             return Some(refused);
         }
-        let cooling = |one: &Self| one.heat.cooling_radius_m(one.pair.powder.radius_m);
-        let (own, others) = (cooling(self)?, cooling(other)?);
+        let (own, others) = (self.pair.cooling_radius_m()?, other.pair.cooling_radius_m()?);
         let open = self.pair.takes(ParameterName::CoolingTime);
         (open && own != others && self.shares(other, ParameterName::CoolingTime)).then(|| {
             error(Mistake::MissingField, "heat.cooling_radius_m")

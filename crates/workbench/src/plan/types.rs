@@ -431,6 +431,11 @@ impl PairPlan {
             .map_err(|error| InputError::new(&self.experiment, Mistake::OutOfRange).found(error))
     }
 
+    /// The radius that the cooling time of its pulse belongs to \[m\]; none without a pulse.
+    pub fn cooling_radius_m(&self) -> Option<f64> {
+        self.heat.as_ref()?.cooling_radius_m(self.powder.radius_m)
+    }
+
     /// Name of the calibrated parameter that stands for one of the model's.
     pub fn calibrated(&self, parameter: ParameterName) -> &str {
         self.parameters.get(&parameter).map_or(parameter.name(), String::as_str)

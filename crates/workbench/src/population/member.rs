@@ -275,9 +275,7 @@ fn same_pair(
     let [phi, of_first] = [other.final_contact_ratio, one.final_contact_ratio];
     let cools = first.parameter(one.calibrated(ParameterName::CoolingTime)).is_some();
     let first = &first.given;
-    let cooling_radius_m =
-        |pair: &PairPlan| pair.heat.as_ref()?.cooling_radius_m(pair.powder.radius_m);
-    if cools && cooling_radius_m(one) != cooling_radius_m(other) {
+    if cools && one.cooling_radius_m() != other.cooling_radius_m() {
         return Err(refused(format!("a cooling time of another radius than that of {first}"))
             .expected("cooling times of one radius: they go with a power of R")
             .help("state the same cooling_radius_m, and a cooling_power, in [heat] of all experiments"));

@@ -43,7 +43,7 @@ pub use samples::{
 };
 pub use simulated::read_simulated;
 pub use summary::{in_folder, json, text};
-pub(crate) use tables::markdown_table;
+pub(crate) use tables::{aligned, markdown_table};
 pub use tables::{csv, markdown};
 
 /// The text of a record, which reads back as what it was.

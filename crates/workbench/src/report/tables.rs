@@ -197,6 +197,19 @@ pub(crate) fn markdown_table<C: Borrow<str>>(columns: &[C], rows: &[Vec<String>]
     text
 }
 
+/// Rows with their columns below each other, each row on a line of its own.
+pub(crate) fn aligned<R: AsRef<[String]>>(rows: &[R]) -> String {
+    let cell = |row: &R, column: usize| row.as_ref().get(column).map_or(0, |c| c.chars().count());
+    let columns = rows.iter().map(|row| row.as_ref().len()).max().unwrap_or(0);
+    let width = |column: usize| rows.iter().map(|row| cell(row, column)).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..columns).map(width).collect();
+    let line = |row: &R| {
+        let cells = row.as_ref().iter().zip(&widths).map(|(cell, width)| format!("{cell:<width$}"));
+        cells.collect::<Vec<_>>().join("  ").trim_end().to_owned() + "\n"
+    };
+    rows.iter().map(line).collect()
+}
+
 /// The posterior table: headings, and the cells as they are read.
 pub(super) fn posterior_cells(record: &Record) -> (Vec<&'static str>, Vec<Vec<String>>) {
     let rows = rows(record);

@@ -25,12 +25,11 @@ impl<'p> Stated<'p> {
         let mut proportional = false;
         let mut radii_m = Vec::new();
         for (_, pair) in pairs(&plan.experiments) {
-            let own = pair.powder.radius_m;
             if is(pair.calibrated(ParameterName::TauS)) {
                 proportional = true;
-                radii_m.push(pair.tau_s_radius_m.unwrap_or(own));
+                radii_m.push(pair.tau_s_radius_m.unwrap_or(pair.powder.radius_m));
             } else if is(pair.calibrated(ParameterName::CoolingTime)) {
-                radii_m.extend(pair.heat.as_ref().and_then(|heat| heat.cooling_radius_m(own)));
+                radii_m.extend(pair.cooling_radius_m());
             }
         }
         radii_m.sort_by(f64::total_cmp);

@@ -24,42 +24,61 @@ pub(super) fn places(
 ) -> Result<Vec<Vec<usize>>, InputError> {
     let Some((first, others)) = explained.split_first() else { return Ok(Vec::new()) };
     let mut places = vec![(0..first.record.plan.observables().count()).collect()];
+    let all: Vec<Compared> = explained
+        .iter()
+        .enumerate()
+        .map(|(k, one)| Compared::of(given.get(k).unwrap_or(&one.name), &one.record.plan))
+        .collect();
     for (k, other) in others.iter().enumerate() {
-        let run = given.get(k + 1).unwrap_or(&other.name);
-        for (twin, one) in explained[..k + 1].iter().enumerate() {
-            let named = given.get(twin).unwrap_or(&one.name);
-            if let Some(found) = once_more((one, named), (other, run)) {
+        let (before, Compared { run, .. }) = (&all[..=k], &all[k + 1]);
+        for one in before {
+            if let Some(found) = one.once_more(&all[k + 1]) {
                 return Err(InputError::new(run, Mistake::Duplicate)
                     .found(found)
                     .expected("another explanation, as each counts once in the probabilities")
                     .help("leave one of the two out"));
             }
         }
-        places.push(beside(first, other, (given.first().unwrap_or(&first.name), run))?);
+        places.push(beside(first, other, (all[0].run, run))?);
     }
     Ok(places)
 }
 
-/// What to say of a calibration of an explanation that is there: the same one, or another with other settings of the sampler.
-fn once_more(
-    (one, named): (&Explained, &String),
-    (other, run): (&Explained, &String),
-) -> Option<String> {
-    let (first, second) = (&one.record.plan, &other.record.plan);
-    if first == second {
-        return Some(format!("the calibration of {named} once more"));
+/// A calibration as others are held against it.
+struct Compared<'a> {
+    run: &'a str,
+    plan: &'a Plan,
+    explanation: Plan,
+    /// Sums of its programs; nothing where it has none, or they are not known.
+    programs: Option<BTreeSet<String>>,
+}
+
+impl<'a> Compared<'a> {
+    fn of(run: &'a str, plan: &'a Plan) -> Self {
+        let programs = plan.commands().next().and_then(|_| programs(run));
+        Self { run, plan, explanation: explanation(plan), programs }
     }
-    let programs = || first.commands().next().is_none() || programs(named) == programs(run);
-    let is_same = first.function().is_none() && explanation(first) == explanation(second);
-    (is_same && programs()).then(|| {
-        let words =
-            |plan: &Plan| format!("seed {} and {} simulations", plan.sampler.seed, plan.budget());
-        format!(
-            "the explanation of {named} once more: model, priors and measurements are the same, with {} where {named} has {}",
-            words(second),
-            words(first)
-        )
-    })
+
+    /// What to say of a calibration of this explanation: the same one, or another with other settings of the sampler.
+    fn once_more(&self, other: &Self) -> Option<String> {
+        let Self { run, plan, .. } = self;
+        if *plan == other.plan {
+            return Some(format!("the calibration of {run} once more"));
+        }
+        let is_same = plan.function().is_none()
+            && self.explanation == other.explanation
+            && self.programs == other.programs;
+        is_same.then(|| {
+            let words = |plan: &Plan| {
+                format!("seed {} and {} simulations", plan.sampler.seed, plan.budget())
+            };
+            format!(
+                "the explanation of {run} once more: model, priors and measurements are the same, with {} where {run} has {}",
+                words(other.plan),
+                words(plan)
+            )
+        })
+    }
 }
 
 /// What of a plan is an explanation of its measurements: neither the settings of the sampler, nor names, sources and words.
@@ -99,7 +118,7 @@ fn programs(run: &str) -> Option<BTreeSet<String>> {
 fn beside(
     first: &Explained,
     other: &Explained,
-    (one, run): (&String, &String),
+    (one, run): (&str, &str),
 ) -> Result<Vec<usize>, InputError> {
     let refused = |found: String| {
         InputError::new(run, Mistake::Conflict)

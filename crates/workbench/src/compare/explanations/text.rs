@@ -6,7 +6,7 @@ use super::super::strength::{Strength, bayes_factor};
 use super::ranked::{Explanation, Explanations, ExplanationsReport, FitOf};
 use crate::careful::{as_far_in_words, counted};
 use crate::number::{digits_of, probability, significant, with_error};
-use crate::report::markdown_table;
+use crate::report::{aligned, markdown_table};
 
 /// Headings and rows of a table.
 pub(super) type Table = (Vec<String>, Vec<Vec<String>>);
@@ -86,17 +86,9 @@ pub(super) fn parameters(ranking: &Explanations) -> Table {
 }
 
 /// A table with its columns below each other.
-fn aligned(text: &mut String, (columns, rows): &Table) {
-    let all = || std::iter::once(columns).chain(rows);
-    let width = |k: usize| all().map(|row| row[k].chars().count()).max().unwrap_or(0);
-    for row in all() {
-        let cells: Vec<String> = row
-            .iter()
-            .enumerate()
-            .map(|(k, cell)| format!("{cell:<width$}", width = width(k)))
-            .collect();
-        let _ = writeln!(text, "  {}", cells.join("  ").trim_end());
-    }
+fn indented((columns, rows): Table) -> String {
+    let all: Vec<Vec<String>> = std::iter::once(columns).chain(rows).collect();
+    aligned(&all).lines().map(|line| format!("  {line}\n")).collect()
 }
 
 /// The ranking for the terminal.
@@ -104,8 +96,8 @@ pub fn text(report: &ExplanationsReport) -> String {
     let found = report.ranked();
     let mut text =
         format!("{}: {} observations, {} errors\n", found.title, found.observations, found.noise);
-    aligned(&mut text, &ranking(found));
-    aligned(&mut text, &fits(found));
+    text.push_str(&indented(ranking(found)));
+    text.push_str(&indented(fits(found)));
     for line in &found.verdict {
         let _ = writeln!(text, "  {line}");
     }
