@@ -372,3 +372,19 @@ fn a_prior_of_a_heat_without_a_heat_is_said_to_change_nothing_and_those_of_other
     let frenkel = checked(&format!("-e ps-r60-e23 -p {prior} --kinetics frenkel"));
     assert!(!frenkel.contains("changes nothing"), "{frenkel}");
 }
+
+#[test]
+fn check_says_which_prior_of_a_heat_is_missing_as_the_calibration_would() {
+    let sandbox = Sandbox::new();
+    let file = |name: &str| root().join(name).display().to_string();
+    let [pulses, other] = ["priors/ps-pulse.toml", "priors/ps.toml"].map(file);
+    let heated = ["e19", "e23"].map(|e| file(&format!("experiments/ps-r60-{e}.toml"))).join(" ");
+    let says = ["[cooling_time]", "add cooling_time =", "or state cooling_time_s in [heat]"];
+    let refused = sandbox.run(&format!("check --quiet {heated} {other}"));
+    refused.refused(&says);
+    assert_eq!(refused.stderr.matches("found missing").count(), 1, "{}", refused.stderr);
+    sandbox.run(&format!("-e ps-r60-e19 -p {other} --dry-run")).refused(&says);
+    sandbox.run(&format!("check {heated} {pulses}")).succeeded();
+    // Of several files of priors each may be that of another experiment.
+    sandbox.run(&format!("check {heated} {pulses} {other}")).succeeded();
+}

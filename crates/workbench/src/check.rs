@@ -2,7 +2,7 @@
 
 mod together;
 
-pub use together::together;
+pub use together::{missing, together};
 
 use std::path::Path;
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use workbench::check::{file_at, together};
+use workbench::check::{file_at, missing, together};
 use workbench::error::Failure;
 
 use crate::columns::ColumnArgs;
@@ -47,6 +47,10 @@ pub(crate) fn run(args: &CheckArgs) -> Result<(), Failure> {
                 terminal::error(&error.to_string());
             }
         }
+    }
+    for error in missing(&args.files, &columns) {
+        right = false;
+        terminal::error(&error.to_string());
     }
     for warning in together(&args.files, &columns) {
         terminal::warning(&warning);

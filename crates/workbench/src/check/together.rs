@@ -6,6 +6,7 @@ use dem_core::Kinetics;
 
 use super::{TomlKind, toml_kind};
 use crate::careful::Careful;
+use crate::error::InputError;
 use crate::input::columns::Columns;
 use crate::input::experiment::{Experiment, is_toml};
 use crate::input::prior_file::PriorFile;
@@ -21,6 +22,35 @@ const OUTERMOST: f64 = 0.01;
 /// How many times the range of tau_s may be missed by the best Frenkel curve: the other kinetics can differ from it by a
 /// few times, a unit by 60 or more.
 const TAU_S_FACTOR: f64 = 10.0;
+
+/// What a heat leaves open and the one file of priors among some files has no prior of, for every experiment among them.
+pub fn missing(files: &[PathBuf], said: &Columns) -> Vec<InputError> {
+    let of_kind = |kind: TomlKind| files.iter().filter(move |file| kind_of(file) == Some(kind));
+    let [priors] = of_kind(TomlKind::Prior).collect::<Vec<_>>()[..] else { return Vec::new() };
+    let mut found = Vec::new();
+    for path in of_kind(TomlKind::Experiment) {
+        let is_heated = Experiment::read(path, said).is_ok_and(|one| one.heat.is_some());
+        if !is_heated || PriorFile::read(priors).is_err() {
+            continue;
+        }
+        if let Err(error) = calibrated(path, priors, said).plan()
+            && !found.contains(&error)
+        {
+            found.push(error);
+        }
+    }
+    found
+}
+
+/// An experiment with priors.
+fn calibrated(experiment: &Path, priors: &Path, said: &Columns) -> PairOptions {
+    PairOptions {
+        experiment: Some(experiment.to_owned()),
+        prior: Some(priors.to_owned()),
+        columns: said.clone(),
+        ..PairOptions::default()
+    }
+}
 
 /// Warnings on every experiment with every file of priors among some files. Files of other kinds, and files with
 /// mistakes, which are told by themselves, are passed over.
@@ -84,13 +114,7 @@ fn sintering_time(
     if priors.get(ParameterName::T0).is_some() || experiment.heat.is_some() {
         return None;
     }
-    let options = PairOptions {
-        experiment: Some(path.to_owned()),
-        prior: Some(file.to_owned()),
-        kinetics: Kinetics::Frenkel,
-        columns: said.clone(),
-        ..PairOptions::default()
-    };
+    let options = PairOptions { kinetics: Kinetics::Frenkel, ..calibrated(path, file, said) };
     let plan = options.plan().ok()?.plan;
     let observed = &plan.pair().ok()?.1.values;
     let best = frenkel_fit::best_tau_s(&NeckGrowth::of(&plan).ok()?, observed).ok()??;

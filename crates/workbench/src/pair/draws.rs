@@ -42,7 +42,7 @@ fn calibrated<'a>(pair: &Pair<'a>) -> (PairPlan, Vec<f64>, Option<&'a Observable
 fn which_of(run: &str, names: &[&str]) -> InputError {
     InputError::new(run, Mistake::MissingField)
         .found(format_args!("a run of {} experiments", names.len()))
-        .expected(format_args!("one of {}", names.join(", ")))
+        .expected(format_args!("one pair of particles: {}", names.join(" or ")))
         .help(format_args!("name it: --of {}", names[0]))
 }
 
