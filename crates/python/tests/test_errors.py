@@ -175,7 +175,7 @@ import numpy as np
 import calibrate as cal
 
 def slow(a):
-    print("called", flush=True)
+    print("called\\n", end="", flush=True)
     time.sleep(0.05)
     return [a]
 
