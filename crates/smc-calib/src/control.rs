@@ -11,47 +11,49 @@
 //! only more points of q. Both are without bias. `phi` are 1, the coordinates, and their products: evidence, means and
 //! covariances.
 //!
-//! Where a Gaussian process places the samples ([`crate::small_budget`]), g is that process, the mixture of all proposals
-//! stands for q and all samples for the final stage: each sub-net's are held against a process through all others. As
-//! samples are placed by what earlier ones gave, and the covariance of the process is that of all, this is without bias only
-//! up to terms that fall with the square of its error.
+//! Where a Gaussian process places the samples ([`crate::small_budget`]), the mixture of all proposals stands for q and all samples
+//! for the final stage: each sub-net's are held against a g through all others. That g is the one of several processes and of local
+//! quadratics that leaves the least of f/q where it was left out. As samples are placed by what earlier ones gave, and the
+//! covariance of the process is that of all, this is without bias only up to terms that fall with the square of its error.
 //!
 //! Every sub-net of the stage has its own net for the second term, so that it is a replicate of the whole, and the
 //! spread of the sub-nets is an error bar of both terms together.
 
+mod variate;
+
+use self::variate::{Model, Variate, cap, features, left, metric, surrogate};
 use crate::Evidence;
-use crate::cholesky::{cholesky, gram, packed_inverse};
 use crate::estimate::{Estimator, Integrals};
-use crate::gaussian_process::Covariance;
+use crate::gaussian_process::{Covariance, Found};
 use crate::mixture::Proposal;
 use crate::neighbours::MOST_DIMENSIONS;
-use crate::normal::LN_SQRT_2PI;
-use crate::pool::{Pool, exponentiate};
+use crate::pool::exponentiate;
 use crate::sampler::Sampler;
-use crate::small_budget::StandIn;
+use crate::small_budget::{Points, StandIn};
 use crate::sobol::scrambled_net;
 use crate::stage::Finishing;
 use crate::stream::{Purpose, stream};
-use crate::surrogate::{MOST_PARAMETERS, Surrogate, coefficients, monomials};
+use crate::surrogate::{MOST_PARAMETERS, coefficients};
 use crate::trust::agree;
 use rayon::prelude::*;
 use std::ops::Range;
 
 /// Points that the surrogate is integrated with, per sample of the final stage, and at least; at least for a process.
 const POINTS: [usize; 2] = [8, 32_768];
-const POINTS_OF_PROCESS: usize = 8192;
-/// Samples with a log posterior density this far below the best have no part in the surrogate.
-const DEPTH: f64 = 16.0;
-/// Largest g/q, in units of the mean of f/q: a g above it is wrong more often than right.
-const CAP: f64 = 3.0;
+const POINTS_OF_PROCESS: usize = 16_384;
 /// Parts of the final stage, each with a surrogate that its own samples had no part in; of a process, every sub-net is one.
 const FOLDS: usize = 2;
+/// Samples that tell which surrogate is the closest.
+const JUDGES: usize = 150;
 /// Fewest samples that a process is held against.
 const FEWEST: usize = 32;
 /// Least share of the variance of f/q that the surrogate must explain; that a process must, whose error is a pattern that a
 /// few samples do not show.
 const LEAST_EXPLAINED: f64 = 0.5;
 const LEAST_EXPLAINED_BY_PROCESS: f64 = 0.9;
+/// Largest variance between sub-nets of an integral that weights are held to, over that of the same integral by samples alone:
+/// a g that is wrong where there are no samples differs from sub-net to sub-net by the points that each of them has there.
+const MOST_LEFT: f64 = 0.5;
 
 /// Standard error of the final stage's evidence, over that of all samples, from which on the latter is reported. By its number of
 /// samples the final stage has 1.4 times the error, and its mean is exact; with more it has missed what earlier stages found.
@@ -83,8 +85,16 @@ struct Drawn<'a> {
     /// Log of likelihood times prior over q at each.
     ln_w: &'a [f64],
     folds: usize,
-    /// The process through all samples, where g is a process.
-    process: Option<StandIn<'a>>,
+    made_of: MadeOf<'a>,
+}
+
+/// What g is made of.
+#[derive(Clone, Copy)]
+enum MadeOf<'a> {
+    /// Local quadratics.
+    Quadratics,
+    /// A process of this kind; the one through all samples has the other settings.
+    Process { all: &'a StandIn<'a>, found: &'a Found, points: Points },
 }
 
 impl<'a> Drawn<'a> {
@@ -99,289 +109,206 @@ impl<'a> Drawn<'a> {
             ln_q,
             ln_w,
             folds: FOLDS,
-            process: None,
+            made_of: MadeOf::Quadratics,
         })
     }
 
-    /// All samples, for local quadratics: in many dimensions the final stage alone misses what earlier ones found.
-    fn pooled(sampler: &'a Sampler<'_>, ln_w: &'a [f64], proposal: &'a Proposal) -> Option<Self> {
-        let pool = &sampler.pool;
-        let few = 16 * coefficients(pool.d);
-        let ln_q = &pool.ln_mixture_over_prior;
-        let drawn = Self { first: 0, proposal, ln_q, ln_w, folds: FOLDS, process: None };
-        (pool.len() >= few).then_some(drawn)
-    }
-
-    /// All samples, for a process.
-    fn all(
+    /// All samples, for every covariance that was found for a process, through few points and through many, and for local
+    /// quadratics: in many dimensions, and of few samples, the final stage alone misses what earlier ones found. Which of them is
+    /// the closest to f/q is seldom told by the evidence of the best samples.
+    fn pooled(
         sampler: &'a Sampler<'_>,
-        weights: &[f64],
         ln_w: &'a [f64],
         proposal: &'a Proposal,
-    ) -> Option<Self> {
-        let pool = &sampler.pool;
-        let n = pool.len();
-        if n < FEWEST {
-            return None;
-        }
-        Some(Self {
-            first: 0,
-            proposal,
-            ln_q: &pool.ln_mixture_over_prior,
-            ln_w,
-            folds: sampler.replicates,
-            process: Some(StandIn::new(sampler.target, pool, weights, 0..n, Covariance::Search)?),
-        })
-    }
-}
-
-/// Centre and scale of every coordinate.
-struct Standard {
-    mean: Vec<f64>,
-    sd: Vec<f64>,
-}
-
-impl Standard {
-    fn of(d: usize, x: &[f64], weights: &[f64]) -> Self {
-        let total: f64 = weights.iter().sum();
-        let mut standard = Self { mean: vec![0.0; d], sd: vec![0.0; d] };
-        for (w, x) in weights.iter().zip(x.chunks_exact(d)).filter(|(w, _)| **w > 0.0) {
-            for (m, x) in standard.mean.iter_mut().zip(x) {
-                *m += w / total * x;
+        process: Option<&'a StandIn<'a>>,
+    ) -> Vec<Self> {
+        let (pool, n) = (&sampler.pool, sampler.pool.len());
+        let ln_q = &pool.ln_mixture_over_prior;
+        let of = |made_of, folds| Self { first: 0, proposal, ln_q, ln_w, folds, made_of };
+        let points = [Points::FEW, Points::MANY];
+        let points = if n > Points::FEW.most() { &points[..] } else { &points[..1] };
+        let mut all = Vec::new();
+        if let Some(process) = process {
+            for found in process.process.found.iter().flatten() {
+                all.extend(points.iter().map(|points| {
+                    of(MadeOf::Process { all: process, found, points: *points }, sampler.replicates)
+                }));
             }
         }
-        for (w, x) in weights.iter().zip(x.chunks_exact(d)).filter(|(w, _)| **w > 0.0) {
-            for ((s, m), x) in standard.sd.iter_mut().zip(&standard.mean).zip(x) {
-                *s += w / total * (x - m).powi(2);
-            }
+        if n >= 16 * coefficients(pool.d) {
+            all.push(of(MadeOf::Quadratics, FOLDS));
         }
-        standard.sd.iter_mut().for_each(|s| *s = s.sqrt().max(f64::MIN_POSITIVE));
-        standard
-    }
-
-    fn features(&self, x: impl Iterator<Item = f64>, out: &mut [f64]) {
-        let mut standard = [0.0; MOST_PARAMETERS];
-        let d = self.mean.len();
-        for (j, x) in x.enumerate().take(d) {
-            standard[j] = (x - self.mean[j]) / self.sd[j];
-        }
-        monomials(&standard[..d], out);
+        all
     }
 }
 
-/// The integrals, where the surrogate is good enough to be of use.
-///
-/// `weights` are the weights of all samples over `exp(ln_scale)`; moments are of `coordinate(j, z_j)`.
-fn integrals(
-    sampler: &Sampler<'_>,
-    weights: &[f64],
-    ln_scale: f64,
-    drawn: &Drawn<'_>,
-    coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
-    finishing: &mut Finishing<'_>,
-) -> Option<Integrals> {
-    let pool = &sampler.pool;
-    let (d, r) = (pool.d, sampler.replicates);
-    let Drawn { first, proposal, folds, .. } = *drawn;
-    let (n, p) = (pool.len() - first, coefficients(d));
-    if d > MOST_PARAMETERS || r < 2 {
+/// The process through all samples, where one has placed them.
+fn process<'a>(sampler: &'a Sampler<'_>, weights: &[f64]) -> Option<StandIn<'a>> {
+    let n = sampler.pool.len();
+    if !sampler.placing.surrogate || n < FEWEST {
         return None;
     }
-    let (standard, features) = features(pool, weights, coordinate);
+    StandIn::new(sampler.target, &sampler.pool, weights, 0..n, Covariance::Search)
+}
 
-    // f/q over the scale at the samples of the final stage, and the log of q over the prior at all samples.
-    let target: Vec<f64> = drawn.ln_w.iter().map(|l| (l - ln_scale).exp()).collect();
-    let ln_q = [&sampler.ln_last_proposal(0..first)[..], drawn.ln_q].concat();
-    let least = if drawn.process.is_some() { POINTS_OF_PROCESS } else { POINTS[1] };
-    let points = (POINTS[0] * n).max(least) / r;
-    // Local quadratics measure distances by it.
-    let metric = if drawn.process.is_none() { metric(proposal)? } else { Vec::new() };
-    let mut counts = vec![0.0; r];
-    pool.replicate[first..].iter().for_each(|k| counts[*k as usize] += 1.0);
-    let mut of_sub_nets = vec![0.0; r * p];
-    let mut controls = vec![0.0; n];
-    for fold in 0..folds {
-        finishing.of_integrals(2 * fold, folds, "evidence and means: stand-in");
+/// The samples, their target f/q, and what g is made of for it.
+struct Control<'a> {
+    sampler: &'a Sampler<'a>,
+    /// Weights of all samples over `exp(ln_scale)`.
+    weights: &'a [f64],
+    ln_scale: f64,
+    drawn: Drawn<'a>,
+    /// f/q over the scale at the samples that were drawn from q.
+    target: Vec<f64>,
+    /// Log of q over the prior at all samples.
+    ln_q: Vec<f64>,
+    /// What local quadratics measure distances by.
+    metric: Vec<f64>,
+}
+
+/// One fold: the numbers of its samples, and g and its values there, from the samples of the others.
+struct Fold<'a> {
+    own: Vec<usize>,
+    variate: Variate<'a>,
+    control: Vec<f64>,
+}
+
+impl<'a> Control<'a> {
+    fn new(
+        sampler: &'a Sampler<'a>,
+        weights: &'a [f64],
+        ln_scale: f64,
+        drawn: Drawn<'a>,
+    ) -> Option<Self> {
+        let target = drawn.ln_w.iter().map(|l| (l - ln_scale).exp()).collect();
+        let ln_q = [&sampler.ln_last_proposal(0..drawn.first)[..], drawn.ln_q].concat();
+        let metric = match drawn.made_of {
+            MadeOf::Quadratics => metric(drawn.proposal)?,
+            MadeOf::Process { .. } => Vec::new(),
+        };
+        Some(Self { sampler, weights, ln_scale, drawn, target, ln_q, metric })
+    }
+
+    fn fold(&self, fold: usize) -> Option<Fold<'a>> {
+        let Self { sampler, drawn, ln_scale, .. } = self;
+        let (pool, first) = (&sampler.pool, drawn.first);
         let (own, others): (Vec<usize>, Vec<usize>) =
-            (first..pool.len()).partition(|i| pool.replicate[*i] as usize % folds == fold);
-        let known: Vec<usize> = (0..first).chain(others.iter().copied()).collect();
-        let model = match &drawn.process {
-            None => Model::Local(Box::new(surrogate(sampler, &known, &ln_q, &metric)?)),
-            Some(process) => {
-                let known = known.iter().copied();
-                let stand_in = process.like(pool, weights, known)?;
-                Model::Process(Box::new(stand_in))
+            (first..pool.len()).partition(|i| pool.replicate[*i] as usize % drawn.folds == fold);
+        let known = (0..first).chain(others.iter().copied());
+        let model = match drawn.made_of {
+            MadeOf::Quadratics => {
+                let known: Vec<usize> = known.collect();
+                Model::Local(Box::new(surrogate(sampler, &known, &self.ln_q, &self.metric)?))
+            }
+            MadeOf::Process { all, found, points } => {
+                Model::Process(Box::new(all.like(pool, self.weights, known, (found, points))?))
             }
         };
-        let cap = cap(others.iter().map(|i| target[i - first]), first == 0);
-        let variate = Variate { model, ln_scale, cap };
+        let cap = cap(others.iter().map(|i| self.target[i - first]), first == 0);
+        let variate = Variate { model, ln_scale: *ln_scale, cap };
         let control: Vec<f64> = own
             .par_iter()
             .with_min_len(64)
-            .map_init(Vec::new, |found, i| variate.at(pool.point(*i), ln_q[*i], found))
+            .map_init(Vec::new, |found, i| variate.at(pool.point(*i), self.ln_q[*i], found))
             .collect();
-        let target: Vec<f64> = own.iter().map(|i| target[i - first]).collect();
-        if drawn.process.is_none() && !explains(&target, &control, LEAST_EXPLAINED) {
-            return None;
-        }
-        own.iter().zip(&control).for_each(|(i, control)| controls[i - first] = *control);
-
-        finishing.of_integrals(2 * fold + 1, folds, "evidence and means: integrals");
-        // Per sub-net: the integral of g phi by a net of its own, and the mean of (f - g) phi / q.
-        let seed = sampler.settings.seed;
-        of_sub_nets.par_chunks_mut(p).enumerate().skip(fold).step_by(folds).for_each(
-            |(k, sums)| {
-                let mut rng = stream(seed, Purpose::Surrogate, 0, k);
-                let net = scrambled_net(proposal.uniforms(), points, &mut rng);
-                variate.integrate(&net, proposal, &standard, coordinate, sums);
-            },
-        );
-        for ((i, target), control) in own.iter().zip(&target).zip(&control) {
-            let k = pool.replicate[*i] as usize;
-            let off = (target - control) / counts[k];
-            let phi = &features[i * p..(i + 1) * p];
-            of_sub_nets[k * p..(k + 1) * p]
-                .iter_mut()
-                .zip(phi)
-                .for_each(|(s, phi)| *s += off * phi);
-        }
-    }
-    // One sub-net of a few samples says nothing.
-    let explained =
-        drawn.process.is_none() || explains(&target, &controls, LEAST_EXPLAINED_BY_PROCESS);
-    explained.then_some(Integrals { of_sub_nets, features })
-}
-
-/// 1, x_j, and x_i x_j of all samples, row by row, and what x is measured in.
-fn features(
-    pool: &Pool,
-    weights: &[f64],
-    coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
-) -> (Standard, Vec<f64>) {
-    let d = pool.d;
-    // Failed samples too: f is zero there, but g need not be.
-    let x: Vec<f64> = (0..pool.len() * d)
-        .into_par_iter()
-        .with_min_len(256)
-        .map(|i| coordinate(i % d, pool.z[i]))
-        .collect();
-    let standard = Standard::of(d, &x, weights);
-    let p = coefficients(d);
-    let mut features = vec![0.0; pool.len() * p];
-    features.par_chunks_mut(p).zip(x.par_chunks(d)).with_min_len(256).for_each(|(out, x)| {
-        standard.features(x.iter().copied(), out);
-    });
-    (standard, features)
-}
-
-/// Largest g/q from the values of f/q: [`CAP`] times their mean, which of all samples, many of them far from the posterior,
-/// is taken by weight.
-fn cap(values: impl ExactSizeIterator<Item = f64> + Clone, by_weight: bool) -> f64 {
-    let n = values.len() as f64;
-    let sum: f64 = values.clone().sum();
-    if by_weight { CAP * values.map(|v| v * v).sum::<f64>() / sum } else { CAP * sum / n }
-}
-
-/// What g is made of.
-enum Model<'a> {
-    Local(Box<Surrogate>),
-    Process(Box<StandIn<'a>>),
-}
-
-impl Model<'_> {
-    /// Log of g over `exp(ln_q)` and the prior at z.
-    fn ln_ratio(&self, z: &[f64], ln_q: f64, found: &mut Vec<(f64, u32)>) -> Option<f64> {
-        match self {
-            Self::Local(surrogate) => surrogate.ln_ratio(z, ln_q, found),
-            Self::Process(process) => Some(process.ln_likelihood_at(z) - ln_q),
-        }
-    }
-}
-
-/// The control variate g/q over the scale of the weights.
-struct Variate<'a> {
-    model: Model<'a>,
-    ln_scale: f64,
-    /// Its largest value.
-    cap: f64,
-}
-
-impl Variate<'_> {
-    /// At z, where `ln_q` is the log of proposal over prior.
-    fn at(&self, z: &[f64], ln_q: f64, found: &mut Vec<(f64, u32)>) -> f64 {
-        self.model
-            .ln_ratio(z, ln_q, found)
-            .map(|ratio| (ratio - self.ln_scale).exp())
-            .filter(|ratio| !ratio.is_nan())
-            .map_or(0.0, |ratio| ratio.min(self.cap))
+        Some(Fold { own, variate, control })
     }
 
-    /// Adds the integral of g phi by the points of a net, taken to the proposal.
-    fn integrate(
-        &self,
-        net: &[f64],
-        proposal: &Proposal,
-        standard: &Standard,
-        coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
-        sums: &mut [f64],
-    ) {
-        let width = proposal.uniforms();
-        let points = (net.len() / width) as f64;
-        let (mut z, mut row) = (vec![0.0; proposal.dimension], vec![0.0; sums.len()]);
-        let mut found = Vec::new();
-        for u in net.chunks_exact(width) {
-            proposal.draw(u, &mut z);
-            let ln_prior = -z.iter().map(|z| 0.5 * z * z + LN_SQRT_2PI).sum::<f64>();
-            let g = self.at(&z, proposal.ln_over_prior(&z, ln_prior), &mut found);
-            if g > 0.0 {
-                standard.features(z.iter().enumerate().map(|(j, z)| coordinate(j, *z)), &mut row);
-                sums.iter_mut().zip(&row).for_each(|(s, f)| *s += g * f / points);
+    /// Share of the squares of f phi / q that g leaves, of [`JUDGES`] samples or all of so many sub-nets; `features` are the phi.
+    fn left(&self, features: &[f64]) -> Option<f64> {
+        let Self { sampler, drawn, target, .. } = self;
+        let (n, r, p) = (target.len(), sampler.replicates, coefficients(sampler.pool.d));
+        let judges = (JUDGES * r).div_ceil(n).min(r);
+        let folds: Option<Vec<Fold<'_>>> =
+            (0..drawn.folds.min(judges)).into_par_iter().map(|fold| self.fold(fold)).collect();
+        let (mut left, mut all) = (0.0, 0.0);
+        for Fold { own, control, .. } in folds? {
+            let judged = own.iter().zip(&control);
+            for (i, control) in judged.filter(|(i, _)| sampler.pool.replicate[**i] < judges as u32)
+            {
+                let phi = &features[i * p..(i + 1) * p];
+                let squares: f64 = phi.iter().map(|phi| phi * phi).sum();
+                let target = target[i - drawn.first];
+                left += squares * (target - control).powi(2);
+                all += squares * target.powi(2);
             }
         }
+        let left = left / all;
+        left.is_finite().then_some(left)
     }
-}
 
-/// Factor of the covariance that distances are measured in: of the mean precision of the proposal's components, which
-/// says how fast the posterior varies, not how wide it is (a bent or a split posterior is much wider).
-fn metric(proposal: &Proposal) -> Option<Vec<f64>> {
-    let d = proposal.dimension;
-    let mut precision = vec![0.0; d * d];
-    for c in &proposal.components {
-        let own = gram(&packed_inverse(&c.factor, d), d);
-        precision.iter_mut().zip(own).for_each(|(p, own)| *p += c.weight * own);
-    }
-    cholesky(&gram(&packed_inverse(&cholesky(&precision, d)?, d), d), d)
-}
-
-/// The surrogate fitted to some samples of the pool.
-fn surrogate(
-    sampler: &Sampler<'_>,
-    known: &[usize],
-    ln_q: &[f64],
-    metric: &[f64],
-) -> Option<Surrogate> {
-    let pool = &sampler.pool;
-    let density = |i: usize| pool.ln_l[i] + pool.ln_prior(i);
-    let top = known.iter().map(|i| density(*i)).fold(f64::NEG_INFINITY, f64::max);
-    let kept: Vec<usize> =
-        known.iter().copied().filter(|i| density(*i) > top - 2.0 * DEPTH).collect();
-    let z: Vec<f64> = kept.iter().flat_map(|i| pool.point(*i)).copied().collect();
-    let of_kept = |all: &[f64]| -> Vec<f64> { kept.iter().map(|i| all[*i]).collect() };
-    let fitted: Vec<bool> = kept.iter().map(|i| density(*i) > top - DEPTH).collect();
-    Surrogate::new(&z, &of_kept(&pool.ln_l), &of_kept(ln_q), &fitted, metric)
-}
-
-/// Whether the control variate takes away enough of the variance of the target.
-fn explains(target: &[f64], control: &[f64], share: f64) -> bool {
-    let variance = |values: &mut dyn Iterator<Item = f64>| {
-        let (mut sum, mut squares, mut n) = (0.0, 0.0, 0.0);
-        for v in values {
-            (sum, squares, n) = (sum + v, squares + v * v, n + 1.0);
+    /// The integrals, where the surrogate is good enough to be of use; moments are of `coordinate(j, z_j)`.
+    fn integrals(
+        &self,
+        coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
+        finishing: &mut Finishing<'_>,
+    ) -> Option<Integrals> {
+        let Self { sampler, drawn, target, .. } = self;
+        let (pool, proposal, first) = (&sampler.pool, drawn.proposal, drawn.first);
+        let (d, r) = (pool.d, sampler.replicates);
+        let (n, p) = (pool.len() - first, coefficients(d));
+        if d > MOST_PARAMETERS || r < 2 {
+            return None;
         }
-        squares - sum * sum / n
-    };
-    let left = variance(&mut target.iter().zip(control).map(|(t, c)| t - c));
-    left < (1.0 - share) * variance(&mut target.iter().copied())
+        let local = matches!(drawn.made_of, MadeOf::Quadratics);
+        let (standard, features) = features(pool, self.weights, coordinate);
+        let points = (POINTS[0] * n).max(if local { POINTS[1] } else { POINTS_OF_PROCESS }) / r;
+        let mut of_sub_nets = vec![0.0; r * p];
+        let mut controls = vec![0.0; n];
+        for fold in 0..drawn.folds {
+            finishing.of_integrals(2 * fold, drawn.folds, "evidence and means: stand-in");
+            let Fold { own, variate, control } = self.fold(fold)?;
+            let target: Vec<f64> = own.iter().map(|i| target[i - first]).collect();
+            if local && left(&target, &control) >= 1.0 - LEAST_EXPLAINED {
+                return None;
+            }
+            own.iter().zip(&control).for_each(|(i, control)| controls[i - first] = *control);
+
+            finishing.of_integrals(2 * fold + 1, drawn.folds, "evidence and means: integrals");
+            // Per sub-net the integral of g phi by a net of its own.
+            let seed = sampler.settings.seed;
+            of_sub_nets.par_chunks_mut(p).enumerate().skip(fold).step_by(drawn.folds).for_each(
+                |(k, sums)| {
+                    let mut rng = stream(seed, Purpose::Surrogate, 0, k);
+                    let net = scrambled_net(proposal.uniforms(), points, &mut rng);
+                    variate.integrate(&net, proposal, &standard, coordinate, sums);
+                },
+            );
+        }
+        // One sub-net of a few samples says nothing.
+        if !local && left(target, &controls) >= 1.0 - LEAST_EXPLAINED_BY_PROCESS {
+            return None;
+        }
+        let off: Vec<f64> = target.iter().zip(&controls).map(|(f, g)| f - g).collect();
+        self.add_means(&off, &features, &mut of_sub_nets);
+        let mut by_samples = vec![0.0; r * p];
+        self.add_means(target, &features, &mut by_samples);
+        let better = (0..p)
+            .map(|a| scatter(&of_sub_nets, p, a) < MOST_LEFT * scatter(&by_samples, p, a))
+            .collect();
+        Some(Integrals { of_sub_nets, features, better })
+    }
+
+    /// Adds to every sub-net's sums the mean of value times phi over its samples.
+    fn add_means(&self, values: &[f64], features: &[f64], sums: &mut [f64]) {
+        let (first, r) = (self.drawn.first, self.sampler.replicates);
+        let (labels, p) = (&self.sampler.pool.replicate[first..], sums.len() / r);
+        let mut counts = vec![0.0; r];
+        labels.iter().for_each(|k| counts[*k as usize] += 1.0);
+        let rows = features[first * p..].chunks_exact(p);
+        for ((value, label), phi) in values.iter().zip(labels).zip(rows) {
+            let k = *label as usize;
+            let value = value / counts[k];
+            sums[k * p..(k + 1) * p].iter_mut().zip(phi).for_each(|(s, phi)| *s += value * phi);
+        }
+    }
+}
+
+/// Sum of squared deviations from their mean of the sub-nets' values of integral a, of p.
+fn scatter(of_sub_nets: &[f64], p: usize, a: usize) -> f64 {
+    let values = of_sub_nets.iter().skip(a).step_by(p);
+    let mean = values.clone().sum::<f64>() / (of_sub_nets.len() / p) as f64;
+    values.map(|v| (v - mean).powi(2)).sum()
 }
 
 impl Sampler<'_> {
@@ -431,6 +358,31 @@ impl Sampler<'_> {
     }
 }
 
+/// The integrals over all samples, by the surrogate that leaves the least of them.
+fn of_all_samples(
+    sampler: &Sampler<'_>,
+    raw: &[f64],
+    ln_scale: f64,
+    coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
+    finishing: &mut Finishing<'_>,
+) -> Option<Integrals> {
+    let mixture = Proposal::of_stages(&sampler.proposals)?;
+    let ln_w = sampler.ln_weights();
+    let process = process(sampler, raw);
+    let mut ways: Vec<Control<'_>> = Drawn::pooled(sampler, &ln_w, &mixture, process.as_ref())
+        .into_iter()
+        .filter_map(|drawn| Control::new(sampler, raw, ln_scale, drawn))
+        .collect();
+    let best = if ways.len() < 2 {
+        ways.pop()
+    } else {
+        let (_, features) = features(&sampler.pool, raw, coordinate);
+        let left = ways.into_iter().filter_map(|way| Some((way.left(&features)?, way)));
+        left.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, way)| way)
+    };
+    best?.integrals(coordinate, finishing)
+}
+
 /// All samples with the weights of the result, and the evidence. `raw` are the importance weights over
 /// `exp(ln_scale)`, `coordinate(j, z_j)` is what moments are taken of.
 pub(crate) fn estimate(
@@ -444,21 +396,13 @@ pub(crate) fn estimate(
     let (pooled_value, pooled_se) = estimator.log_evidence();
     let frozen = sampler.frozen();
     let (frozen_value, frozen_se) = sampler.frozen_evidence(&frozen);
-    let mut integrals =
-        |drawn: &Drawn<'_>| integrals(sampler, raw, ln_scale, drawn, coordinate, finishing);
     let far = sampler.placing.surrogate || sampler.pool.d > MOST_DIMENSIONS;
     let known = if far {
-        Proposal::of_stages(&sampler.proposals).and_then(|mixture| {
-            let ln_w = sampler.ln_weights();
-            let drawn = if sampler.placing.surrogate {
-                Drawn::all(sampler, raw, &ln_w, &mixture)
-            } else {
-                Drawn::pooled(sampler, &ln_w, &mixture)
-            };
-            integrals(&drawn?)
-        })
+        of_all_samples(sampler, raw, ln_scale, coordinate, finishing)
     } else {
-        Drawn::finally(sampler, &frozen).and_then(|drawn| integrals(&drawn))
+        let drawn = Drawn::finally(sampler, &frozen);
+        let control = drawn.and_then(|drawn| Control::new(sampler, raw, ln_scale, drawn));
+        control.and_then(|control| control.integrals(coordinate, finishing))
     };
     let held = known.is_some_and(|known| estimator.hold_to(known, sampler.pool.d, far));
     let (value, se) = if held {

@@ -53,6 +53,8 @@ pub(crate) struct Integrals {
     pub of_sub_nets: Vec<f64>,
     /// Per sample of the pool: 1, x_j, x_i x_j of the standardised coordinates.
     pub features: Vec<f64>,
+    /// Which of them are known much better than by sums over the samples.
+    pub better: Vec<bool>,
 }
 
 impl Integrals {
@@ -61,7 +63,11 @@ impl Integrals {
         let of = |all: &[f64]| -> Vec<f64> {
             all.chunks_exact(p).flat_map(|row| columns.iter().map(|a| row[*a])).collect()
         };
-        Self { of_sub_nets: of(&self.of_sub_nets), features: of(&self.features) }
+        Self {
+            of_sub_nets: of(&self.of_sub_nets),
+            features: of(&self.features),
+            better: vec![true; columns.len()],
+        }
     }
 }
 
@@ -203,11 +209,15 @@ impl Estimator {
     }
 
     /// Holds the weights to integrals over `d` coordinates; false, and nothing is changed, where that would change a weight by too
-    /// much. With `far` weights may change as far as [`TILTS`], and are held to fewer integrals rather than to none: where
-    /// importance weights are few. Their heavy tail does not show in the held ones any more.
+    /// much. With `far` weights may change as far as [`TILTS`], and are held to fewer integrals, those that are known better, rather
+    /// than to none: where importance weights are few. Their heavy tail does not show in the held ones any more.
     pub(crate) fn hold_to(&mut self, integrals: Integrals, d: usize, far: bool) -> bool {
         let all = coefficients(d);
-        let found = ways(d, far).into_iter().find_map(|(columns, spreads)| {
+        if far && !integrals.better[0] {
+            return false;
+        }
+        let found = ways(d, far).into_iter().find_map(|(mut columns, spreads)| {
+            columns.retain(|a| !far || integrals.better[*a]);
             // A copy only where fewer are held: those of all samples are many.
             let fewer = (columns.len() < all).then(|| integrals.only(all, &columns));
             let wished = fewer.as_ref().unwrap_or(&integrals);
@@ -367,7 +377,8 @@ mod tests {
             .flat_map(|i| [1.0, (1.7 * i as f64).sin() + f64::from(u8::from(i == 5))])
             .collect();
         let known = [2.0, 0.3].map(|sum| sum / n as f64);
-        let integrals = Integrals { of_sub_nets: known.repeat(r), features: features.clone() };
+        let (of_sub_nets, better) = (known.repeat(r), vec![true; 2]);
+        let integrals = Integrals { of_sub_nets, features: features.clone(), better };
         let label = (0..n).map(|i| (i % r) as u32).collect();
         let (weights, _, _) = Estimator::of(label, weights, 0.0, r).held(spread, &integrals)?;
         let sum = |a: usize| -> f64 {

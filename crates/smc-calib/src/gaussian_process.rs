@@ -23,7 +23,7 @@
 
 mod kernel;
 
-pub(crate) use self::kernel::Kernel;
+use self::kernel::Kernel;
 use self::kernel::{Fit, Samples, Shape};
 use crate::cholesky::{narrow, whiten, whitening};
 use crate::normal;
@@ -33,13 +33,12 @@ use crate::sobol::MAX_DIMENSIONS;
 #[derive(Clone, Debug)]
 pub(crate) struct GaussianProcess {
     d: usize,
-    place: Place,
-    /// Samples in these coordinates, row by row, and the coefficients of each, one per column.
+    pub covariance: Found,
+    /// Samples in its coordinates, row by row, and the coefficients of each, one per column.
     points: Vec<f64>,
     coefficients: Vec<f64>,
-    kernel: Kernel,
-    /// The covariances whose lengths were searched, in the order of [`SEARCHED`], whichever was taken.
-    pub searched: Vec<Option<Kernel>>,
+    /// All covariances that were tried: the smooth one, and those whose lengths were searched, in the order of [`SEARCHED`].
+    pub found: Vec<Option<Found>>,
     /// Lower Cholesky factor of the covariance of the samples, row by row.
     factor: Vec<f64>,
     /// Mean and unit of each column.
@@ -47,6 +46,13 @@ pub(crate) struct GaussianProcess {
     pub units: Vec<f64>,
     /// Value of every column at every sample minus its prediction from the other samples.
     pub left_out: Vec<f64>,
+}
+
+/// A covariance and the coordinates that it is over.
+#[derive(Clone, Debug)]
+pub(crate) struct Found {
+    place: Place,
+    kernel: Kernel,
 }
 
 /// The coordinates of a kernel.
@@ -106,10 +112,10 @@ pub(crate) struct Data<'a> {
 pub(crate) enum Covariance<'a> {
     /// The best of the best smooth one and those whose lengths are searched.
     Search,
-    /// The best of the best smooth one and these searched ones.
-    Known(&'a [Option<Kernel>]),
-    /// That of another process.
-    Like(&'a GaussianProcess),
+    /// The best of the best smooth one and these searched ones, as [`GaussianProcess::found`] has them.
+    Known(&'a [Option<Found>]),
+    /// This one.
+    Like(&'a Found),
 }
 
 impl GaussianProcess {
@@ -129,9 +135,9 @@ impl GaussianProcess {
             }
             points
         };
-        let mut searched = Vec::new();
-        let (kernel, place, points) = if let Covariance::Like(like) = data.covariance {
-            (like.kernel.clone(), like.place.clone(), at(&like.place))
+        let mut tried = Vec::new();
+        let (covariance, points) = if let Covariance::Like(like) = data.covariance {
+            (like.clone(), at(&like.place))
         } else {
             // Coefficients of the mean: of the size of the values.
             let size = 1.0 + values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64;
@@ -143,36 +149,33 @@ impl GaussianProcess {
                 let best = Samples { d, points: points_of_judges, values: &judged, nuggets };
                 let kernel = kernel(&best)?;
                 let evidence = best.evidence(m, &kernel);
-                evidence.is_finite().then_some((evidence, (kernel, place, points)))
+                evidence.is_finite().then_some((evidence, (Found { place, kernel }, points)))
             };
             let (centre, inverse) = whitening(d, data.z, data.weights)?;
             let smooth =
                 found(Place::Whitened(centre, inverse), &|best| best.smooth_kernel(m, size));
             let rest = SEARCHED.iter().enumerate().map(|(k, (place, shape))| {
                 found(place.clone(), &|best| match data.covariance {
-                    Covariance::Known(known) => known.get(k)?.clone(),
+                    Covariance::Known(known) => Some(known.get(k + 1)?.as_ref()?.kernel.clone()),
                     _ => best.searched_kernel(m, *shape, size),
                 })
             });
-            let rest: Vec<_> = rest.collect();
-            searched =
-                rest.iter().map(|f| f.as_ref().map(|(_, (kernel, ..))| kernel.clone())).collect();
+            let all: Vec<_> = [smooth].into_iter().chain(rest).collect();
+            tried = all.iter().map(|f| f.as_ref().map(|(_, (found, _))| found.clone())).collect();
             // Of equal ones the first.
-            let all = [smooth].into_iter().chain(rest).flatten();
-            all.reduce(|a, b| if b.0 > a.0 { b } else { a })?.1
+            all.into_iter().flatten().reduce(|a, b| if b.0 > a.0 { b } else { a })?.1
         };
         let samples = Samples { d, points: &points, values: &values, nuggets: data.nuggets };
-        let fit = Fit::new(&samples, &kernel)?;
+        let fit = Fit::new(&samples, &covariance.kernel)?;
         let left_out = fit.left_out(&data.units);
         let Fit { coefficients, factor, .. } = fit;
         let (offsets, units) = (data.offsets, data.units);
         Some(Self {
             d,
-            place,
+            covariance,
             points,
             coefficients,
-            kernel,
-            searched,
+            found: tried,
             factor,
             offsets,
             units,
@@ -184,11 +187,11 @@ impl GaussianProcess {
     pub(crate) fn predict(&self, z: &[f64], out: &mut [f64]) {
         let mut small = [0.0; MAX_DIMENSIONS];
         let x = &mut small[..self.d];
-        self.place.of(z, x);
+        self.covariance.place.of(z, x);
         out.fill(0.0);
         let points = self.points.chunks_exact(self.d);
         for (p, row) in points.zip(self.coefficients.chunks_exact(out.len())) {
-            let k = self.kernel.of(x, p);
+            let k = self.covariance.kernel.of(x, p);
             for (o, c) in out.iter_mut().zip(row) {
                 *o += k * c;
             }
@@ -202,13 +205,13 @@ impl GaussianProcess {
     pub(crate) fn variance(&self, z: &[f64]) -> f64 {
         let mut small = [0.0; MAX_DIMENSIONS];
         let x = &mut small[..self.d];
-        self.place.of(z, x);
-        let mut variance = self.kernel.of(x, x);
+        self.covariance.place.of(z, x);
+        let mut variance = self.covariance.kernel.of(x, x);
         let n = self.points.len() / self.d;
         let mut solved: Vec<f64> = Vec::with_capacity(n);
         for (p, row) in self.points.chunks_exact(self.d).zip(self.factor.chunks_exact(n)) {
             let known: f64 = solved.iter().zip(row).map(|(s, l)| s * l).sum();
-            let next = (self.kernel.of(x, p) - known) / row[solved.len()];
+            let next = (self.covariance.kernel.of(x, p) - known) / row[solved.len()];
             variance -= next * next;
             solved.push(next);
         }
@@ -276,7 +279,7 @@ mod tests {
         let z = points(30);
         let all = through(&z, 2, wave);
         // The last sample predicted by the process through the others, with the same covariance.
-        let without = like(Covariance::Like(&all), &z[..58], 2, wave);
+        let without = like(Covariance::Like(&all.covariance), &z[..58], 2, wave);
         let mut predicted = [0.0; 2];
         without.predict(&z[58..], &mut predicted);
         for column in 0..2 {
@@ -298,8 +301,8 @@ mod tests {
         // Level up to a knee, then a line; the other parameter hardly matters.
         let knee = |z: &[f64]| vec![(normal::cdf(z[0]) - 0.4).max(0.0) + 0.01 * z[1]];
         let process = through(&points(60), 1, knee);
-        let Kernel::Searched { lengths, .. } = &process.kernel else {
-            panic!("{:?}", process.kernel)
+        let Kernel::Searched { lengths, .. } = &process.covariance.kernel else {
+            panic!("{:?}", process.covariance.kernel)
         };
         assert!(lengths[1] > 4.0 * lengths[0], "{lengths:?}");
         for z in [[-1.5, 0.3], [-0.2, -0.9], [0.1, 1.2], [1.4, -1.0]] {
@@ -315,7 +318,7 @@ mod tests {
         let valley =
             |z: &[f64]| vec![-1e-3 * ((z[0] * z[0] - z[1]).powi(2) + 0.01 * (z[0] - 1.0).powi(2))];
         let process = through(&points(60), 1, valley);
-        assert!(process.kernel.nugget() < 0.2, "{:?}", process.kernel);
+        assert!(process.covariance.kernel.nugget() < 0.2, "{:?}", process.covariance.kernel);
         for z in [[0.3, 0.2], [-0.7, 0.9], [1.2, 0.4]] {
             let mut out = [0.0];
             process.predict(&z, &mut out);
@@ -327,10 +330,10 @@ mod tests {
     fn the_variance_of_two_samples_is_that_of_their_joint_normal() {
         let z = [-0.4, 0.1, 0.5, 0.3];
         let process = through(&points(12), 1, |z| vec![z[0].sin() + z[1]]);
-        let kernel = process.kernel.clone();
+        let kernel = process.covariance.kernel.clone();
         let at = |z: &[f64]| {
             let mut x = [0.0; 2];
-            process.place.of(z, &mut x);
+            process.covariance.place.of(z, &mut x);
             x
         };
         let (a, b, x) = (at(&z[..2]), at(&z[2..]), at(&[0.2, -0.6]));
@@ -339,7 +342,7 @@ mod tests {
         let (ab, ax, bx) = (kernel.of(&a, &b), kernel.of(&a, &x), kernel.of(&b, &x));
         let explained = (bb * ax * ax - 2.0 * ab * ax * bx + aa * bx * bx) / (aa * bb - ab * ab);
         let exact = kernel.of(&x, &x) - explained;
-        let found = like(Covariance::Like(&process), &z, 1, |z| vec![z[0].sin() + z[1]])
+        let found = like(Covariance::Like(&process.covariance), &z, 1, |z| vec![z[0].sin() + z[1]])
             .variance(&[0.2, -0.6]);
         assert!((found - exact).abs() < 1e-6 * kernel.of(&x, &x), "{found} {exact}");
         // At a sample nothing but the nugget is left.

@@ -2,7 +2,7 @@
 
 use crate::cholesky::cholesky;
 use crate::cloud::Cloud;
-use crate::gaussian_process::Kernel;
+use crate::gaussian_process::Found;
 use crate::mixture::{Component, Proposal, ln_sum};
 use crate::pool::{Pool, exponentiate, temper, tune};
 use crate::sobol::scrambled_net;
@@ -57,7 +57,7 @@ pub(crate) struct Sampler<'a> {
     /// itself.
     pub tails: bool,
     /// Number of samples when the process last searched the lengths of its covariances, and what it found.
-    pub(crate) searched: Option<(usize, Vec<Option<Kernel>>)>,
+    pub(crate) searched: Option<(usize, Vec<Option<Found>>)>,
 }
 
 impl<'a> Sampler<'a> {

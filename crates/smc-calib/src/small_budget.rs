@@ -1,7 +1,7 @@
 //! Budgets of 30 to two thousand simulations: more and smaller stages, placed by a stand-in for the likelihood.
 
 use crate::cholesky::{whiten, whitening};
-use crate::gaussian_process::{Covariance, Data, GaussianProcess};
+use crate::gaussian_process::{Covariance, Data, Found, GaussianProcess};
 use crate::mixture::Component;
 use crate::normal;
 use crate::pool::Pool;
@@ -23,10 +23,26 @@ const ERROR: f64 = 4.0;
 const EVALUATIONS: usize = 2048;
 /// Depth of log density below the best sample down to which errors of the stand-in count.
 const MATTERS: f64 = 6.0;
-/// Most samples that the stand-in is made from: the best ones, and some evenly spread over the ranks of the rest, so that it
+/// Samples that a process runs through at most: the best ones, and some evenly spread over the ranks of the rest, so that it
 /// does not believe in places that were seen to be bad.
-const MAX_POINTS: usize = 150;
-const BEST_POINTS: usize = 100;
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Points {
+    best: usize,
+    rest: usize,
+}
+
+impl Points {
+    /// To place samples by, at every stage.
+    pub(crate) const FEW: Self = Self { best: 100, rest: 50 };
+    /// To take noise out of the estimates, once.
+    pub(crate) const MANY: Self = Self { best: 300, rest: 100 };
+
+    /// All of them.
+    pub(crate) fn most(self) -> usize {
+        self.best + self.rest
+    }
+}
+
 /// Lengths over the prior's cube are searched at every stage up to so many samples, and then whenever the number has grown by
 /// this factor.
 const FEW: usize = 128;
@@ -82,19 +98,23 @@ impl<'a> StandIn<'a> {
         known: impl Iterator<Item = usize>,
         covariance: Covariance<'_>,
     ) -> Option<Self> {
-        Self::with(target, pool, weights, known, [covariance, Covariance::Search])
+        let points = Points::FEW;
+        Self::with(target, pool, weights, (known, points), [covariance, Covariance::Search])
     }
 
-    /// Made from other samples with the covariances of this one.
+    /// Made from other samples with a covariance that was found for this one, and its own for failures.
     pub(crate) fn like(
         &self,
         pool: &'a Pool,
         weights: &[f64],
         known: impl Iterator<Item = usize>,
+        (found, points): (&Found, Points),
     ) -> Option<Self> {
         let failing = self.failing.as_ref();
-        let failing = failing.map_or(Covariance::Search, |f| Covariance::Like(&f.process));
-        Self::with(self.target, pool, weights, known, [Covariance::Like(&self.process), failing])
+        let failing =
+            failing.map_or(Covariance::Search, |f| Covariance::Like(&f.process.covariance));
+        let covariances = [Covariance::Like(found), failing];
+        Self::with(self.target, pool, weights, (known, points), covariances)
     }
 
     /// Made with the covariances of its process and of that through finished and failed samples.
@@ -102,7 +122,7 @@ impl<'a> StandIn<'a> {
         target: &'a dyn Target,
         pool: &'a Pool,
         weights: &[f64],
-        known: impl Iterator<Item = usize>,
+        (known, points): (impl Iterator<Item = usize>, Points),
         [covariance, of_failing]: [Covariance<'_>; 2],
     ) -> Option<Self> {
         let density: Vec<f64> = (0..pool.len()).map(|i| pool.ln_l[i] + pool.ln_prior(i)).collect();
@@ -113,9 +133,9 @@ impl<'a> StandIn<'a> {
             return None;
         }
         chosen.sort_by(|a, b| density[*b].total_cmp(&density[*a]).then(a.cmp(b)));
-        if chosen.len() > MAX_POINTS {
-            let (rest, spread) = (chosen.split_off(BEST_POINTS), MAX_POINTS - BEST_POINTS);
-            chosen.extend((0..spread).map(|k| rest[k * rest.len() / spread]));
+        if chosen.len() > points.most() {
+            let rest = chosen.split_off(points.best);
+            chosen.extend((0..points.rest).map(|k| rest[k * rest.len() / points.rest]));
         }
         let depths: Vec<f64> = chosen.iter().map(|i| density[chosen[0]] - density[*i]).collect();
         let m = pool.kept_width;
@@ -298,7 +318,7 @@ impl Failing {
         let (finished, failed): (Vec<_>, Vec<_>) = ranked.into_iter().partition(|r| r.2);
         let most = finished.len().max(failed.len());
         let both = (0..most).flat_map(|k| [finished.get(k), failed.get(k)]).flatten();
-        let both: Vec<_> = both.take(MAX_POINTS).collect();
+        let both: Vec<_> = both.take(Points::FEW.most()).collect();
         let chosen: Vec<usize> = both.iter().map(|r| r.1).collect();
         let values: Vec<f64> = both.iter().map(|r| if r.2 { 1.0 } else { -1.0 }).collect();
         let process = GaussianProcess::new(Data {
@@ -365,7 +385,7 @@ impl Sampler<'_> {
         let stage = self.stages();
         let mut stand_in = StandIn::new(self.target, &self.pool, weights, 0..n, covariance)?;
         if matches!(covariance, Covariance::Search) {
-            self.searched = Some((n, stand_in.process.searched.clone()));
+            self.searched = Some((n, stand_in.process.found.clone()));
         }
         stand_in.hunting = !stand_in.outputs && stage % HUNTS == 1;
         let settings = Settings {
