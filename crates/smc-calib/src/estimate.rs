@@ -399,6 +399,37 @@ mod tests {
         }
     }
 
+    /// 64 equal weights and integrals of 1, x and x^2 that are 1.1, 0.2 and 40; the sum of the held weights times x^2 over 64.
+    fn mean_square(better: [bool; 3]) -> Option<f64> {
+        let (n, r) = (64, 4);
+        let x: Vec<f64> = (0..n).map(|i| (1.7 * f64::from(i)).sin()).collect();
+        let features: Vec<f64> = x.iter().flat_map(|x| [1.0, *x, x * x]).collect();
+        let of_sub_nets = [1.1, 0.2, 40.0].repeat(r);
+        let integrals = Integrals { of_sub_nets, features, better: better.to_vec() };
+        let label = (0..n as u32).map(|i| i % r as u32).collect();
+        let mut estimator = Estimator::of(label, vec![1.0; n as usize], 0.0, r);
+        estimator.hold_to(integrals, 1, true).then(|| {
+            let sum = |power: i32| -> f64 {
+                estimator.weights.iter().zip(&x).map(|(w, x)| w * x.powi(power)).sum()
+            };
+            assert!((sum(0) / f64::from(n) - 1.1).abs() < 1e-9, "{}", sum(0));
+            assert!((sum(1) / f64::from(n) - 0.2).abs() < 1e-9, "{}", sum(1));
+            sum(2) / f64::from(n)
+        })
+    }
+
+    #[test]
+    fn an_integral_that_samples_know_as_well_is_left_to_them() {
+        // An x^2 of 40 where no sample is beyond 1 is the error of a surrogate far out.
+        let mean_square = mean_square([true, true, false]).expect("held to evidence and mean");
+        assert!((0.3..0.8).contains(&mean_square), "{mean_square}");
+    }
+
+    #[test]
+    fn without_a_better_evidence_weights_stay_as_they_are() {
+        assert!(mean_square([false, true, true]).is_none());
+    }
+
     #[test]
     fn sub_nets_of_unequal_numbers_of_samples_are_no_error_of_the_evidence() {
         // Equal weights: the evidence is known without error, however the samples are dealt.

@@ -72,6 +72,13 @@ fn the_evidence_of_a_smooth_valley_is_known_to_a_twentieth_after_a_hundred_calls
 }
 
 #[test]
+fn a_bent_valley_is_known_far_better_after_a_thousand_simulations_than_by_their_weights() {
+    // The process leaves a third of the noise there, local quadratics a five-hundredth; weights alone: .04, .09, .02.
+    let placed = errors(&reference::banana(), &Settings::for_budget(1024), 4);
+    assert!(placed[0] < 0.03 && placed[1] < 0.05 && placed[2] < 0.01, "{placed:?}");
+}
+
+#[test]
 fn stages_are_multiples_of_the_batch_and_spend_the_budget() {
     let simulator = line();
     let problem = line_problem(&simulator, Noise::default());
