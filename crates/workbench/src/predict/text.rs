@@ -53,10 +53,11 @@ impl Prediction {
         }
         for target in &self.sintering {
             let ratio = significant(target.contact_ratio, 3);
-            lines.push(match &target.time_s {
-                Some(time) => format!("  a/R = {ratio} is reached after {}", time.text(" s")),
-                None => format!("  a/R = {ratio} is never reached"),
-            });
+            let Some(time) = &target.time_s else {
+                lines.push(format!("  a/R = {ratio} is never reached{}", self.ends_at()));
+                continue;
+            };
+            lines.push(format!("  a/R = {ratio} is reached after {}", time.text(" s")));
             if target.never > 0 && !self.averaged.is_empty() {
                 lines.push(format!(
                     "    with probability {} it is never reached, which is not in the interval{}",
@@ -65,10 +66,10 @@ impl Prediction {
                 ));
             } else if target.never > 0 {
                 lines.push(format!(
-                    "    {} of {} draws never reach it and are not in the interval (phi = {})",
+                    "    {} of {} draws never reach it and are not in the interval{}",
                     target.never,
                     target.draws,
-                    significant(self.final_contact_ratio, 4)
+                    self.ends_at()
                 ));
             }
         }
