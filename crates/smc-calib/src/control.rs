@@ -13,7 +13,8 @@
 //!
 //! Where a Gaussian process places the samples ([`crate::small_budget`]), the mixture of all proposals stands for q and all samples
 //! for the final stage: each sub-net's are held against a g through all others. That g is the one of several processes and of local
-//! quadratics that leaves the least of f/q where it was left out. As samples are placed by what earlier ones gave, and the
+//! quadratics that leaves the least of f/q where it was left out, and an integral that the sub-nets do not know much better with it
+//! than without is left to the samples. As samples are placed by what earlier ones gave, and the
 //! covariance of the process is that of all, this is without bias only up to terms that fall with the square of its error.
 //!
 //! Every sub-net of the stage has its own net for the second term, so that it is a replicate of the whole, and the
@@ -247,9 +248,6 @@ impl<'a> Control<'a> {
         let (pool, proposal, first) = (&sampler.pool, drawn.proposal, drawn.first);
         let (d, r) = (pool.d, sampler.replicates);
         let (n, p) = (pool.len() - first, coefficients(d));
-        if d > MOST_PARAMETERS || r < 2 {
-            return None;
-        }
         let local = matches!(drawn.made_of, MadeOf::Quadratics);
         let (standard, features) = features(pool, self.weights, coordinate);
         let points = (POINTS[0] * n).max(if local { POINTS[1] } else { POINTS_OF_PROCESS }) / r;
@@ -397,7 +395,9 @@ pub(crate) fn estimate(
     let frozen = sampler.frozen();
     let (frozen_value, frozen_se) = sampler.frozen_evidence(&frozen);
     let far = sampler.placing.surrogate || sampler.pool.d > MOST_DIMENSIONS;
-    let known = if far {
+    let known = if sampler.pool.d > MOST_PARAMETERS || sampler.replicates < 2 {
+        None
+    } else if far {
         of_all_samples(sampler, raw, ln_scale, coordinate, finishing)
     } else {
         let drawn = Drawn::finally(sampler, &frozen);

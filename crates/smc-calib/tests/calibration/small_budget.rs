@@ -79,6 +79,15 @@ fn a_bent_valley_is_known_far_better_after_a_thousand_simulations_than_by_their_
 }
 
 #[test]
+fn more_parameters_than_a_surrogate_takes_have_a_result_without_one() {
+    for (d, samples) in [(13, 34), (13, 3000)] {
+        let reference = reference::gaussian(d, 0.1, 0.8);
+        let p = sample_density(&reference, &Settings::for_budget(samples)).unwrap();
+        assert!(p.mean.iter().all(|mean| mean.is_finite()), "{d} parameters, {samples}");
+    }
+}
+
+#[test]
 fn stages_are_multiples_of_the_batch_and_spend_the_budget() {
     let simulator = line();
     let problem = line_problem(&simulator, Noise::default());
