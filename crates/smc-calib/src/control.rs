@@ -14,15 +14,15 @@
 //! Where a Gaussian process places the samples ([`crate::small_budget`]), the mixture of all proposals stands for q and all samples
 //! for the final stage: each sub-net's are held against a g through all others. That g is the one of several processes and of local
 //! quadratics that leaves the least of f/q where it was left out, and an integral that the sub-nets do not know much better with it
-//! than without is left to the samples. As samples are placed by what earlier ones gave, and the
-//! covariance of the process is that of all, this is without bias only up to terms that fall with the square of its error.
+//! than without is left to the samples. As samples are placed by what earlier ones gave, and the covariance of the process is that
+//! of all, this is without bias only up to terms that fall with the square of its error.
 //!
 //! Every sub-net of the stage has its own net for the second term, so that it is a replicate of the whole, and the
 //! spread of the sub-nets is an error bar of both terms together.
 
 mod variate;
 
-use self::variate::{Model, Variate, cap, features, left, metric, surrogate};
+use self::variate::{Model, Standard, Variate, cap, features, left, metric, surrogate};
 use crate::Evidence;
 use crate::estimate::{Estimator, Integrals};
 use crate::gaussian_process::{Covariance, Found};
@@ -85,17 +85,6 @@ struct Drawn<'a> {
     ln_q: &'a [f64],
     /// Log of likelihood times prior over q at each.
     ln_w: &'a [f64],
-    folds: usize,
-    made_of: MadeOf<'a>,
-}
-
-/// What g is made of.
-#[derive(Clone, Copy)]
-enum MadeOf<'a> {
-    /// Local quadratics.
-    Quadratics,
-    /// A process of this kind; the one through all samples has the other settings.
-    Process { all: &'a StandIn<'a>, found: &'a Found, points: Points },
 }
 
 impl<'a> Drawn<'a> {
@@ -104,42 +93,55 @@ impl<'a> Drawn<'a> {
         let (n, proposal) = sampler.final_stage()?;
         let few = 8 * coefficients(sampler.pool.d);
         let Frozen { first, ln_q, ln_w } = frozen;
-        (n >= few && *first >= few).then_some(Self {
-            first: *first,
-            proposal,
-            ln_q,
-            ln_w,
-            folds: FOLDS,
-            made_of: MadeOf::Quadratics,
-        })
+        (n >= few && *first >= few).then_some(Self { first: *first, proposal, ln_q, ln_w })
+    }
+}
+
+/// What g is made of.
+enum MadeOf<'a> {
+    /// Local quadratics, which measure distances by this factor of a covariance.
+    Quadratics { metric: Vec<f64> },
+    /// A process of this kind; the one through all samples has the other settings.
+    Process { all: &'a StandIn<'a>, found: &'a Found, points: Points },
+}
+
+impl<'a> MadeOf<'a> {
+    fn quadratics(proposal: &Proposal) -> Option<Self> {
+        Some(Self::Quadratics { metric: metric(proposal)? })
     }
 
-    /// All samples, for every covariance that was found for a process, through few points and through many, and for local
+    /// For all samples, every covariance that was found for a process, through few points and through many, and local
     /// quadratics: in many dimensions, and of few samples, the final stage alone misses what earlier ones found. Which of them is
     /// the closest to f/q is seldom told by the evidence of the best samples.
-    fn pooled(
-        sampler: &'a Sampler<'_>,
-        ln_w: &'a [f64],
-        proposal: &'a Proposal,
+    fn ways(
+        sampler: &Sampler<'_>,
+        proposal: &Proposal,
         process: Option<&'a StandIn<'a>>,
     ) -> Vec<Self> {
-        let (pool, n) = (&sampler.pool, sampler.pool.len());
-        let ln_q = &pool.ln_mixture_over_prior;
-        let of = |made_of, folds| Self { first: 0, proposal, ln_q, ln_w, folds, made_of };
+        let n = sampler.pool.len();
         let points = [Points::FEW, Points::MANY];
         let points = if n > Points::FEW.most() { &points[..] } else { &points[..1] };
-        let mut all = Vec::new();
-        if let Some(process) = process {
-            for found in process.process.found.iter().flatten() {
-                all.extend(points.iter().map(|points| {
-                    of(MadeOf::Process { all: process, found, points: *points }, sampler.replicates)
+        let mut ways = Vec::new();
+        if let Some(all) = process {
+            for found in all.process.found.iter().flatten() {
+                ways.extend(points.iter().map(|points| Self::Process {
+                    all,
+                    found,
+                    points: *points,
                 }));
             }
         }
-        if n >= 16 * coefficients(pool.d) {
-            all.push(of(MadeOf::Quadratics, FOLDS));
+        if n >= 16 * coefficients(sampler.pool.d) {
+            ways.extend(Self::quadratics(proposal));
         }
-        all
+        ways
+    }
+
+    fn folds(&self, sampler: &Sampler<'_>) -> usize {
+        match self {
+            Self::Quadratics { .. } => FOLDS,
+            Self::Process { .. } => sampler.replicates,
+        }
     }
 }
 
@@ -152,19 +154,23 @@ fn process<'a>(sampler: &'a Sampler<'_>, weights: &[f64]) -> Option<StandIn<'a>>
     StandIn::new(sampler.target, &sampler.pool, weights, 0..n, Covariance::Search)
 }
 
-/// The samples, their target f/q, and what g is made of for it.
+/// The samples and their target f/q, for which a g is wanted.
 struct Control<'a> {
     sampler: &'a Sampler<'a>,
     /// Weights of all samples over `exp(ln_scale)`.
     weights: &'a [f64],
     ln_scale: f64,
-    drawn: Drawn<'a>,
+    first: usize,
+    proposal: &'a Proposal,
     /// f/q over the scale at the samples that were drawn from q.
     target: Vec<f64>,
     /// Log of q over the prior at all samples.
     ln_q: Vec<f64>,
-    /// What local quadratics measure distances by.
-    metric: Vec<f64>,
+    /// Moments are of `coordinate(j, z_j)`.
+    coordinate: &'a (dyn Fn(usize, f64) -> f64 + Sync),
+    /// What coordinates are measured in, and 1, x_j and x_i x_j, the phi, at all samples.
+    standard: Standard,
+    features: Vec<f64>,
 }
 
 /// One fold: the numbers of its samples, and g and its values there, from the samples of the others.
@@ -177,36 +183,45 @@ struct Fold<'a> {
 impl<'a> Control<'a> {
     fn new(
         sampler: &'a Sampler<'a>,
-        weights: &'a [f64],
-        ln_scale: f64,
-        drawn: Drawn<'a>,
-    ) -> Option<Self> {
-        let target = drawn.ln_w.iter().map(|l| (l - ln_scale).exp()).collect();
-        let ln_q = [&sampler.ln_last_proposal(0..drawn.first)[..], drawn.ln_q].concat();
-        let metric = match drawn.made_of {
-            MadeOf::Quadratics => metric(drawn.proposal)?,
-            MadeOf::Process { .. } => Vec::new(),
-        };
-        Some(Self { sampler, weights, ln_scale, drawn, target, ln_q, metric })
+        (weights, ln_scale): (&'a [f64], f64),
+        drawn: &Drawn<'a>,
+        coordinate: &'a (dyn Fn(usize, f64) -> f64 + Sync),
+    ) -> Self {
+        let Drawn { first, proposal, ln_q, ln_w } = *drawn;
+        let target = ln_w.iter().map(|l| (l - ln_scale).exp()).collect();
+        let ln_q = [&sampler.ln_last_proposal(0..first)[..], ln_q].concat();
+        let (standard, features) = features(&sampler.pool, weights, coordinate);
+        Self {
+            sampler,
+            weights,
+            ln_scale,
+            first,
+            proposal,
+            target,
+            ln_q,
+            coordinate,
+            standard,
+            features,
+        }
     }
 
-    fn fold(&self, fold: usize) -> Option<Fold<'a>> {
-        let Self { sampler, drawn, ln_scale, .. } = self;
-        let (pool, first) = (&sampler.pool, drawn.first);
+    fn fold(&self, made_of: &MadeOf<'a>, fold: usize) -> Option<Fold<'a>> {
+        let Self { sampler, first, ln_scale, .. } = *self;
+        let (pool, folds) = (&sampler.pool, made_of.folds(sampler));
         let (own, others): (Vec<usize>, Vec<usize>) =
-            (first..pool.len()).partition(|i| pool.replicate[*i] as usize % drawn.folds == fold);
+            (first..pool.len()).partition(|i| pool.replicate[*i] as usize % folds == fold);
         let known = (0..first).chain(others.iter().copied());
-        let model = match drawn.made_of {
-            MadeOf::Quadratics => {
+        let model = match made_of {
+            MadeOf::Quadratics { metric } => {
                 let known: Vec<usize> = known.collect();
-                Model::Local(Box::new(surrogate(sampler, &known, &self.ln_q, &self.metric)?))
+                Model::Local(Box::new(surrogate(sampler, &known, &self.ln_q, metric)?))
             }
             MadeOf::Process { all, found, points } => {
-                Model::Process(Box::new(all.like(pool, self.weights, known, (found, points))?))
+                Model::Process(Box::new(all.like(pool, self.weights, known, (found, *points))?))
             }
         };
         let cap = cap(others.iter().map(|i| self.target[i - first]), first == 0);
-        let variate = Variate { model, ln_scale: *ln_scale, cap };
+        let variate = Variate { model, ln_scale, cap };
         let control: Vec<f64> = own
             .par_iter()
             .with_min_len(64)
@@ -215,13 +230,14 @@ impl<'a> Control<'a> {
         Some(Fold { own, variate, control })
     }
 
-    /// Share of the squares of f phi / q that g leaves, of [`JUDGES`] samples or all of so many sub-nets; `features` are the phi.
-    fn left(&self, features: &[f64]) -> Option<f64> {
-        let Self { sampler, drawn, target, .. } = self;
+    /// Share of the squares of f phi / q that g leaves, of [`JUDGES`] samples or all of so many sub-nets.
+    fn left(&self, made_of: &MadeOf<'a>) -> Option<f64> {
+        let Self { sampler, target, features, .. } = self;
         let (n, r, p) = (target.len(), sampler.replicates, coefficients(sampler.pool.d));
         let judges = (JUDGES * r).div_ceil(n).min(r);
+        let folds = 0..made_of.folds(sampler).min(judges);
         let folds: Option<Vec<Fold<'_>>> =
-            (0..drawn.folds.min(judges)).into_par_iter().map(|fold| self.fold(fold)).collect();
+            folds.into_par_iter().map(|fold| self.fold(made_of, fold)).collect();
         let (mut left, mut all) = (0.0, 0.0);
         for Fold { own, control, .. } in folds? {
             let judged = own.iter().zip(&control);
@@ -229,7 +245,7 @@ impl<'a> Control<'a> {
             {
                 let phi = &features[i * p..(i + 1) * p];
                 let squares: f64 = phi.iter().map(|phi| phi * phi).sum();
-                let target = target[i - drawn.first];
+                let target = target[i - self.first];
                 left += squares * (target - control).powi(2);
                 all += squares * target.powi(2);
             }
@@ -238,38 +254,31 @@ impl<'a> Control<'a> {
         left.is_finite().then_some(left)
     }
 
-    /// The integrals, where the surrogate is good enough to be of use; moments are of `coordinate(j, z_j)`.
-    fn integrals(
-        &self,
-        coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
-        finishing: &mut Finishing<'_>,
-    ) -> Option<Integrals> {
-        let Self { sampler, drawn, target, .. } = self;
-        let (pool, proposal, first) = (&sampler.pool, drawn.proposal, drawn.first);
-        let (d, r) = (pool.d, sampler.replicates);
-        let (n, p) = (pool.len() - first, coefficients(d));
-        let local = matches!(drawn.made_of, MadeOf::Quadratics);
-        let (standard, features) = features(pool, self.weights, coordinate);
+    /// The integrals, where the surrogate is good enough to be of use.
+    fn integrals(self, made_of: &MadeOf<'a>, finishing: &mut Finishing<'_>) -> Option<Integrals> {
+        let Self { sampler, proposal, target, first, .. } = &self;
+        let (n, r, p) = (target.len(), sampler.replicates, coefficients(sampler.pool.d));
+        let (folds, local) = (made_of.folds(sampler), matches!(made_of, MadeOf::Quadratics { .. }));
         let points = (POINTS[0] * n).max(if local { POINTS[1] } else { POINTS_OF_PROCESS }) / r;
         let mut of_sub_nets = vec![0.0; r * p];
         let mut controls = vec![0.0; n];
-        for fold in 0..drawn.folds {
-            finishing.of_integrals(2 * fold, drawn.folds, "evidence and means: stand-in");
-            let Fold { own, variate, control } = self.fold(fold)?;
+        for fold in 0..folds {
+            finishing.of_integrals(2 * fold, folds, "evidence and means: stand-in");
+            let Fold { own, variate, control } = self.fold(made_of, fold)?;
             let target: Vec<f64> = own.iter().map(|i| target[i - first]).collect();
             if local && left(&target, &control) >= 1.0 - LEAST_EXPLAINED {
                 return None;
             }
             own.iter().zip(&control).for_each(|(i, control)| controls[i - first] = *control);
 
-            finishing.of_integrals(2 * fold + 1, drawn.folds, "evidence and means: integrals");
+            finishing.of_integrals(2 * fold + 1, folds, "evidence and means: integrals");
             // Per sub-net the integral of g phi by a net of its own.
             let seed = sampler.settings.seed;
-            of_sub_nets.par_chunks_mut(p).enumerate().skip(fold).step_by(drawn.folds).for_each(
+            of_sub_nets.par_chunks_mut(p).enumerate().skip(fold).step_by(folds).for_each(
                 |(k, sums)| {
                     let mut rng = stream(seed, Purpose::Surrogate, 0, k);
                     let net = scrambled_net(proposal.uniforms(), points, &mut rng);
-                    variate.integrate(&net, proposal, &standard, coordinate, sums);
+                    variate.integrate(&net, proposal, &self.standard, self.coordinate, sums);
                 },
             );
         }
@@ -278,22 +287,22 @@ impl<'a> Control<'a> {
             return None;
         }
         let off: Vec<f64> = target.iter().zip(&controls).map(|(f, g)| f - g).collect();
-        self.add_means(&off, &features, &mut of_sub_nets);
+        self.add_means(&off, &mut of_sub_nets);
         let mut by_samples = vec![0.0; r * p];
-        self.add_means(target, &features, &mut by_samples);
+        self.add_means(target, &mut by_samples);
         let better = (0..p)
             .map(|a| scatter(&of_sub_nets, p, a) < MOST_LEFT * scatter(&by_samples, p, a))
             .collect();
-        Some(Integrals { of_sub_nets, features, better })
+        Some(Integrals { of_sub_nets, features: self.features, better })
     }
 
     /// Adds to every sub-net's sums the mean of value times phi over its samples.
-    fn add_means(&self, values: &[f64], features: &[f64], sums: &mut [f64]) {
-        let (first, r) = (self.drawn.first, self.sampler.replicates);
+    fn add_means(&self, values: &[f64], sums: &mut [f64]) {
+        let (first, r) = (self.first, self.sampler.replicates);
         let (labels, p) = (&self.sampler.pool.replicate[first..], sums.len() / r);
         let mut counts = vec![0.0; r];
         labels.iter().for_each(|k| counts[*k as usize] += 1.0);
-        let rows = features[first * p..].chunks_exact(p);
+        let rows = self.features[first * p..].chunks_exact(p);
         for ((value, label), phi) in values.iter().zip(labels).zip(rows) {
             let k = *label as usize;
             let value = value / counts[k];
@@ -367,18 +376,20 @@ fn of_all_samples(
     let mixture = Proposal::of_stages(&sampler.proposals)?;
     let ln_w = sampler.ln_weights();
     let process = process(sampler, raw);
-    let mut ways: Vec<Control<'_>> = Drawn::pooled(sampler, &ln_w, &mixture, process.as_ref())
-        .into_iter()
-        .filter_map(|drawn| Control::new(sampler, raw, ln_scale, drawn))
-        .collect();
-    let best = if ways.len() < 2 {
+    let mut ways = MadeOf::ways(sampler, &mixture, process.as_ref());
+    if ways.is_empty() {
+        return None;
+    }
+    let ln_q = &sampler.pool.ln_mixture_over_prior;
+    let drawn = Drawn { first: 0, proposal: &mixture, ln_q, ln_w: &ln_w };
+    let control = Control::new(sampler, (raw, ln_scale), &drawn, coordinate);
+    let best = if ways.len() == 1 {
         ways.pop()
     } else {
-        let (_, features) = features(&sampler.pool, raw, coordinate);
-        let left = ways.into_iter().filter_map(|way| Some((way.left(&features)?, way)));
+        let left = ways.into_iter().filter_map(|way| Some((control.left(&way)?, way)));
         left.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, way)| way)
     };
-    best?.integrals(coordinate, finishing)
+    control.integrals(&best?, finishing)
 }
 
 /// All samples with the weights of the result, and the evidence. `raw` are the importance weights over
@@ -400,9 +411,11 @@ pub(crate) fn estimate(
     } else if far {
         of_all_samples(sampler, raw, ln_scale, coordinate, finishing)
     } else {
-        let drawn = Drawn::finally(sampler, &frozen);
-        let control = drawn.and_then(|drawn| Control::new(sampler, raw, ln_scale, drawn));
-        control.and_then(|control| control.integrals(coordinate, finishing))
+        Drawn::finally(sampler, &frozen).and_then(|drawn| {
+            let made_of = MadeOf::quadratics(drawn.proposal)?;
+            let control = Control::new(sampler, (raw, ln_scale), &drawn, coordinate);
+            control.integrals(&made_of, finishing)
+        })
     };
     let held = known.is_some_and(|known| estimator.hold_to(known, sampler.pool.d, far));
     let (value, se) = if held {

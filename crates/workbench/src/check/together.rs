@@ -25,12 +25,13 @@ const TAU_S_FACTOR: f64 = 10.0;
 
 /// What a heat leaves open and the one file of priors among some files has no prior of, for every experiment among them.
 pub fn missing(files: &[PathBuf], said: &Columns) -> Vec<InputError> {
-    let of_kind = |kind: TomlKind| files.iter().filter(move |file| kind_of(file) == Some(kind));
-    let [priors] = of_kind(TomlKind::Prior).collect::<Vec<_>>()[..] else { return Vec::new() };
+    let [priors] = of_kind(files, TomlKind::Prior)[..] else { return Vec::new() };
+    if PriorFile::read(priors).is_err() {
+        return Vec::new();
+    }
     let mut found = Vec::new();
-    for path in of_kind(TomlKind::Experiment) {
-        let is_heated = Experiment::read(path, said).is_ok_and(|one| one.heat.is_some());
-        if !is_heated || PriorFile::read(priors).is_err() {
+    for path in of_kind(files, TomlKind::Experiment) {
+        if !Experiment::read(path, said).is_ok_and(|one| one.heat.is_some()) {
             continue;
         }
         if let Err(error) = calibrated(path, priors, said).plan()
@@ -55,12 +56,9 @@ fn calibrated(experiment: &Path, priors: &Path, said: &Columns) -> PairOptions {
 /// Warnings on every experiment with every file of priors among some files. Files of other kinds, and files with
 /// mistakes, which are told by themselves, are passed over.
 pub fn together(files: &[PathBuf], said: &Columns) -> Vec<String> {
-    let of_kind = |kind: TomlKind| {
-        files.iter().filter(move |file| kind_of(file) == Some(kind)).collect::<Vec<_>>()
-    };
-    let (experiments, priors) = (of_kind(TomlKind::Experiment), of_kind(TomlKind::Prior));
+    let priors = of_kind(files, TomlKind::Prior);
     let mut warnings = Vec::new();
-    for path in experiments {
+    for path in of_kind(files, TomlKind::Experiment) {
         for file in &priors {
             let (Ok(experiment), Ok(priors)) =
                 (Experiment::read(path, said), PriorFile::read(file))
@@ -72,6 +70,10 @@ pub fn together(files: &[PathBuf], said: &Columns) -> Vec<String> {
         }
     }
     warnings
+}
+
+fn of_kind(files: &[PathBuf], kind: TomlKind) -> Vec<&PathBuf> {
+    files.iter().filter(|file| kind_of(file) == Some(kind)).collect()
 }
 
 fn kind_of(file: &Path) -> Option<TomlKind> {
