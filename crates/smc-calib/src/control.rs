@@ -18,11 +18,14 @@
 //! of all, this is without bias only up to terms that fall with the square of its error.
 //!
 //! Every sub-net of the stage has its own net for the second term, so that it is a replicate of the whole, and the
-//! spread of the sub-nets is an error bar of both terms together.
+//! spread of the sub-nets is an error bar of both terms together. With a process the first term is one of pairs of samples
+//! ([`count_pairs_twice`]), which the spread alone takes for too small.
 
 mod variate;
 
-use self::variate::{Model, Standard, Variate, cap, features, left, metric, surrogate};
+use self::variate::{
+    Model, Standard, Variate, cap, count_pairs_twice, features, left, metric, scatter, surrogate,
+};
 use crate::Evidence;
 use crate::estimate::{Estimator, Integrals};
 use crate::gaussian_process::{Covariance, Found};
@@ -30,7 +33,7 @@ use crate::mixture::Proposal;
 use crate::neighbours::MOST_DIMENSIONS;
 use crate::pool::exponentiate;
 use crate::sampler::Sampler;
-use crate::small_budget::{Points, StandIn};
+use crate::small_budget::StandIn;
 use crate::sobol::scrambled_net;
 use crate::stage::Finishing;
 use crate::stream::{Purpose, stream};
@@ -48,10 +51,8 @@ const FOLDS: usize = 2;
 const JUDGES: usize = 150;
 /// Fewest samples that a process is held against.
 const FEWEST: usize = 32;
-/// Least share of the variance of f/q that the surrogate must explain; that a process must, whose error is a pattern that a
-/// few samples do not show.
+/// Least share of the variance of f/q that the surrogate must explain.
 const LEAST_EXPLAINED: f64 = 0.5;
-const LEAST_EXPLAINED_BY_PROCESS: f64 = 0.9;
 /// Largest variance between sub-nets of an integral that weights are held to, over that of the same integral by samples alone:
 /// a g that is wrong where there are no samples differs from sub-net to sub-net by the points that each of them has there.
 const MOST_LEFT: f64 = 0.5;
@@ -102,7 +103,7 @@ enum MadeOf<'a> {
     /// Local quadratics, which measure distances by this factor of a covariance.
     Quadratics { metric: Vec<f64> },
     /// A process of this kind; the one through all samples has the other settings.
-    Process { all: &'a StandIn<'a>, found: &'a Found, points: Points },
+    Process { all: &'a StandIn<'a>, found: &'a Found },
 }
 
 impl<'a> MadeOf<'a> {
@@ -110,8 +111,7 @@ impl<'a> MadeOf<'a> {
         Some(Self::Quadratics { metric: metric(proposal)? })
     }
 
-    /// For all samples, every covariance that was found for a process, through few points and through many, and local
-    /// quadratics: in many dimensions, and of few samples, the final stage alone misses what earlier ones found. Which of them is
+    /// For all samples, every covariance that was found for a process, and local quadratics: in many dimensions, and of few samples, the final stage alone misses what earlier ones found. Which of them is
     /// the closest to f/q is seldom told by the evidence of the best samples.
     fn ways(
         sampler: &Sampler<'_>,
@@ -119,17 +119,11 @@ impl<'a> MadeOf<'a> {
         process: Option<&'a StandIn<'a>>,
     ) -> Vec<Self> {
         let n = sampler.pool.len();
-        let points = [Points::FEW, Points::MANY];
-        let points = if n > Points::FEW.most() { &points[..] } else { &points[..1] };
         let mut ways = Vec::new();
         if let Some(all) = process {
-            for found in all.process.found.iter().flatten() {
-                ways.extend(points.iter().map(|points| Self::Process {
-                    all,
-                    found,
-                    points: *points,
-                }));
-            }
+            ways.extend(
+                all.process.found.iter().flatten().map(|found| Self::Process { all, found }),
+            );
         }
         if n >= 16 * coefficients(sampler.pool.d) {
             ways.extend(Self::quadratics(proposal));
@@ -216,8 +210,8 @@ impl<'a> Control<'a> {
                 let known: Vec<usize> = known.collect();
                 Model::Local(Box::new(surrogate(sampler, &known, &self.ln_q, metric)?))
             }
-            MadeOf::Process { all, found, points } => {
-                Model::Process(Box::new(all.like(pool, self.weights, known, (found, *points))?))
+            MadeOf::Process { all, found } => {
+                Model::Process(Box::new(all.like(pool, self.weights, known, found)?))
             }
         };
         let cap = cap(others.iter().map(|i| self.target[i - first]), first == 0);
@@ -259,8 +253,10 @@ impl<'a> Control<'a> {
         let Self { sampler, proposal, target, first, .. } = &self;
         let (n, r, p) = (target.len(), sampler.replicates, coefficients(sampler.pool.d));
         let (folds, local) = (made_of.folds(sampler), matches!(made_of, MadeOf::Quadratics { .. }));
-        let points = (POINTS[0] * n).max(if local { POINTS[1] } else { POINTS_OF_PROCESS }) / r;
-        let mut of_sub_nets = vec![0.0; r * p];
+        // Those of a process by the halves of each net, whose difference tells the error of the net.
+        let (least, parts) = if local { (POINTS[1], 1) } else { (POINTS_OF_PROCESS, 2) };
+        let points = (POINTS[0] * n).max(least) / (r * parts);
+        let mut of_nets = vec![0.0; r * parts * p];
         let mut controls = vec![0.0; n];
         for fold in 0..folds {
             finishing.of_integrals(2 * fold, folds, "evidence and means: stand-in");
@@ -274,17 +270,26 @@ impl<'a> Control<'a> {
             finishing.of_integrals(2 * fold + 1, folds, "evidence and means: integrals");
             // Per sub-net the integral of g phi by a net of its own.
             let seed = sampler.settings.seed;
-            of_sub_nets.par_chunks_mut(p).enumerate().skip(fold).step_by(folds).for_each(
+            of_nets.par_chunks_mut(parts * p).enumerate().skip(fold).step_by(folds).for_each(
                 |(k, sums)| {
                     let mut rng = stream(seed, Purpose::Surrogate, 0, k);
-                    let net = scrambled_net(proposal.uniforms(), points, &mut rng);
-                    variate.integrate(&net, proposal, &self.standard, self.coordinate, sums);
+                    let net = scrambled_net(proposal.uniforms(), parts * points, &mut rng);
+                    let nets = net.chunks(points * proposal.uniforms());
+                    for (net, sums) in nets.zip(sums.chunks_mut(p)) {
+                        variate.integrate(net, proposal, &self.standard, self.coordinate, sums);
+                    }
                 },
             );
         }
         // One sub-net of a few samples says nothing.
-        if !local && left(target, &controls) >= 1.0 - LEAST_EXPLAINED_BY_PROCESS {
+        if !local && left(target, &controls) >= 1.0 - LEAST_EXPLAINED {
             return None;
+        }
+        let mut of_sub_nets = vec![0.0; r * p];
+        for (sums, net) in of_sub_nets.chunks_mut(p).zip(of_nets.chunks(parts * p)) {
+            for part in net.chunks(p) {
+                sums.iter_mut().zip(part).for_each(|(s, part)| *s += part / parts as f64);
+            }
         }
         let off: Vec<f64> = target.iter().zip(&controls).map(|(f, g)| f - g).collect();
         self.add_means(&off, &mut of_sub_nets);
@@ -293,6 +298,9 @@ impl<'a> Control<'a> {
         let better = (0..p)
             .map(|a| scatter(&of_sub_nets, p, a) < MOST_LEFT * scatter(&by_samples, p, a))
             .collect();
+        if !local {
+            count_pairs_twice(&mut of_sub_nets, &of_nets, p);
+        }
         Some(Integrals { of_sub_nets, features: self.features, better })
     }
 
@@ -309,13 +317,6 @@ impl<'a> Control<'a> {
             sums[k * p..(k + 1) * p].iter_mut().zip(phi).for_each(|(s, phi)| *s += value * phi);
         }
     }
-}
-
-/// Sum of squared deviations from their mean of the sub-nets' values of integral a, of p.
-fn scatter(of_sub_nets: &[f64], p: usize, a: usize) -> f64 {
-    let values = of_sub_nets.iter().skip(a).step_by(p);
-    let mean = values.clone().sum::<f64>() / (of_sub_nets.len() / p) as f64;
-    values.map(|v| (v - mean).powi(2)).sum()
 }
 
 impl Sampler<'_> {

@@ -25,20 +25,20 @@ const EVALUATIONS: usize = 2048;
 const MATTERS: f64 = 6.0;
 /// Samples that a process runs through at most: the best ones, and some evenly spread over the ranks of the rest, so that it
 /// does not believe in places that were seen to be bad.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Points {
+#[derive(Clone, Copy)]
+struct Points {
     best: usize,
     rest: usize,
 }
 
 impl Points {
     /// To place samples by, at every stage.
-    pub(crate) const FEW: Self = Self { best: 100, rest: 50 };
+    const FEW: Self = Self { best: 100, rest: 50 };
     /// To take noise out of the estimates, once.
-    pub(crate) const MANY: Self = Self { best: 300, rest: 100 };
+    const MANY: Self = Self { best: 300, rest: 100 };
 
     /// All of them.
-    pub(crate) fn most(self) -> usize {
+    fn most(self) -> usize {
         self.best + self.rest
     }
 }
@@ -102,19 +102,19 @@ impl<'a> StandIn<'a> {
         Self::with(target, pool, weights, (known, points), [covariance, Covariance::Search])
     }
 
-    /// Made from other samples with a covariance that was found for this one, and its own for failures.
+    /// Made from other samples, through many points, with a covariance that was found for this one, and its own for failures.
     pub(crate) fn like(
         &self,
         pool: &'a Pool,
         weights: &[f64],
         known: impl Iterator<Item = usize>,
-        (found, points): (&Found, Points),
+        found: &Found,
     ) -> Option<Self> {
         let failing = self.failing.as_ref();
         let failing =
             failing.map_or(Covariance::Search, |f| Covariance::Like(&f.process.covariance));
         let covariances = [Covariance::Like(found), failing];
-        Self::with(self.target, pool, weights, (known, points), covariances)
+        Self::with(self.target, pool, weights, (known, Points::MANY), covariances)
     }
 
     /// Made with the covariances of its process and of that through finished and failed samples.

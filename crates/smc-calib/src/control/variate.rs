@@ -179,3 +179,81 @@ pub(super) fn left(target: &[f64], control: &[f64]) -> f64 {
     let left = variance(&mut target.iter().zip(control).map(|(t, c)| t - c));
     left / variance(&mut target.iter().copied())
 }
+
+/// Sum of squared deviations from their mean of the sub-nets' values of integral a, of p.
+pub(super) fn scatter(of_sub_nets: &[f64], p: usize, a: usize) -> f64 {
+    let values = of_sub_nets.iter().skip(a).step_by(p);
+    let mean = values.clone().sum::<f64>() / (of_sub_nets.len() / p) as f64;
+    values.map(|v| (v - mean).powi(2)).sum()
+}
+
+/// Widens the spread of the sub-nets' values of each of p integrals by what it misses.
+///
+/// What an interpolating g leaves at a sample depends on where the next ones are: it is a sum of terms h of pairs of samples.
+/// The sum over all samples has every pair twice, as h(i, j) and as h(j, i), and where these are the same its variance is twice
+/// that of as many independent terms, which is what the spread shows (W. Hoeffding, Ann. Math. Stat. 19 (1948) 293, section 5).
+/// The errors of the nets are independent: their part of the variance, by the two halves of each, stays as it is.
+pub(super) fn count_pairs_twice(of_sub_nets: &mut [f64], of_nets: &[f64], p: usize) {
+    let r = of_sub_nets.len() / p;
+    for a in 0..p {
+        let of_net: f64 =
+            of_nets.chunks(2 * p).map(|net| (net[a] - net[p + a]).powi(2) / 4.0).sum();
+        let all = scatter(of_sub_nets, p, a);
+        if all > 0.0 {
+            let pairs = (1.0 - of_net / all).max(0.0);
+            let mean = of_sub_nets.iter().skip(a).step_by(p).sum::<f64>() / r as f64;
+            let values = of_sub_nets.iter_mut().skip(a).step_by(p);
+            values.for_each(|v| *v = mean + (1.0 + pairs).sqrt() * (*v - mean));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stream::{Purpose, stream};
+    use rand_distr::{Distribution as _, StandardNormal};
+
+    /// Mean of the variance of the mean that sub-nets state, over that of their mean, with the pairs counted and without.
+    fn stated(make: impl Fn(&mut dyn FnMut() -> f64) -> (Vec<f64>, Vec<f64>)) -> [f64; 2] {
+        const RUNS: usize = 20_000;
+        let (mut squares, mut plain, mut counted) = (0.0, 0.0, 0.0);
+        for run in 0..RUNS {
+            let mut rng = stream(1, Purpose::Surrogate, 0, run);
+            let (mut of_sub_nets, of_nets) = make(&mut || StandardNormal.sample(&mut rng));
+            let r = of_sub_nets.len() as f64;
+            squares += (of_sub_nets.iter().sum::<f64>() / r).powi(2);
+            plain += scatter(&of_sub_nets, 1, 0) / (r * (r - 1.0));
+            count_pairs_twice(&mut of_sub_nets, &of_nets, 1);
+            counted += scatter(&of_sub_nets, 1, 0) / (r * (r - 1.0));
+        }
+        [plain / squares, counted / squares]
+    }
+
+    /// Sub-net k has the value x_k times the mean of the others' x: the mean of all has the variance 2 / (R (R - 1)), and the
+    /// spread says (R - 2) / (2 (R - 1)) of that.
+    #[test]
+    fn terms_of_pairs_have_twice_the_variance_that_their_spread_shows() {
+        const R: usize = 16;
+        let [plain, counted] = stated(|normal| {
+            let x: Vec<f64> = (0..R).map(|_| normal()).collect();
+            let sum: f64 = x.iter().sum();
+            let values = x.iter().map(|x| x * (sum - x) / (R - 1) as f64).collect();
+            (values, vec![0.0; 2 * R])
+        });
+        let exact = (R - 2) as f64 / (2 * (R - 1)) as f64;
+        assert!((plain - exact).abs() < 0.03, "{plain}");
+        assert!((counted - 2.0 * exact).abs() < 0.06, "{counted}");
+    }
+
+    #[test]
+    fn errors_of_nets_are_not_counted_twice() {
+        const R: usize = 16;
+        let [plain, counted] = stated(|normal| {
+            let nets: Vec<f64> = (0..2 * R).map(|_| normal()).collect();
+            (nets.chunks(2).map(|net| 0.5 * (net[0] + net[1])).collect(), nets)
+        });
+        assert!((plain - 1.0).abs() < 0.1, "{plain}");
+        assert!(counted < 1.25 * plain, "{counted} {plain}");
+    }
+}
