@@ -57,7 +57,7 @@ const KEPT: [Kept; 11] = [
     ),
     (
         "--plan experiments/external/impact.toml",
-        &[("samples.csv", "f9ca3c34bbe391b2"), ("draws.csv", "8cb2db1924e6bd6e")],
+        &[("samples.csv", "d960a9c7b9000a22"), ("draws.csv", "8cb2db1924e6bd6e")],
     ),
     ("scene experiments/scenes/four-particles.toml", &[("series.csv", "78d3c6ecd45f4b48")]),
 ];
