@@ -31,7 +31,7 @@ use crate::estimate::{Estimator, Integrals};
 use crate::gaussian_process::{Covariance, Found};
 use crate::mixture::Proposal;
 use crate::neighbours::MOST_DIMENSIONS;
-use crate::pool::exponentiate;
+use crate::pool::{effective_sample_size, exponentiate};
 use crate::sampler::Sampler;
 use crate::small_budget::StandIn;
 use crate::sobol::scrambled_net;
@@ -51,8 +51,10 @@ const FOLDS: usize = 2;
 const JUDGES: usize = 150;
 /// Fewest samples that a process is held against.
 const FEWEST: usize = 32;
-/// Least share of the variance of f/q that the surrogate must explain.
+/// Least share of the variance of f/q that the surrogate must explain, and with fewer effective samples than sub-nets, whose
+/// spread then says little.
 const LEAST_EXPLAINED: f64 = 0.5;
+const LEAST_EXPLAINED_OF_FEW: f64 = 0.9;
 /// Largest variance between sub-nets of an integral that weights are held to, over that of the same integral by samples alone:
 /// a g that is wrong where there are no samples differs from sub-net to sub-net by the points that each of them has there.
 const MOST_LEFT: f64 = 0.5;
@@ -282,7 +284,12 @@ impl<'a> Control<'a> {
             );
         }
         // One sub-net of a few samples says nothing.
-        if !local && left(target, &controls) >= 1.0 - LEAST_EXPLAINED {
+        let least = if effective_sample_size(self.weights) < r as f64 {
+            LEAST_EXPLAINED_OF_FEW
+        } else {
+            LEAST_EXPLAINED
+        };
+        if !local && left(target, &controls) >= 1.0 - least {
             return None;
         }
         let mut of_sub_nets = vec![0.0; r * p];
