@@ -18,8 +18,8 @@
 //! of all, this is without bias only up to terms that fall with the square of its error.
 //!
 //! Every sub-net of the stage has its own net for the second term, so that it is a replicate of the whole, and the
-//! spread of the sub-nets is an error bar of both terms together. With a process the first term is one of pairs of samples
-//! ([`count_pairs_twice`]), which the spread alone takes for too small.
+//! spread of the sub-nets is an error bar of both terms together. With a process the first term is one of pairs of samples,
+//! and the spread alone would say half of its variance ([`count_pairs_twice`]).
 
 mod variate;
 
