@@ -190,9 +190,13 @@ pub(super) fn scatter(of_sub_nets: &[f64], p: usize, a: usize) -> f64 {
 /// Widens the spread of the sub-nets' values of each of p integrals by what it misses.
 ///
 /// What an interpolating g leaves at a sample depends on where the next ones are: it is a sum of terms h of pairs of samples.
-/// The sum over all samples has every pair twice, as h(i, j) and as h(j, i), and where these are the same its variance is twice
-/// that of as many independent terms, which is what the spread shows (W. Hoeffding, Ann. Math. Stat. 19 (1948) 293, section 5).
-/// The errors of the nets are independent: their part of the variance, by the two halves of each, stays as it is.
+/// The sum over all samples has every pair twice, as h(i, j) and as h(j, i). Where these are equal its variance is twice that of
+/// as many independent terms, and the spread shows only the latter (W. Hoeffding, Ann. Math. Stat. 19 (1948) 293, section 5), for
+/// R sub-nets (R - 2) / (R - 1) of it; where they are not equal it is less than twice.
+///
+/// Each net is drawn for itself, so that the spread shows the errors of the nets in full. Their part of the variance is told by
+/// the two halves of each net. As these fill each other's gaps that is an upper bound, and the spread is widened too little where
+/// the nets have most of the error. Local quadratics take the mean of many samples and depend little on any pair.
 pub(super) fn count_pairs_twice(of_sub_nets: &mut [f64], of_nets: &[f64], p: usize) {
     let r = of_sub_nets.len() / p;
     for a in 0..p {
@@ -214,7 +218,7 @@ mod tests {
     use crate::stream::{Purpose, stream};
     use rand_distr::{Distribution as _, StandardNormal};
 
-    /// Mean of the variance of the mean that sub-nets state, over that of their mean, with the pairs counted and without.
+    /// Mean of the variance of the mean that sub-nets state, over that of their mean: before the pairs are counted, and after.
     fn stated(make: impl Fn(&mut dyn FnMut() -> f64) -> (Vec<f64>, Vec<f64>)) -> [f64; 2] {
         const RUNS: usize = 20_000;
         let (mut squares, mut plain, mut counted) = (0.0, 0.0, 0.0);
