@@ -56,17 +56,16 @@ fn calibrated(experiment: &Path, priors: &Path, said: &Columns) -> PairOptions {
 /// Warnings on every experiment with every file of priors among some files. Files of other kinds, and files with
 /// mistakes, which are told by themselves, are passed over.
 pub fn together(files: &[PathBuf], said: &Columns) -> Vec<String> {
-    let priors = of_kind(files, TomlKind::Prior);
+    let priors: Vec<_> = of_kind(files, TomlKind::Prior)
+        .into_iter()
+        .filter_map(|file| Some((file, PriorFile::read(file).ok()?)))
+        .collect();
     let mut warnings = Vec::new();
     for path in of_kind(files, TomlKind::Experiment) {
-        for file in &priors {
-            let (Ok(experiment), Ok(priors)) =
-                (Experiment::read(path, said), PriorFile::read(file))
-            else {
-                continue;
-            };
-            warnings.extend(cut_off(&experiment, &priors));
-            warnings.extend(sintering_time((path, &experiment), (file, &priors), said));
+        let Ok(experiment) = Experiment::read(path, said) else { continue };
+        for (file, priors) in &priors {
+            warnings.extend(cut_off(&experiment, priors));
+            warnings.extend(sintering_time((path, &experiment), (file, priors), said));
         }
     }
     warnings
