@@ -180,11 +180,15 @@ pub(super) fn left(target: &[f64], control: &[f64]) -> f64 {
     left / variance(&mut target.iter().copied())
 }
 
-/// Sum of squared deviations from their mean of the sub-nets' values of integral a, of p.
+/// Mean of the sub-nets' values of integral a, of p.
+fn mean(of_sub_nets: &[f64], p: usize, a: usize) -> f64 {
+    of_sub_nets.iter().skip(a).step_by(p).sum::<f64>() / (of_sub_nets.len() / p) as f64
+}
+
+/// Sum of the squares of their deviations from it.
 pub(super) fn scatter(of_sub_nets: &[f64], p: usize, a: usize) -> f64 {
-    let values = of_sub_nets.iter().skip(a).step_by(p);
-    let mean = values.clone().sum::<f64>() / (of_sub_nets.len() / p) as f64;
-    values.map(|v| (v - mean).powi(2)).sum()
+    let mean = mean(of_sub_nets, p, a);
+    of_sub_nets.iter().skip(a).step_by(p).map(|v| (v - mean).powi(2)).sum()
 }
 
 /// Widens the spread of the sub-nets' values of each of p integrals by what it misses.
@@ -198,14 +202,13 @@ pub(super) fn scatter(of_sub_nets: &[f64], p: usize, a: usize) -> f64 {
 /// the two halves of each net. As these fill each other's gaps that is an upper bound, and the spread is widened too little where
 /// the nets have most of the error. Local quadratics take the mean of many samples and depend little on any pair.
 pub(super) fn count_pairs_twice(of_sub_nets: &mut [f64], of_nets: &[f64], p: usize) {
-    let r = of_sub_nets.len() / p;
     for a in 0..p {
         let of_net: f64 =
             of_nets.chunks(2 * p).map(|net| (net[a] - net[p + a]).powi(2) / 4.0).sum();
         let all = scatter(of_sub_nets, p, a);
         if all > 0.0 {
             let pairs = (1.0 - of_net / all).max(0.0);
-            let mean = of_sub_nets.iter().skip(a).step_by(p).sum::<f64>() / r as f64;
+            let mean = mean(of_sub_nets, p, a);
             let values = of_sub_nets.iter_mut().skip(a).step_by(p);
             values.for_each(|v| *v = mean + (1.0 + pairs).sqrt() * (*v - mean));
         }
