@@ -142,7 +142,7 @@ fn what_is_no_archive_or_no_run_is_refused_with_a_remedy() {
 #[test]
 fn names_of_a_record_that_lead_elsewhere_are_refused() {
     let sandbox = Sandbox::new();
-    sandbox.run("--material ps --samples 64 --out run -q").succeeded();
+    sandbox.run("--material ps --samples 2048 --out run -q").succeeded();
     let record = sandbox.path().join("run/posterior.json");
     let text = fs::read_to_string(&record).expect("read");
     let odd = text.replace("\"name\": \"ps-r30\"", "\"name\": \"../../ps\"");

@@ -3,20 +3,50 @@
 //! Written here because their bits are part of every result: samples are placed and weighted by these factors, and
 //! another order of the sums would move them.
 
+use crate::lanes::LANES;
+
 /// Lower Cholesky factor of a symmetric matrix (row by row), or none where it is not positive definite.
 pub(crate) fn cholesky(matrix: &[f64], d: usize) -> Option<Vec<f64>> {
+    factor(matrix, d, |a, b| a.iter().zip(b).map(|(a, b)| a * b).sum())
+}
+
+/// The same of a large matrix, with sums in several lanes.
+pub(crate) fn large_cholesky(matrix: &[f64], n: usize) -> Option<Vec<f64>> {
+    factor(matrix, n, dot)
+}
+
+/// Product of two vectors of equal length, summed in [`LANES`] lanes.
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let (a_blocks, a_rest) = a.as_chunks::<LANES>();
+    let (b_blocks, b_rest) = b.as_chunks::<LANES>();
+    let mut sums = [0.0; LANES];
+    for (a, b) in a_blocks.iter().zip(b_blocks) {
+        for k in 0..LANES {
+            sums[k] += a[k] * b[k];
+        }
+    }
+    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    sums.iter().sum::<f64>() + rest
+}
+
+fn factor(matrix: &[f64], d: usize, dot: impl Fn(&[f64], &[f64]) -> f64) -> Option<Vec<f64>> {
     let mut l = vec![0.0; d * d];
     for i in 0..d {
+        let (above, row) = l.split_at_mut(i * d);
         for j in 0..=i {
-            let dot: f64 = (0..j).map(|k| l[i * d + k] * l[j * d + k]).sum();
-            let rest = matrix[i * d + j] - dot;
+            let rest = matrix[i * d + j]
+                - if j < i {
+                    dot(&row[..j], &above[j * d..j * d + j])
+                } else {
+                    dot(&row[..i], &row[..i])
+                };
             if i == j {
                 if !(rest > 0.0 && rest.is_finite()) {
                     return None;
                 }
-                l[i * d + i] = rest.sqrt();
+                row[i] = rest.sqrt();
             } else {
-                l[i * d + j] = rest / l[j * d + j];
+                row[j] = rest / above[j * d + j];
             }
         }
     }

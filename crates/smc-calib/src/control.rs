@@ -49,8 +49,9 @@ const POINTS_OF_PROCESS: usize = 16_384;
 const FOLDS: usize = 2;
 /// Samples that tell which surrogate is the closest.
 const JUDGES: usize = 150;
-/// Fewest samples that a process is held against.
+/// Fewest samples that a process is held against, and fewest sub-nets: two do not show what pairs of samples do.
 const FEWEST: usize = 32;
+const FEWEST_NETS: usize = 3;
 /// Least share of the variance of f/q that the surrogate must explain; that a process must where there are fewer effective
 /// samples than sub-nets: with half, a run of 8 effective samples was 0.9 posterior standard deviations off and said 0.05.
 const LEAST_EXPLAINED: f64 = 0.5;
@@ -145,7 +146,7 @@ impl<'a> MadeOf<'a> {
 /// The process through all samples, where one has placed them.
 fn process<'a>(sampler: &'a Sampler<'_>, weights: &[f64]) -> Option<StandIn<'a>> {
     let n = sampler.pool.len();
-    if !sampler.placing.surrogate || n < FEWEST {
+    if !sampler.placing.surrogate || n < FEWEST || sampler.replicates < FEWEST_NETS {
         return None;
     }
     StandIn::new(sampler.target, &sampler.pool, weights, 0..n, Covariance::Search)
@@ -256,7 +257,7 @@ impl<'a> Control<'a> {
         let Self { sampler, proposal, target, first, .. } = &self;
         let (n, r, p) = (target.len(), sampler.replicates, coefficients(sampler.pool.d));
         let (folds, local) = (made_of.folds(sampler), matches!(made_of, MadeOf::Quadratics { .. }));
-        // A process is integrated over the two halves of each net: their difference tells the error of the net.
+        // A process is integrated by two nets for each sub-net: their difference tells the error of the nets.
         let (least, parts) = if local { (POINTS[1], 1) } else { (POINTS_OF_PROCESS, 2) };
         let points = (POINTS[0] * n).max(least) / (r * parts);
         let mut of_nets = vec![0.0; r * parts * p];
@@ -271,15 +272,14 @@ impl<'a> Control<'a> {
             own.iter().zip(&control).for_each(|(i, control)| controls[i - first] = *control);
 
             finishing.of_integrals(2 * fold + 1, folds, "evidence and means: integrals");
-            // Per sub-net the integral of g phi by a net of its own.
+            // Per sub-net the integral of g phi by nets of its own.
             let seed = sampler.settings.seed;
             of_nets.par_chunks_mut(parts * p).enumerate().skip(fold).step_by(folds).for_each(
                 |(k, sums)| {
                     let mut rng = stream(seed, Purpose::Surrogate, 0, k);
-                    let net = scrambled_net(proposal.uniforms(), parts * points, &mut rng);
-                    let nets = net.chunks(points * proposal.uniforms());
-                    for (net, sums) in nets.zip(sums.chunks_mut(p)) {
-                        variate.integrate(net, proposal, &self.standard, self.coordinate, sums);
+                    for sums in sums.chunks_mut(p) {
+                        let net = scrambled_net(proposal.uniforms(), points, &mut rng);
+                        variate.integrate(&net, proposal, &self.standard, self.coordinate, sums);
                     }
                 },
             );
@@ -330,7 +330,7 @@ impl Sampler<'_> {
     /// The samples of the last stage, or the last that is large enough, weighted by the one density that they were drawn from;
     /// of small stages that a process places, the last ones that together have [`TOGETHER_FROZEN`] of the samples, each by its own.
     pub(crate) fn frozen(&self) -> Frozen {
-        let (len, extended) = (self.pool.len(), !self.settings.earlier.is_empty());
+        let (len, parts) = (self.pool.len(), self.settings.parts());
         let mut end = len;
         let stages = self.proposals.iter().rev().map(|(n, proposal)| {
             let range = end - n..end;
@@ -344,9 +344,9 @@ impl Sampler<'_> {
             stages.truncate(last.map_or(stages.len(), |last| last + 1));
         } else {
             // As large as the last one of the first part is enough.
-            let enough = self.schedule(self.settings.first_budget()).last().copied().unwrap_or(len);
+            let enough = self.schedule(parts[0]).last().copied().unwrap_or(len);
             let enough = enough.min(len / OWN_EVIDENCE);
-            let large = |range: &Range<usize>| !extended || range.len() >= enough;
+            let large = |range: &Range<usize>| parts.len() == 1 || range.len() >= enough;
             let chosen = stages.iter().position(|(range, _)| large(range)).unwrap_or(0);
             stages = stages.into_iter().skip(chosen).take(1).collect();
         }

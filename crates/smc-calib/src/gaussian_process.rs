@@ -25,7 +25,7 @@ mod kernel;
 
 use self::kernel::Kernel;
 use self::kernel::{Fit, Samples, Shape};
-use crate::cholesky::{narrow, whiten, whitening};
+use crate::cholesky::{dot, narrow, whiten, whitening};
 use crate::normal;
 use crate::sobol::MAX_DIMENSIONS;
 
@@ -189,9 +189,8 @@ impl GaussianProcess {
         let x = &mut small[..self.d];
         self.covariance.place.of(z, x);
         out.fill(0.0);
-        let points = self.points.chunks_exact(self.d);
-        for (p, row) in points.zip(self.coefficients.chunks_exact(out.len())) {
-            let k = self.covariance.kernel.of(x, p);
+        let covariances = self.covariances(x);
+        for (k, row) in covariances.iter().zip(self.coefficients.chunks_exact(out.len())) {
             for (o, c) in out.iter_mut().zip(row) {
                 *o += k * c;
             }
@@ -201,21 +200,26 @@ impl GaussianProcess {
         }
     }
 
+    /// Covariances of coordinates x with all samples.
+    fn covariances(&self, x: &[f64]) -> Vec<f64> {
+        let mut covariances = vec![0.0; self.points.len() / self.d];
+        self.covariance.kernel.row(x, &self.points, &mut covariances);
+        covariances
+    }
+
     /// Variance of the process at z, in squared units of the columns: `k(z, z) - |L^-1 k|^2` (section 2.2 of the same).
     pub(crate) fn variance(&self, z: &[f64]) -> f64 {
         let mut small = [0.0; MAX_DIMENSIONS];
         let x = &mut small[..self.d];
         self.covariance.place.of(z, x);
-        let mut variance = self.covariance.kernel.of(x, x);
-        let n = self.points.len() / self.d;
-        let mut solved: Vec<f64> = Vec::with_capacity(n);
-        for (p, row) in self.points.chunks_exact(self.d).zip(self.factor.chunks_exact(n)) {
-            let known: f64 = solved.iter().zip(row).map(|(s, l)| s * l).sum();
-            let next = (self.covariance.kernel.of(x, p) - known) / row[solved.len()];
-            variance -= next * next;
-            solved.push(next);
+        let mut variance = [0.0];
+        self.covariance.kernel.row(x, x, &mut variance);
+        let mut solved = self.covariances(x);
+        let n = solved.len();
+        for (i, row) in self.factor.chunks_exact(n).enumerate() {
+            solved[i] = (solved[i] - dot(&solved[..i], &row[..i])) / row[i];
         }
-        variance.max(0.0)
+        (variance[0] - solved.iter().map(|s| s * s).sum::<f64>()).max(0.0)
     }
 }
 
@@ -338,15 +342,20 @@ mod tests {
         };
         let (a, b, x) = (at(&z[..2]), at(&z[2..]), at(&[0.2, -0.6]));
         let nugget = (1e-3 * kernel.nugget()).powi(2_i32);
-        let (aa, bb) = (kernel.of(&a, &a) + nugget, kernel.of(&b, &b) + nugget);
-        let (ab, ax, bx) = (kernel.of(&a, &b), kernel.of(&a, &x), kernel.of(&b, &x));
+        let of = |a: &[f64], b: &[f64]| {
+            let mut one = [0.0];
+            kernel.row(a, b, &mut one);
+            one[0]
+        };
+        let (aa, bb) = (of(&a, &a) + nugget, of(&b, &b) + nugget);
+        let (ab, ax, bx) = (of(&a, &b), of(&a, &x), of(&b, &x));
         let explained = (bb * ax * ax - 2.0 * ab * ax * bx + aa * bx * bx) / (aa * bb - ab * ab);
-        let exact = kernel.of(&x, &x) - explained;
+        let exact = of(&x, &x) - explained;
         let found = like(Covariance::Like(&process.covariance), &z, 1, |z| vec![z[0].sin() + z[1]])
             .variance(&[0.2, -0.6]);
-        assert!((found - exact).abs() < 1e-6 * kernel.of(&x, &x), "{found} {exact}");
+        assert!((found - exact).abs() < 1e-6 * of(&x, &x), "{found} {exact}");
         // At a sample nothing but the nugget is left.
-        assert!(process.variance(&points(12)[..2]) < 2.0 * nugget + 1e-9 * kernel.of(&a, &a));
+        assert!(process.variance(&points(12)[..2]) < 2.0 * nugget + 1e-9 * of(&a, &a));
     }
 
     #[test]

@@ -1,8 +1,14 @@
-//! The parts of a run that was extended: each ends at a budget, and is placed as it was when that budget was the last.
+//! The parts of a run: each ends at a budget, and is placed as it was when that budget was the last.
+//!
+//! A run that was extended has a part for each budget that it had. A run of two thousand simulations or more that a Gaussian
+//! process begins has a first part of [`START`].
 
 use crate::Settings;
 use crate::mixture::Proposal;
 use crate::sampler::{NextStage, Sampler};
+
+/// Samples that a Gaussian process places first where the rest is placed without it: with 1000 errors are the same.
+const START: usize = 400;
 
 impl Settings {
     /// Budget of the first part: of the run that was extended, or of the whole run.
@@ -10,9 +16,19 @@ impl Settings {
         self.earlier.first().copied().unwrap_or(self.samples)
     }
 
-    /// Budget of the part that places the next sample after `samples`; none once all are placed.
-    fn budget_after(&self, samples: usize) -> Option<usize> {
-        self.earlier.iter().chain([&self.samples]).copied().find(|budget| *budget > samples)
+    /// Budgets of the parts, in rising order.
+    pub(crate) fn parts(&self) -> Vec<usize> {
+        // Stages that wait for none of the last samples are placed from others of this part, in whole batches.
+        let start = START.max(4 * self.overlap).next_multiple_of(self.batch.max(1));
+        let begins = self.surrogate && self.first_budget() >= Self::PLAIN && start < Self::PLAIN;
+        let start = begins.then_some(start);
+        start.into_iter().chain(self.earlier.iter().copied()).chain([self.samples]).collect()
+    }
+
+    /// Number of samples that a Gaussian process places: all, the first ones, or none.
+    pub fn placed_by_process(&self) -> usize {
+        let by_process = self.parts().into_iter().filter(|part| self.of_part(*part).surrogate);
+        by_process.last().unwrap_or(0)
     }
 
     /// Whether a Gaussian process has placed the last samples.
@@ -20,18 +36,20 @@ impl Settings {
         self.of_part(self.samples).surrogate
     }
 
-    /// Settings that place the part up to a budget: those of the run. A later part that ends beyond what a Gaussian process
+    /// Settings that place the part up to a budget: those of the run. A part that ends beyond what a Gaussian process
     /// is for is placed without it, as a run of so many samples is; settings that were chosen stay.
-    fn of_part(&self, budget: usize) -> Self {
+    pub(crate) fn of_part(&self, budget: usize) -> Self {
         let mut own = self.clone();
-        if !self.surrogate || self.first_budget() >= Self::PLAIN || budget < Self::PLAIN {
+        if !self.surrogate || budget < Self::PLAIN {
             return own;
         }
-        let (small, plain) = (Self::for_budget(Self::PLAIN - 1), Self::for_budget(Self::PLAIN));
+        let (small, plain) =
+            (Self::for_budget(Self::PLAIN - 1), Self::for_budget(Self::WHOLLY_PLAIN));
         own.surrogate = false;
         unless_chosen(&mut own.iterations, small.iterations, plain.iterations);
         unless_chosen(&mut own.max_components, small.max_components, plain.max_components);
         unless_chosen(&mut own.patches, small.patches, plain.patches);
+        unless_chosen(&mut own.batch, small.batch, plain.batch);
         unless_chosen(&mut own.final_share, small.final_share, plain.final_share);
         unless_chosen(&mut own.defensive_share, small.defensive_share, plain.defensive_share);
         unless_chosen(&mut own.tempering_share, small.tempering_share, plain.tempering_share);
@@ -54,9 +72,9 @@ impl Sampler<'_> {
     /// for that.
     pub(crate) fn next(&mut self) -> Option<NextStage> {
         let placed = self.samples();
-        let budget = self.settings.budget_after(placed)?;
-        let (first, last) =
-            (budget == self.settings.first_budget(), budget == self.settings.samples);
+        let parts = self.settings.parts();
+        let budget = parts.iter().copied().find(|budget| *budget > placed)?;
+        let (first, last) = (budget == parts[0], budget == self.settings.samples);
         if !first {
             self.place_as(budget);
         }
@@ -109,5 +127,37 @@ impl Sampler<'_> {
             self.tails = !settings.surrogate;
         }
         self.placing = settings;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_process_begins_runs_of_two_to_eight_thousand_by_whole_batches_and_is_done_before() {
+        for samples in [1, 30, 2047, 2048, 2049, 3001, 8191, 8192, 65_537] {
+            for batch in [0, 1, 4, 7, 399, 401, 2047, 2048, 5000] {
+                for overlap in [0, 1, 99, 101, 511].map(|most| most.min(samples / 4)) {
+                    let run = Settings { batch, overlap, ..Settings::for_budget(samples) };
+                    let (parts, first) = (run.parts(), run.placed_by_process());
+                    let what = format!("{samples} {batch} {overlap}: {parts:?}");
+                    assert!(parts.windows(2).all(|pair| pair[0] < pair[1]), "{what}");
+                    assert_eq!(parts.last(), Some(&samples), "{what}");
+                    match samples {
+                        ..2048 => assert_eq!(first, samples, "{what}"),
+                        8192.. => assert_eq!(first, 0, "{what}"),
+                        _ if parts.len() == 1 => {
+                            assert!(first == 0 && 4 * overlap + batch >= 2048, "{what}");
+                        }
+                        _ => {
+                            assert_eq!(first, parts[0], "{what}");
+                            assert!((START.max(4 * overlap)..2048).contains(&first), "{what}");
+                            assert!(batch == 0 || first.is_multiple_of(batch), "{what}");
+                        }
+                    }
+                }
+            }
+        }
     }
 }

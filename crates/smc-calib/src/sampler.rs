@@ -63,9 +63,11 @@ pub(crate) struct Sampler<'a> {
 impl<'a> Sampler<'a> {
     pub(crate) fn new(target: &'a dyn Target, settings: &'a Settings) -> Self {
         // Each sub-net needs a few points, or there is nothing to average.
-        let fewest = if settings.surrogate { 4 } else { 8 };
         // An extended run has the sub-nets that it began with.
-        let replicates = settings.replicates.min(settings.first_budget() / fewest).max(1);
+        let first = settings.parts()[0];
+        let placing = settings.of_part(first);
+        let fewest = if placing.surrogate { 4 } else { 8 };
+        let replicates = settings.replicates.min(first / fewest).max(1);
         Self {
             target,
             settings,
@@ -73,14 +75,14 @@ impl<'a> Sampler<'a> {
             opening: settings
                 .opening(target.dimension())
                 .unwrap_or_else(|_| Proposal::prior(target.dimension())),
-            placing: settings.clone(),
             pool: Pool::new(target.dimension(), target.kept()),
             proposals: Vec::new(),
             placed: VecDeque::new(),
             counters: Counters::default(),
             beta: 0.0,
             replicates,
-            tails: !settings.surrogate,
+            tails: !placing.surrogate,
+            placing,
             searched: None,
         }
     }
@@ -91,7 +93,7 @@ impl<'a> Sampler<'a> {
         let r = self.replicates;
         let adaptive = ((n as f64 * (1.0 - self.placing.final_share)) as usize).min(n);
         let stages = self.placing.iterations.max(1);
-        if self.settings.batch > 0 {
+        if self.placing.batch > 0 {
             return self.batches(n, adaptive);
         }
         let each = adaptive / stages / r * r;

@@ -347,7 +347,7 @@ impl Failing {
 impl Sampler<'_> {
     /// Sizes of the stages where they are to be multiples of the batch.
     pub(crate) fn batches(&self, n: usize, adaptive: usize) -> Vec<usize> {
-        let batch = self.settings.batch;
+        let batch = self.placing.batch;
         let stages = self.placing.iterations.max(1);
         let each = (adaptive / stages).max(1).next_multiple_of(batch);
         let first = each.max((n as f64 * FIRST) as usize / batch * batch).min(n);

@@ -1,7 +1,9 @@
 //! Covariances of a Gaussian process, the search for the one of largest evidence, and the fit of one.
 
-use crate::cholesky::{cholesky, packed_inverse};
+use crate::cholesky::large_cholesky;
+use crate::lanes::{LANES, exp_of_nonpositive};
 use crate::nelder_mead::{Start, best_of};
+use crate::sobol::MAX_DIMENSIONS;
 use rayon::prelude::*;
 
 /// Candidates for the squared exponential's standard deviation and length, the latter in standard deviations of the
@@ -49,33 +51,53 @@ impl Kernel {
         }
     }
 
-    pub(super) fn of(&self, a: &[f64], b: &[f64]) -> f64 {
+    /// Covariances of a with points, row by row.
+    pub(super) fn row(&self, a: &[f64], points: &[f64], out: &mut [f64]) {
+        let mut inverse = [0.0; MAX_DIMENSIONS];
         match self {
             Self::Smooth { quadratic, scale, length, .. } => {
-                let (mut dot, mut square) = (1.0, 0.0);
-                for (a, b) in a.iter().zip(b) {
-                    dot += a * b;
-                    square += (a - b) * (a - b);
-                }
-                quadratic * dot * dot + scale * scale * (-0.5 * square / (length * length)).exp()
+                let variance = scale * scale;
+                inverse.fill(1.0 / length);
+                each(a, points, &inverse, out, |dot, square| {
+                    quadratic * dot * dot + variance * exp_of_nonpositive(-0.5 * square)
+                });
             }
             Self::Searched { shape, size, scale, lengths, .. } => {
-                let (mut dot, mut square) = (1.0, 0.0);
-                for ((a, b), length) in a.iter().zip(b).zip(lengths) {
-                    dot += a * b;
-                    square += ((a - b) / length).powi(2);
-                }
+                let variance = scale * scale;
+                inverse.iter_mut().zip(lengths).for_each(|(i, length)| *i = 1.0 / length);
                 match shape {
-                    Shape::Matern => {
+                    Shape::Matern => each(a, points, &inverse, out, |dot, square| {
                         let s = (5.0 * square).sqrt();
-                        size * dot + scale * scale * (1.0 + s + s * s / 3.0) * (-s).exp()
-                    }
-                    Shape::SquaredExponential => {
-                        size * dot * dot + scale * scale * (-0.5 * square).exp()
-                    }
+                        size * dot + variance * (1.0 + s + s * s / 3.0) * exp_of_nonpositive(-s)
+                    }),
+                    Shape::SquaredExponential => each(a, points, &inverse, out, |dot, square| {
+                        size * dot * dot + variance * exp_of_nonpositive(-0.5 * square)
+                    }),
                 }
             }
         }
+    }
+}
+
+/// `covariance(1 + a b, sum ((a - b) inverse)^2)` of a with points b, row by row, in lanes.
+fn each(
+    a: &[f64],
+    points: &[f64],
+    inverse: &[f64],
+    out: &mut [f64],
+    covariance: impl Fn(f64, f64) -> f64,
+) {
+    for (points, out) in points.chunks(LANES * a.len()).zip(out.chunks_mut(LANES)) {
+        let (mut dots, mut squares) = ([1.0; LANES], [0.0; LANES]);
+        for (k, b) in points.chunks_exact(a.len()).enumerate() {
+            for ((a, b), inverse) in a.iter().zip(b).zip(inverse) {
+                let step = (a - b) * inverse;
+                dots[k] += a * b;
+                squares[k] += step * step;
+            }
+        }
+        let values: [f64; LANES] = std::array::from_fn(|k| covariance(dots[k], squares[k]));
+        out.copy_from_slice(&values[..out.len()]);
     }
 }
 
@@ -164,15 +186,12 @@ impl HalfFit {
         let m = values.len() / n;
         let mut matrix = vec![0.0; n * n];
         for i in 0..n {
-            for j in 0..=i {
-                let k = k.of(&points[i * d..(i + 1) * d], &points[j * d..(j + 1) * d]);
-                matrix[i * n + j] = k;
-                matrix[j * n + i] = k;
-            }
+            let point = &points[i * d..(i + 1) * d];
+            k.row(point, &points[..(i + 1) * d], &mut matrix[i * n..=i * n + i]);
             let nugget = k.nugget() * nuggets[i].min(NEAR) + (nuggets[i] - NEAR).max(0.0);
             matrix[i * n + i] = matrix[i * n + i] * (1.0 + 1e-11) + nugget * nugget;
         }
-        let factor = cholesky(&matrix, n)?;
+        let factor = large_cholesky(&matrix, n)?;
         let mut solved = values.to_vec();
         for i in 0..n {
             let (before, rest) = solved.split_at_mut(i * m);
@@ -220,14 +239,18 @@ impl Fit {
     pub(super) fn left_out(&self, units: &[f64]) -> Vec<f64> {
         let m = units.len();
         let n = self.coefficients.len() / m;
-        let inverse = packed_inverse(&self.factor, n);
         // Diagonal of the inverse: sums of squares of the columns of the factor's inverse.
-        let mut diagonal = vec![0.0; n];
-        let mut at = 0;
+        let (mut inverse, mut diagonal) = (vec![0.0; n * n], vec![0.0; n]);
         for i in 0..n {
-            for d in &mut diagonal[..=i] {
-                *d += inverse[at] * inverse[at];
-                at += 1;
+            let (above, rest) = inverse.split_at_mut(i * n);
+            let (row, factor) = (&mut rest[..=i], &self.factor[i * n..=i * n + i]);
+            for (k, l) in factor[..i].iter().enumerate() {
+                row.iter_mut().zip(&above[k * n..=k * n + k]).for_each(|(r, a)| *r -= l * a);
+            }
+            row[i] = 1.0;
+            for (r, d) in row.iter_mut().zip(&mut diagonal) {
+                *r /= factor[i];
+                *d += *r * *r;
             }
         }
         let rows = self.coefficients.chunks_exact(m).zip(&diagonal);

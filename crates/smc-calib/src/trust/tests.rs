@@ -286,7 +286,7 @@ fn a_flattened_last_stage_with_few_samples_means_too_small_a_budget() {
 fn a_small_budget_is_too_small_with_fewer_than_seven_samples_or_a_flattened_likelihood() {
     let reason = |ess, beta| {
         let trust = after(|p| {
-            p.settings.surrogate = true;
+            p.settings = Settings::for_budget(1000);
             p.ess.importance = ess;
             p.stages[1].beta = beta;
         });

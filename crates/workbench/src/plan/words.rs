@@ -75,13 +75,17 @@ fn lines(plan: &Plan, executor: &ExecutorPlan) -> Vec<String> {
             format!("design        {} parameter sets of {}", design.sets.len(), design.file)
         }
         None => format!(
-            "sampler       {} simulations{}, {} adaptive stages, seed {}{}",
+            "sampler       {} simulations{}, {}, seed {}{}",
             plan.sampler.samples,
             match plan.sampler.earlier.last() {
                 Some(earlier) => format!(" ({earlier} of them those of the run that is extended)"),
                 None => String::new(),
             },
-            plan.sampler.iterations,
+            match plan.sampler.placed_by_process() {
+                first if (1..plan.sampler.samples).contains(&first) =>
+                    format!("the first {first} placed by a Gaussian process"),
+                _ => format!("{} adaptive stages", plan.sampler.iterations),
+            },
             plan.sampler.seed,
             match plan.sampler.overlap {
                 0 => String::new(),
