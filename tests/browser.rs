@@ -81,7 +81,7 @@ fn reports_of_all_kinds_are_right_in_a_browser() {
 #[ignore = "needs a browser"]
 fn mistakes_in_a_report_are_found_by_the_browser() {
     let sandbox = Sandbox::new();
-    sandbox.run("--material ps --samples 64 --out run -q").succeeded();
+    sandbox.run("--material ps --samples 2048 --out run -q").succeeded();
     let report = sandbox.path().join("run/report.html");
     let html = fs::read_to_string(&report).expect("a report");
     sandbox.write("summary.txt", "PS (polystyrene)\nno such words\n");

@@ -23,7 +23,7 @@ fn damaged(whole: &[u8], place: usize, turn: Option<u8>) -> Vec<u8> {
 /// One run for all cases: its folder, and what its files hold.
 fn run() -> (Sandbox, Vec<Vec<u8>>) {
     let sandbox = Sandbox::new();
-    sandbox.run("--material pa12 --samples 256 --quiet --out run").succeeded();
+    sandbox.run("--material pa12 --samples 2048 --quiet --out run").succeeded();
     let whole = FILES.map(|name| fs::read(sandbox.path().join("run").join(name)).expect(name));
     (sandbox, whole.into())
 }
@@ -68,11 +68,13 @@ fn hold_every_damage(with_sums: bool) {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn every_damage_is_seen_where_the_sums_are_there() {
     hold_every_damage(true);
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn without_sums_damage_is_refused_or_read_but_never_a_panic() {
     hold_every_damage(false);
 }

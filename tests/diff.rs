@@ -81,7 +81,7 @@ fn evidences_of_other_data_are_not_compared_and_other_parameters_are_named() {
 #[test]
 fn what_cannot_be_compared_is_refused_with_a_remedy() {
     let sandbox = Sandbox::new();
-    sandbox.run("--material ps --samples 64 --out run -q").succeeded();
+    sandbox.run("--material ps --samples 2048 --out run -q").succeeded();
     sandbox.run("diff run").refused(&["OTHER"]);
     sandbox.run("diff run nothing").refused(&["nothing", "no such file"]);
     sandbox.run("diff run run --out run").refused(&[
@@ -98,7 +98,7 @@ fn what_cannot_be_compared_is_refused_with_a_remedy() {
 #[test]
 fn units_that_differ_are_not_subtracted_and_a_seed_that_is_the_same_is_said() {
     let sandbox = Sandbox::new();
-    let run = "--material ps --samples 512 --no-other-kinetics -q";
+    let run = "--material ps --samples 2048 --no-other-kinetics -q";
     sandbox.run(&format!("{run} --out one")).succeeded();
     sandbox.run(&format!("{run} --seed 2 --out other")).succeeded();
     let ran = sandbox.run("diff one one");
@@ -142,7 +142,7 @@ fn odd_names_of_folders_stay_on_their_line_and_are_quoted_in_remedies() {
     let sandbox = Sandbox::new();
     let odd = "results/my\nrun $HOME";
     for seed in ["1", "2"] {
-        let run = ["--material", "ps", "--samples", "64", "--seed", seed, "--out", odd, "-q"];
+        let run = ["--material", "ps", "--samples", "2048", "--seed", seed, "--out", odd, "-q"];
         sandbox.run_args(&run).succeeded();
     }
     let ran = sandbox.run_args(&["diff", odd, odd]);

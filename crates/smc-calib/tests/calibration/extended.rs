@@ -22,6 +22,7 @@ fn first(posterior: &Posterior, samples: usize) -> Vec<String> {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn the_first_samples_of_an_extended_run_are_those_of_the_run_it_extends() {
     let small = Settings::for_budget;
     let plain = Settings { samples: 4096, ..Settings::default() };

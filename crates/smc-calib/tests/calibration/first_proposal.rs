@@ -69,6 +69,7 @@ fn errors(settings: &Settings, seeds: u64, off: f64, width: f64) -> ([f64; 3], [
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn the_answer_does_not_depend_on_whether_the_earlier_posterior_is_right() {
     let settings = Settings { samples: 4096, map_simulations: 0, ..Settings::default() };
     // Right, three sds off, thirty sds off and a third as wide, forty times as wide.
@@ -80,6 +81,7 @@ fn the_answer_does_not_depend_on_whether_the_earlier_posterior_is_right() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn sixty_runs_find_the_posterior_from_a_right_and_from_a_wrong_one() {
     for (off, width) in [(0.0, 1.0), (3.0, 1.0), (30.0, 0.3)] {
         let (rms, _) = errors(&Settings::for_budget(60), 8, off, width);

@@ -46,6 +46,7 @@ fn two_modes_are_named_with_their_shares_and_places() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn bent_cut_and_heavy_posteriors_have_one_mode() {
     use reference::{banana, bounded_ridge, gaussian, heavy_tail};
     for reference in [banana(), bounded_ridge(), heavy_tail(), gaussian(3, 0.8, 0.1)] {
@@ -108,6 +109,7 @@ impl Target for Narrow {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn no_mode_is_lost_that_a_part_of_the_budget_can_find() {
     let apart = |at: f64, sd: f64| Narrow {
         centres: vec![vec![-at; 2], vec![at; 2]],

@@ -24,6 +24,7 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn moments_and_evidence_of_every_reference_are_found_at_any_overlap() {
     for overlap in [1, 512, 1024] {
         for reference in all() {
@@ -43,6 +44,7 @@ fn moments_and_evidence_of_every_reference_are_found_at_any_overlap() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn the_evidence_is_unbiased_and_its_error_bars_are_honest_with_overlap() {
     let reference = &all()[1];
     let runs = runs(reference, 500, 2048, 60);
@@ -124,6 +126,7 @@ fn of_line(simulator: &dyn Simulator, settings: &Settings) -> Result<Posterior, 
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn a_stage_is_placed_from_all_stages_that_end_so_far_before_it_and_from_no_other() {
     let line = line();
     for (samples, overlap) in
