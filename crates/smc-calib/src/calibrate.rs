@@ -44,12 +44,14 @@ pub fn calibrate_joint(
     observer: &mut dyn Observer,
 ) -> Result<Posterior, CalibrateError> {
     let likelihood = check(problem, settings)?;
-    let target = CurveTarget::new(problem, &likelihood, settings.samples);
-    let mut sampler = Sampler::new(&target, settings);
     let tuned = match problem.groups[0].noise {
         Noise::EssTarget { share } => Some(share),
         _ => None,
     };
+    let surrogate = settings.surrogate && (tuned.is_none() || settings.samples < Settings::PLAIN);
+    let settings = &Settings { surrogate, ..settings.clone() };
+    let target = CurveTarget::new(problem, &likelihood, settings.samples);
+    let mut sampler = Sampler::new(&target, settings);
     let mut next = next_stage(settings, tuned);
     let mut stages: Vec<StageRecord> = Vec::new();
     let mut stop = None;

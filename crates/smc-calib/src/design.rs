@@ -60,7 +60,6 @@ pub fn calibrate_design(
     }
     let target = CurveTarget::new(problem, &likelihood, settings.samples);
     let mut sampler = Sampler::new(&target, &settings);
-    sampler.placing = settings.of_part(settings.samples);
     // Given sets are independent: for the error bars each belongs to one of as many groups as there are sub-nets.
     sampler.replicates = settings.replicates.min(sets.len()).max(1);
     let groups = sampler.replicates;

@@ -1,13 +1,14 @@
 //! The parts of a run: each ends at a budget, and is placed as it was when that budget was the last.
 //!
-//! A run that was extended has a part for each budget that it had. A run of two thousand simulations or more that a Gaussian
-//! process begins has a first part of [`START`].
+//! A run that was extended has a part for each budget that it had. Before them comes one that a Gaussian process places,
+//! where it begins a run that goes on without it.
 
 use crate::Settings;
 use crate::mixture::Proposal;
 use crate::sampler::{NextStage, Sampler};
 
-/// Samples that a Gaussian process places first where the rest is placed without it: with 1000 errors are the same.
+/// Samples that a Gaussian process places first where the rest is placed without it. The errors after 2048 are those that a
+/// start of 1000 leaves.
 const START: usize = 400;
 
 impl Settings {
@@ -16,51 +17,66 @@ impl Settings {
         self.earlier.first().copied().unwrap_or(self.samples)
     }
 
+    /// Samples that a Gaussian process places before the rest is placed without it: [`START`], or three batches, or four times
+    /// what a stage does not wait for, as only the stages before that tell where to place it. None where this is more than half
+    /// of the budget, or as much as is placed without a process.
+    fn start(&self) -> Option<usize> {
+        if !self.surrogate || self.first_budget() < Self::PLAIN {
+            return None;
+        }
+        let least = START.max(self.batch.saturating_mul(3)).max(self.overlap.saturating_mul(4));
+        let start = least.checked_next_multiple_of(self.batch.max(1))?;
+        (start < Self::PLAIN && start <= self.first_budget() / 2).then_some(start)
+    }
+
     /// Budgets of the parts, in rising order.
     pub(crate) fn parts(&self) -> Vec<usize> {
-        // Stages that wait for none of the last samples are placed from others of this part, in whole batches.
-        let start = START.max(4 * self.overlap).next_multiple_of(self.batch.max(1));
-        let begins = self.surrogate && self.first_budget() >= Self::PLAIN && start < Self::PLAIN;
-        let start = begins.then_some(start);
-        start.into_iter().chain(self.earlier.iter().copied()).chain([self.samples]).collect()
+        let budgets = self.earlier.iter().copied().chain([self.samples]);
+        self.start().into_iter().chain(budgets).collect()
     }
 
     /// Number of samples that a Gaussian process places: all, the first ones, or none.
     pub fn placed_by_process(&self) -> usize {
-        let by_process = self.parts().into_iter().filter(|part| self.of_part(*part).surrogate);
-        by_process.last().unwrap_or(0)
+        let parts = self.parts().into_iter();
+        parts.filter(|part| self.of_part(*part).surrogate).last().unwrap_or(0)
     }
 
-    /// Whether a Gaussian process has placed the last samples.
-    pub(crate) fn ends_with_process(&self) -> bool {
-        self.of_part(self.samples).surrogate
+    /// Whether a Gaussian process has placed the last of `simulations` samples.
+    pub(crate) fn process_placed(&self, simulations: usize) -> bool {
+        let part = self.parts().into_iter().find(|part| *part >= simulations);
+        self.of_part(part.unwrap_or(self.samples)).surrogate
     }
 
-    /// Settings that place the part up to a budget: those of the run. A part that ends beyond what a Gaussian process
-    /// is for is placed without it, as a run of so many samples is; settings that were chosen stay.
+    /// Settings that place the part up to a budget: those of the run. A part that is placed otherwise than the run was meant to
+    /// be, by a Gaussian process or without it, has the defaults of such runs; settings that were chosen stay.
     pub(crate) fn of_part(&self, budget: usize) -> Self {
         let mut own = self.clone();
-        if !self.surrogate || budget < Self::PLAIN {
+        if !self.surrogate {
+            return own;
+        }
+        own.surrogate = budget < Self::PLAIN;
+        let meant = self.first_budget() < Self::PLAIN;
+        if own.surrogate == meant {
             return own;
         }
         let (small, plain) =
             (Self::for_budget(Self::PLAIN - 1), Self::for_budget(Self::WHOLLY_PLAIN));
-        own.surrogate = false;
-        unless_chosen(&mut own.iterations, small.iterations, plain.iterations);
-        unless_chosen(&mut own.max_components, small.max_components, plain.max_components);
-        unless_chosen(&mut own.patches, small.patches, plain.patches);
-        unless_chosen(&mut own.batch, small.batch, plain.batch);
-        unless_chosen(&mut own.final_share, small.final_share, plain.final_share);
-        unless_chosen(&mut own.defensive_share, small.defensive_share, plain.defensive_share);
-        unless_chosen(&mut own.tempering_share, small.tempering_share, plain.tempering_share);
+        let (old, new) = if meant { (small, plain) } else { (plain, small) };
+        unless_chosen(&mut own.iterations, old.iterations, new.iterations);
+        unless_chosen(&mut own.max_components, old.max_components, new.max_components);
+        unless_chosen(&mut own.patches, old.patches, new.patches);
+        unless_chosen(&mut own.batch, old.batch, new.batch);
+        unless_chosen(&mut own.final_share, old.final_share, new.final_share);
+        unless_chosen(&mut own.defensive_share, old.defensive_share, new.defensive_share);
+        unless_chosen(&mut own.tempering_share, old.tempering_share, new.tempering_share);
         own
     }
 }
 
-/// Replaces a setting that is still the default of small budgets.
-fn unless_chosen<T: PartialEq>(own: &mut T, small: T, plain: T) {
-    if *own == small {
-        *own = plain;
+/// Replaces a setting that is still the default.
+fn unless_chosen<T: PartialEq>(own: &mut T, old: T, new: T) {
+    if *own == old {
+        *own = new;
     }
 }
 
@@ -108,14 +124,19 @@ impl Sampler<'_> {
         Some((left, proposal, last))
     }
 
-    /// Size of a first stage of a later part that the process places, drawn from the prior: as much of the prior is explored
-    /// as by a run of its budget, whose first stage has `wished` samples, or a share of it where that begins elsewhere.
+    /// Size of a first stage of a later part, drawn from the prior: as much of the prior is explored as by a run of its
+    /// budget, whose first stage has `wished` samples, or a share of it where that begins elsewhere.
     fn explored(&self, budget: usize, wished: usize) -> Option<usize> {
         let placed = self.samples();
-        if !self.placing.surrogate || !self.settings.earlier.contains(&placed) {
+        let explored = if self.settings.start() == Some(placed) {
+            let taken = self.proposals.first().map(|(n, _)| *n);
+            taken.or(self.placed.front().map(|placed| placed.replicates.len()))?
+        } else if self.placing.surrogate && self.settings.earlier.contains(&placed) {
+            self.schedule(placed)[0]
+        } else {
             return None;
-        }
-        let further = wished.saturating_sub(self.schedule(placed)[0]);
+        };
+        let further = wished.saturating_sub(explored);
         let n = (further as f64 * self.opening.prior_share) as usize;
         (n > 0 && placed + n < budget).then_some(n)
     }
@@ -135,29 +156,66 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_process_begins_runs_of_two_to_eight_thousand_by_whole_batches_and_is_done_before() {
+    fn a_process_begins_by_whole_batches_and_leaves_half_of_the_budget() {
         for samples in [1, 30, 2047, 2048, 2049, 3001, 8191, 8192, 65_537] {
-            for batch in [0, 1, 4, 7, 399, 401, 2047, 2048, 5000] {
-                for overlap in [0, 1, 99, 101, 511].map(|most| most.min(samples / 4)) {
+            for batch in [0, 1, 4, 7, 133, 134, 340, 341, 400, 2047, 2048, 1 << 27] {
+                for overlap in [0, 1, 100, 101, 256, 257, 511].map(|most| most.min(samples / 4)) {
                     let run = Settings { batch, overlap, ..Settings::for_budget(samples) };
                     let (parts, first) = (run.parts(), run.placed_by_process());
-                    let what = format!("{samples} {batch} {overlap}: {parts:?}");
+                    let what = format!("{samples} {batch} {overlap}: {parts:?} {first}");
                     assert!(parts.windows(2).all(|pair| pair[0] < pair[1]), "{what}");
                     assert_eq!(parts.last(), Some(&samples), "{what}");
-                    match samples {
-                        ..2048 => assert_eq!(first, samples, "{what}"),
-                        8192.. => assert_eq!(first, 0, "{what}"),
-                        _ if parts.len() == 1 => {
-                            assert!(first == 0 && 4 * overlap + batch >= 2048, "{what}");
-                        }
+                    let expected = match samples {
+                        ..2048 => samples,
+                        8192.. => 0,
                         _ => {
-                            assert_eq!(first, parts[0], "{what}");
-                            assert!((START.max(4 * overlap)..2048).contains(&first), "{what}");
-                            assert!(batch == 0 || first.is_multiple_of(batch), "{what}");
+                            let least = 400.max(3 * batch).max(4 * overlap);
+                            let whole = least.next_multiple_of(batch.max(1));
+                            if whole < 2048 && 2 * whole <= samples { whole } else { 0 }
                         }
-                    }
+                    };
+                    assert_eq!(first, expected, "{what}");
                 }
             }
         }
+    }
+
+    #[test]
+    fn parts_have_the_defaults_of_their_kind_and_what_was_chosen() {
+        let of = |settings: &Settings| {
+            (settings.surrogate, settings.iterations, settings.max_components, settings.batch)
+        };
+        let small = of(&Settings::for_budget(300));
+        let plain = of(&Settings::for_budget(10_000));
+        assert!(small.0 && !plain.0);
+        for run in [Settings::for_budget(3000), Settings { surrogate: true, ..Settings::default() }]
+        {
+            assert_eq!(of(&run.of_part(400)), small);
+            assert_eq!(of(&run.of_part(run.samples)), plain);
+            let chosen = Settings { iterations: 5, batch: 7, ..run };
+            for part in [406, chosen.samples] {
+                assert_eq!((chosen.of_part(part).iterations, chosen.of_part(part).batch), (5, 7));
+            }
+        }
+        let off = Settings { surrogate: false, ..Settings::for_budget(3000) };
+        assert_eq!(off.parts(), [3000]);
+        assert_eq!(of(&off.of_part(3000)), plain);
+        let extended = Settings::for_budget(300).extended(3000).unwrap_or_default();
+        assert_eq!(extended.parts(), [300, 3000]);
+        assert_eq!(of(&extended.of_part(300)), small);
+        assert_eq!(of(&extended.of_part(3000)), plain);
+        // What was chosen for a small run is no default of it, also where it is that of larger ones.
+        let eight = Settings { iterations: plain.1, ..Settings::for_budget(300) };
+        assert_eq!(eight.of_part(300).iterations, plain.1);
+    }
+
+    #[test]
+    fn an_end_among_the_first_samples_is_one_of_a_process() {
+        let run = Settings::for_budget(4096);
+        for (simulations, process) in [(1, true), (400, true), (401, false), (4096, false)] {
+            assert_eq!(run.process_placed(simulations), process, "{simulations}");
+        }
+        assert!(Settings::for_budget(300).process_placed(120));
+        assert!(!Settings::for_budget(8192).process_placed(120));
     }
 }

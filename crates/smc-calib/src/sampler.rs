@@ -28,10 +28,10 @@ const TOGETHER: usize = 8;
 pub(crate) type NextStage = (usize, Proposal, bool);
 
 /// A stage that was drawn, and whose simulations are not in the pool yet.
-struct Placed {
+pub(crate) struct Placed {
     proposal: Proposal,
     z: Vec<f64>,
-    replicates: Vec<u32>,
+    pub(crate) replicates: Vec<u32>,
     /// Power of the likelihood that its proposal was fitted to.
     beta: f64,
     last: bool,
@@ -48,7 +48,7 @@ pub(crate) struct Sampler<'a> {
     pub pool: Pool,
     /// Number of draws and proposal of each stage in the pool.
     pub proposals: Vec<(usize, Proposal)>,
-    placed: VecDeque<Placed>,
+    pub(crate) placed: VecDeque<Placed>,
     pub counters: Counters,
     /// Power of the likelihood that the newest proposal was fitted to.
     pub beta: f64,

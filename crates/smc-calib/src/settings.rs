@@ -126,8 +126,8 @@ impl Settings {
     /// Measured in `results/benchmarks/small-budget/report.md`.
     pub fn for_budget(samples: usize) -> Self {
         let default = Self { samples, map_simulations: 0, ..Self::default() };
-        if samples >= Self::WHOLLY_PLAIN {
-            return default;
+        if samples >= Self::PLAIN {
+            return Self { surrogate: samples < Self::WHOLLY_PLAIN, ..default };
         }
         Self {
             iterations: 20,

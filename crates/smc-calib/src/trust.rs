@@ -291,7 +291,7 @@ impl Posterior {
         let ess = self.ess.importance;
         let flattened = self.stages.last().is_some_and(|s| s.beta < 1.0);
         let mut signs = Vec::new();
-        if self.settings.ends_with_process() {
+        if self.settings.process_placed(self.counters.simulations) {
             if ess < FEWEST_OF_SMALL_BUDGET {
                 signs.push("fewer than seven effective samples");
             }

@@ -26,6 +26,9 @@ mod simulator;
 mod small_budget;
 mod specialists;
 mod spread;
+mod stiff_reference;
+#[cfg(test)]
+mod tests;
 mod timing;
 mod validity;
 

@@ -11,12 +11,12 @@
 
 use std::path::Path;
 
+use crate::stiff_reference::{Equations, Problem};
 use dem_core::{
     Kinetics, PairScene, PairSpec, Sintering, SolverKind, SolverSettings, contact_ratios,
 };
 use figures::{Band, Role, WorkPrecisionFigure, WorkPrecisionSeries};
 use rayon::prelude::*;
-use studies::stiff_reference::{Equations, Problem};
 use workbench::error::{Failure, RunError};
 use workbench::input::material::Material;
 

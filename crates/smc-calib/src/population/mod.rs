@@ -151,6 +151,7 @@ pub fn calibrate_population(
     observer: &mut dyn Observer,
 ) -> Result<PopulationPosterior, CalibrateError> {
     check(problem, settings)?;
+    let settings = &Settings { surrogate: false, ..settings.clone() };
     let target = HyperTarget { problem };
     let mut sampler = Sampler::new(&target, settings);
     let coordinate = |j: usize, z: f64| problem.hyperprior.coordinate(j, z);
@@ -211,7 +212,8 @@ fn check(problem: &PopulationProblem, settings: &Settings) -> Result<(), Calibra
     if let Some(member) = problem.members.iter().find(|member| member.parameters() != d) {
         return refused(&member.name, format!("{} parameters, not {d}", member.parameters()));
     }
-    if settings.surrogate || !settings.earlier.is_empty() || settings.first_proposal.is_some() {
+    let surrogate = settings.surrogate && settings.samples < Settings::PLAIN;
+    if surrogate || !settings.earlier.is_empty() || settings.first_proposal.is_some() {
         return refused("", "a population is sampled afresh, without a surrogate".to_owned());
     }
     Ok(())

@@ -1,9 +1,9 @@
 //! Draws from the prior: every method over all of them, Verlet in batches.
 
+use crate::stiff_reference::{Equations, Reference};
 use dem_core::{Kinetics, Sintering, SolveError, SolverKind, SolverSettings, verlet_batch};
 use figures::Band;
 use rayon::prelude::*;
-use studies::stiff_reference::{Equations, Reference};
 use workbench::error::{Failure, RunError};
 
 use super::method::{self, Method, difference, reference};

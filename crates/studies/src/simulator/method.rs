@@ -1,7 +1,7 @@
 //! The solvers with their controls, and the references they are held against.
 
+use crate::stiff_reference::{Equations, Problem, Reference, ReferenceError};
 use dem_core::{Kinetics, Sintering, SolverKind, SolverSettings};
-use studies::stiff_reference::{Equations, Problem, Reference, ReferenceError};
 
 use crate::pair::{Pair, verlet};
 

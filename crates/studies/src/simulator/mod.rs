@@ -1,7 +1,7 @@
 //! Time per curve against error of a/R, for every solver and a sweep of its control.
 //!
 //! Two errors are kept apart, each the largest over the observation times and against a reference that
-//! shares no code with the solvers ([`studies::stiff_reference`]): against the quasi-static limit, which is what
+//! shares no code with the solvers ([`crate::stiff_reference`]): against the quasi-static limit, which is what
 //! is calibrated, and against the equations of motion, which shows the error of the time step alone.
 
 mod drawn;

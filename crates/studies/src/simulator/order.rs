@@ -1,7 +1,7 @@
 //! Order of Verlet where the solution is smooth: stretching alone, up to 0.9 a/R, without knee or singular start.
 
+use crate::stiff_reference::{Equations, Problem};
 use dem_core::{Kinetics, contact_ratios};
-use studies::stiff_reference::{Equations, Problem};
 use workbench::error::{Failure, RunError};
 use workbench::input::material::Material;
 

@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
+use crate::stiff_reference::Equations;
 use dem_core::{SolveError, SolverKind, SolverSettings};
 use figures::Band;
-use studies::stiff_reference::Equations;
 use workbench::error::{Failure, RunError};
 use workbench::number::significant;
 

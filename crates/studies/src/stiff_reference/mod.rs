@@ -15,21 +15,21 @@
 mod radau;
 mod system;
 
-pub use radau::ReferenceError;
-pub use system::{Equations, Problem};
+pub(crate) use radau::ReferenceError;
+pub(crate) use system::{Equations, Problem};
 
 use radau::Run;
 use system::System;
 
 /// A reference curve.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Reference {
+pub(crate) struct Reference {
     /// Contact ratio at the times.
-    pub contact_ratio: Vec<f64>,
+    pub(crate) contact_ratio: Vec<f64>,
     /// Largest change of a/R over the last two tightenings of the tolerance.
-    pub movement: f64,
+    pub(crate) movement: f64,
     /// Steps of the last run.
-    pub steps: u64,
+    pub(crate) steps: u64,
 }
 
 impl Problem<'_> {
@@ -39,7 +39,7 @@ impl Problem<'_> {
     /// # Errors
     ///
     /// [`ReferenceError`], also where it never settles.
-    pub fn settled(&self, wanted: f64, max_steps: u64) -> Result<Reference, ReferenceError> {
+    pub(crate) fn settled(&self, wanted: f64, max_steps: u64) -> Result<Reference, ReferenceError> {
         let (mut before, _) = self.integrate(1e-6, max_steps)?;
         let (mut movement, mut last) = (f64::INFINITY, f64::INFINITY);
         for tolerance in [1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12] {
@@ -64,7 +64,7 @@ impl Problem<'_> {
     /// # Errors
     ///
     /// [`ReferenceError`].
-    pub fn integrate(
+    pub(crate) fn integrate(
         &self,
         tolerance: f64,
         max_steps: u64,

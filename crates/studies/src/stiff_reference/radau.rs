@@ -10,7 +10,7 @@ use super::system::{Piece, State, System};
 /// An error of a reference.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
-pub enum ReferenceError {
+pub(crate) enum ReferenceError {
     /// The motion leaves the elastic branch of the contact law, on which alone it is integrated.
     #[error("the motion leaves the elastic branch at t = {time_s} s: compare another case")]
     OtherBranch {

@@ -8,7 +8,7 @@ use differential_equations::ode::ODE;
 
 /// The equations that are integrated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Equations {
+pub(crate) enum Equations {
     /// Newton's law for the overlap, and the growth of the plastic overlap.
     Motion,
     /// Force balance at every instant.
@@ -17,17 +17,17 @@ pub enum Equations {
 
 /// A curve to be computed.
 #[derive(Debug, Clone, Copy)]
-pub struct Problem<'a> {
+pub(crate) struct Problem<'a> {
     /// The equations.
-    pub equations: Equations,
+    pub(crate) equations: Equations,
     /// The pair.
-    pub scene: &'a PairScene,
+    pub(crate) scene: &'a PairScene,
     /// The growth law.
-    pub kinetics: Kinetics,
+    pub(crate) kinetics: Kinetics,
     /// Its parameters.
-    pub sintering: &'a Sintering,
+    pub(crate) sintering: &'a Sintering,
     /// Times of the observations \[s\], sorted.
-    pub times_s: &'a [f64],
+    pub(crate) times_s: &'a [f64],
 }
 
 /// The pieces of the curve on which the right-hand side is smooth.

@@ -10,7 +10,7 @@ use smc_calib::{
 };
 
 use crate::error::InputError;
-use crate::plan::{Plan, sampler_for};
+use crate::plan::Plan;
 use crate::record::{Method, Record, Sensitivity, SensitivityOf};
 use crate::watch::Watch;
 
@@ -98,8 +98,8 @@ fn sampled(
             seed: plan.sampler.seed,
             draws: 1000,
             path: false,
-            map_simulations: 0,
-            ..sampler_for(samples)
+            surrogate: samples < Settings::PLAIN,
+            ..Settings::for_budget(samples)
         });
         calibrate_joint(problem, &settings, &mut Stopping(watch)).ok()
     };

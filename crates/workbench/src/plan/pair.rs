@@ -262,13 +262,10 @@ impl PairOptions {
 }
 
 /// Settings for a number of simulations of the built-in simulator, with the search for the MAP: a curve of one pair
-/// takes microseconds. With that search no process is needed from 2048 simulations on.
+/// takes microseconds.
 pub fn sampler_for(samples: usize) -> Settings {
-    let default = Settings { samples, ..Settings::default() };
-    if samples >= Settings::PLAIN {
-        return default;
-    }
-    Settings { map_simulations: default.map_simulations, ..Settings::for_budget(samples) }
+    let map_simulations = Settings::default().map_simulations;
+    Settings { map_simulations, ..Settings::for_budget(samples) }
 }
 
 /// Choices of a neck growth model.

@@ -307,12 +307,15 @@ impl Plan {
         let of_programs = self.commands().next().is_some();
         // Options name a file of priors.
         let of_file = of_programs || self.prior_source.is_none();
-        let tuned = |noise: &Noise| matches!(noise, Noise::EssTarget { .. });
         let of_function = self.function().is_some();
-        let extendable = self.design.is_none()
-            && !of_function
-            && !self.observables().any(|(_, observable)| tuned(&observable.noise));
+        let extendable = self.design.is_none() && !of_function && !self.is_tuned();
         Simulations { number: self.budget(), of_programs, of_function, of_file, extendable }
+    }
+
+    /// Whether the noise is tuned for an effective sample size.
+    pub(super) fn is_tuned(&self) -> bool {
+        let tuned = |noise: &Noise| matches!(noise, Noise::EssTarget { .. });
+        self.observables().any(|(_, observable)| tuned(&observable.noise))
     }
 
     /// Experiments that a program of the user's simulates, with their places among the experiments.

@@ -82,7 +82,7 @@ fn lines(plan: &Plan, executor: &ExecutorPlan) -> Vec<String> {
                 None => String::new(),
             },
             match plan.sampler.placed_by_process() {
-                first if (1..plan.sampler.samples).contains(&first) =>
+                first if (1..plan.sampler.samples).contains(&first) && !plan.is_tuned() =>
                     format!("the first {first} placed by a Gaussian process"),
                 _ => format!("{} adaptive stages", plan.sampler.iterations),
             },

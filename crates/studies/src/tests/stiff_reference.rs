@@ -1,12 +1,12 @@
 //! The stiff references against the closed form and against the extrapolation of `dem-core`'s own tests.
 
-#[path = "../../dem-core/tests/dem/reference.rs"]
+#[path = "../../../dem-core/tests/dem/reference.rs"]
 #[allow(dead_code, reason = "written for the tests of dem-core, which use the rest")]
 mod reference;
 
+use crate::stiff_reference::{Equations, Problem, ReferenceError};
 use dem_core::{Kinetics, PairScene, Sintering, SolverSettings, contact_ratios};
 use reference::{integrate as extrapolate, materials, motion};
-use studies::stiff_reference::{Equations, Problem, ReferenceError};
 
 /// The paper's kinetics at one time, by motion.
 fn moving<'a>(scene: &'a PairScene, sintering: &'a Sintering) -> Problem<'a> {

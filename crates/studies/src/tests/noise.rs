@@ -5,9 +5,8 @@
 //! standard deviations to 5e-4 of themselves (1e-3 for PA12). Twenty seeds each, in minutes:
 //!
 //! ```text
-//! cargo test --release -p studies --test noise -- --ignored --nocapture
+//! cargo test --release -p studies tests::noise -- --ignored --nocapture
 //! ```
-#![allow(clippy::unwrap_used)]
 
 use smc_calib::{
     Noise, Observations, Posterior, Problem, Settings, ShapeSummary, Simulator as _, calibrate,

@@ -5,9 +5,10 @@
 //! the two systems, force balance and motion:
 //!
 //! ```text
-//! cargo test --release -p studies --test stress -- --ignored --nocapture
+//! cargo test --release -p studies tests::stress -- --ignored --nocapture
 //! ```
 
+use crate::stiff_reference::{Equations, Problem, ReferenceError};
 use dem_core::{
     Damping, Kinetics, PairScene, PairSpec, Powder, Sintering, SolveError, SolverKind,
     SolverSettings, simulate,
@@ -15,7 +16,6 @@ use dem_core::{
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt as _, SeedableRng as _};
 use rayon::prelude::*;
-use studies::stiff_reference::{Equations, Problem, ReferenceError};
 
 /// Work limit of one case.
 const MAX_WORK: u64 = 4_000;

@@ -1,3 +1,0 @@
-//! Reference solutions shared by the studies and the tests of solvers.
-
-pub mod stiff_reference;
