@@ -19,7 +19,7 @@
 //!
 //! Every sub-net of the stage has its own net for the second term, so that it is a replicate of the whole, and the
 //! spread of the sub-nets is an error bar of both terms together. With a process the first term is one of pairs of samples,
-//! and the spread alone would say half of its variance ([`count_pairs_twice`]).
+//! and the spread alone would say no more than half of its variance ([`count_pairs_twice`]).
 
 mod variate;
 

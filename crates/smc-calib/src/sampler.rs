@@ -43,7 +43,7 @@ pub(crate) struct Sampler<'a> {
     pub(crate) settings: &'a Settings,
     /// The proposal of the first stage.
     pub(crate) opening: Proposal,
-    /// The settings that the newest stage was placed by: those of its part of an extended run.
+    /// The settings that the newest stage was placed by: those of its part of the run.
     pub(crate) placing: Settings,
     pub pool: Pool,
     /// Number of draws and proposal of each stage in the pool.

@@ -60,8 +60,8 @@ pub struct Settings {
     #[serde(skip_serializing_if = "is_default")]
     pub overlap: usize,
     /// Place samples by a Gaussian process through the outputs so far (the log likelihoods, where there are no outputs); weights
-    /// stay those of the true likelihood. Of [`PLAIN`](Self::PLAIN) samples and more it places the first 400, and the rest are
-    /// placed without it, by settings that are the defaults for so many where they are those of [`for_budget`](Self::for_budget).
+    /// stay those of the true likelihood. Of [`PLAIN`](Self::PLAIN) samples and more it places the first 400, by the settings
+    /// of [`for_budget`](Self::for_budget)`(400)` where these here are the defaults, and the rest are placed without it.
     #[serde(skip_serializing_if = "is_default")]
     pub surrogate: bool,
     /// The density that the first stage is drawn from, where it is not the prior: an earlier posterior
@@ -110,18 +110,18 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Fewest samples of which a Gaussian process places no more than the first ones.
+    /// Fewest samples that a Gaussian process does not place all: with 2047 it places them all, with 2048 the first 400.
     pub const PLAIN: usize = 2048;
-    /// Fewest samples of which [`for_budget`](Self::for_budget) places none by a Gaussian process.
+    /// Fewest samples for which [`for_budget`](Self::for_budget) asks for no Gaussian process.
     pub const WHOLLY_PLAIN: usize = 8192;
 
     /// For simulators of which only 30 to about two thousand runs can be paid for.
     ///
     /// Many small stages, each placed by a Gaussian process through the outputs (or the log likelihoods) so far, with a length of
     /// its own for every parameter ([`Settings::surrogate`]), and nothing simulated but the samples. Set [`Settings::batch`] to the number of runs
-    /// that go on at a time. From 2048 simulations on the process places the first 400, and from 8192 on these are the default settings
-    /// without the search for the MAP, which with fewer does not always find a posterior that is narrow in its prior (PEEK at 1001: 2.6
-    /// standard deviations off; placed by the process 0.03).
+    /// that go on at a time. From 2048 simulations on these are the default settings without the search for the MAP; up to 8191 a process places
+    /// the first 400, as with fewer the default sampler does not always find a posterior that is narrow in its prior (PEEK at 1001:
+    /// 2.6 standard deviations off; placed by the process 0.03).
     ///
     /// Measured in `results/benchmarks/small-budget/report.md`.
     pub fn for_budget(samples: usize) -> Self {
@@ -142,8 +142,8 @@ impl Settings {
         }
     }
 
-    /// The settings of this run extended to `samples`: see [`earlier`](Self::earlier). All other settings stay, also those
-    /// that [`for_budget`](Self::for_budget) has otherwise for so many.
+    /// The settings of this run extended to `samples`: see [`earlier`](Self::earlier). All other settings stay. Those of a small budget
+    /// that were not chosen do not hold for a part beyond [`PLAIN`](Self::PLAIN).
     ///
     /// # Errors
     /// [`CalibrateError::Setting`] where that is no more than the run has.

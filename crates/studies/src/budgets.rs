@@ -19,7 +19,8 @@ const CLIFF: f64 = 1.25;
 const SOLVED: f64 = 1.0;
 /// Each error counts as this much at most.
 const LARGEST: f64 = 10.0;
-/// Budgets at which the code changes its ways: the first with as many as all samples of the surrogate, and the first without it.
+/// Budgets at which the code changes its ways: the first with as many as all samples of the surrogate, the first of which a
+/// process places a part, and the first without it.
 const THRESHOLDS: [usize; 3] = [128, Settings::PLAIN, Settings::WHOLLY_PLAIN];
 
 const QUANTITIES: [(&str, &str); 3] =

@@ -28,7 +28,7 @@ fn the_first_samples_of_an_extended_run_are_those_of_the_run_it_extends() {
     let plain = Settings { samples: 4096, ..Settings::default() };
     let overlapping = Settings { overlap: 300, ..plain.clone() };
     let parallel = Settings { batch: 10, overlap: 12, ..small(60) };
-    let cases: [(Settings, &[usize]); 10] = [
+    let cases: [(Settings, &[usize]); 11] = [
         (plain.clone(), &[8192]),
         (plain, &[4097, 5000, 40_000]),
         (overlapping, &[8192]),
@@ -39,6 +39,7 @@ fn the_first_samples_of_an_extended_run_are_those_of_the_run_it_extends() {
         (small(16), &[17, 34]),
         (parallel, &[120]),
         (small(1000), &[3000]),
+        (small(2048), &[4096, 16_384]),
     ];
     for (settings, budgets) in cases {
         let mut before = run(&settings);
@@ -64,6 +65,7 @@ fn an_extended_run_gives_the_same_bits_for_any_number_of_threads() {
     for settings in [
         extended(&Settings::for_budget(60), &[120]),
         extended(&Settings { samples: 1024, ..Settings::default() }, &[2048]),
+        Settings::for_budget(2048),
     ] {
         assert!(with(1, &settings) == with(3, &settings));
     }

@@ -79,6 +79,27 @@ fn a_bent_valley_is_known_far_better_after_a_thousand_simulations_than_by_their_
 }
 
 #[test]
+fn two_thousand_simulations_that_a_process_begins_are_as_close_as_they_can_be() {
+    // Of the default sampler alone: .006, .02, .004 and .01, .01, .01.
+    for reference in [reference::banana(), reference::bounded_ridge(), reference::two_modes()] {
+        let placed = errors(&reference, &Settings::for_budget(2048), 4);
+        assert!(placed[0] < 0.015 && placed[1] < 0.02 && placed[2] < 0.01, "{placed:?}");
+    }
+    let begun = sample_density(&reference::banana(), &Settings::for_budget(2048)).unwrap();
+    assert!(begun.components.len() > 20, "small stages first: {:?}", begun.components);
+}
+
+#[test]
+fn settings_for_thousands_are_the_default_ones_but_for_the_process_that_begins() {
+    for samples in [2048, 3000, 8191, 8192, 16_384] {
+        let plain = Settings { samples, map_simulations: 0, ..Settings::default() };
+        let settings = Settings::for_budget(samples);
+        assert_eq!(settings.surrogate, samples < 8192, "{samples}");
+        assert_eq!(Settings { surrogate: false, ..settings }, plain);
+    }
+}
+
+#[test]
 fn more_parameters_than_a_surrogate_takes_have_a_result_without_one() {
     for (d, samples) in [(13, 34), (13, 3000)] {
         let reference = reference::gaussian(d, 0.1, 0.8);

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use campaign::Campaign;
-use smc_calib::{Noise, Posterior};
+use smc_calib::Posterior;
 
 use super::store::{self, Stored};
 use crate::error::{Failure, InputError, Mistake};
@@ -38,8 +38,7 @@ fn extended(name: &Path, plan: &Plan, samples: usize) -> Result<Plan, InputError
             "add sets to the design, and run the plan with another --out",
         );
     }
-    let tuned = |noise: &Noise| matches!(noise, Noise::EssTarget { .. });
-    if plan.observables().any(|(_, observable)| tuned(&observable.noise)) {
+    if plan.is_tuned() {
         return refused(
             "a run with tuned noise (ess-target), whose result is that of its newest iteration alone",
             "run it anew with more samples",

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use smc_calib::{CalibrateError, FirstProposal, Noise, Parameter, Verdict};
+use smc_calib::{CalibrateError, FirstProposal, Parameter, Verdict};
 
 use super::earlier::EarlierPosterior;
 use super::types::Plan;
@@ -37,10 +37,9 @@ pub(super) fn begin_from(
         plan.proposal = Some(kept.clone());
         return Ok(());
     }
-    let tuned = |noise: &Noise| matches!(noise, Noise::EssTarget { .. });
     let refused = if plan.design.is_some() {
         Some("an earlier posterior beside a design, whose sets are given")
-    } else if plan.observables().any(|(_, observable)| tuned(&observable.noise)) {
+    } else if plan.is_tuned() {
         Some(
             "an earlier posterior beside tuned noise (ess-target), which weights samples as draws from the prior",
         )

@@ -313,9 +313,8 @@ impl Plan {
     }
 
     /// Whether the noise is tuned for an effective sample size.
-    pub(super) fn is_tuned(&self) -> bool {
-        let tuned = |noise: &Noise| matches!(noise, Noise::EssTarget { .. });
-        self.observables().any(|(_, observable)| tuned(&observable.noise))
+    pub(crate) fn is_tuned(&self) -> bool {
+        self.observables().any(|(_, seen)| matches!(seen.noise, Noise::EssTarget { .. }))
     }
 
     /// Experiments that a program of the user's simulates, with their places among the experiments.
@@ -473,10 +472,8 @@ impl ObservablePlan {
         };
         let observations =
             Observations::new(self.control.clone(), self.values.clone()).map_err(refused)?;
-        match &self.sigma {
-            Some(sigma) => observations.with_sigma(sigma.clone()).map_err(refused),
-            None => Ok(observations),
-        }
+        let Some(sigma) = &self.sigma else { return Ok(observations) };
+        observations.with_sigma(sigma.clone()).map_err(refused)
     }
 }
 
