@@ -190,7 +190,7 @@ fn every_kinetics_calibrates_and_regime_map_says_what_it_cannot_tell_apart() {
 fn each_solver_that_is_forced_gives_the_same_posterior_as_the_closed_form() {
     let mean = |options: &str| {
         let sandbox = Sandbox::new();
-        sandbox.run(&format!("--material pa12 --samples 2048 --out run {options}")).succeeded();
+        sandbox.run(&format!("--material pa12 --samples 8192 --out run {options}")).succeeded();
         let file = sandbox.posterior("run");
         assert!(
             file["plan"]["experiments"][0]["simulator"]["solver"]["reason"]

@@ -38,7 +38,7 @@ impl Settings {
     /// Number of samples that a Gaussian process places: all, the first ones, or none.
     pub fn placed_by_process(&self) -> usize {
         let parts = self.parts().into_iter();
-        parts.filter(|part| self.of_part(*part).surrogate).last().unwrap_or(0)
+        parts.rev().find(|part| self.of_part(*part).surrogate).unwrap_or(0)
     }
 
     /// Whether a Gaussian process has placed the last of `simulations` samples.
