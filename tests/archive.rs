@@ -196,6 +196,7 @@ fn what_is_packed_opens_whatever_lies_in_the_folder_of_the_run() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn a_plan_with_files_above_its_folder_is_reproduced_kept_extended_and_packed_again() {
     let sandbox = Sandbox::new();
     few_impacts(&sandbox, "study/plans/deep", |plan| {

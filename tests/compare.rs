@@ -25,6 +25,7 @@ fn number(value: &Value) -> f64 {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn evidences_are_those_of_the_main_job_and_factors_those_of_the_evidences() {
     let sandbox = Sandbox::new();
     let comparison = compared(&sandbox, "--material peek --samples 2048 --noise inferred --out c");

@@ -118,6 +118,7 @@ fn an_extension_that_cannot_be_is_refused_with_what_can() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn a_run_of_a_material_is_continued_with_all_its_samples() {
     let sandbox = Sandbox::new();
     sandbox.run("--material ps -n 4096 --no-other-kinetics --quiet").succeeded();

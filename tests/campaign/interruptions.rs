@@ -191,6 +191,7 @@ fn a_hundred_kills_at_random_moments_and_the_same_posterior() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn runs_of_several_stages_at_a_time_give_the_bits_of_one_at_a_time_through_a_kill() {
     // Half of the runs take their time.
     let script = LINE_SH.replace("sleep \"$2\"", "case $1 in *[02468]) sleep 0.2;; esac");

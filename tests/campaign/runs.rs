@@ -87,6 +87,7 @@ fn moments(file: &Value) -> Vec<f64> {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn two_radii_together_are_the_same_through_the_built_in_simulator_and_through_a_command() {
     let parameters = r#"
 [parameters.c1]

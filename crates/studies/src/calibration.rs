@@ -325,6 +325,7 @@ mod tests {
     use crate::rivals::Bayes as _;
 
     #[test]
+    #[ignore = "long: run by .ci/run"]
     fn a_closer_method_is_named_by_error_and_by_time() {
         let case = Case::all().expect("cases").pop().expect("a case");
         let exact = &case.exact;
@@ -352,6 +353,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "long: run by .ci/run"]
     fn every_method_stays_within_its_budget_and_finds_every_parameter() {
         let case = Case::all().expect("cases").remove(0);
         for method in &METHODS {

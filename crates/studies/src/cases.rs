@@ -303,6 +303,7 @@ mod tests {
     ];
 
     #[test]
+    #[ignore = "long: run by .ci/run"]
     fn the_grain_learning_runs_agree_with_those_of_the_package() {
         let moments = |values: &[f64]| {
             let n = values.len() as f64;

@@ -218,6 +218,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "long: run by .ci/run"]
     fn dishonest_error_bars_and_a_biased_evidence_are_found() {
         let case = Case::all().expect("cases").pop().expect("a case");
         let honest = Honesty::of(&case, &runs(&case, 1.0));

@@ -100,6 +100,7 @@ fn settings_for_thousands_are_the_default_ones_but_for_the_process_that_begins()
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn more_parameters_than_a_surrogate_takes_have_a_result_without_one() {
     for (d, samples) in [(13, 34), (13, 3000)] {
         let reference = reference::gaussian(d, 0.1, 0.8);

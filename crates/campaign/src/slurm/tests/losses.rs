@@ -11,6 +11,7 @@ use crate::outcome::FailureKind;
 use crate::spec::LostRuns;
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn a_queue_that_fails_hangs_or_talks_nonsense_is_never_no_jobs() {
     for broken in [
         "exit 0",

@@ -136,6 +136,7 @@ fn a_controller_that_is_away_for_a_while_is_waited_for() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn an_sbatch_without_an_answer_is_looked_for_in_the_queue_and_not_repeated() {
     let mut fake = Fake::new(1, 0);
     // It hangs after the job was taken.

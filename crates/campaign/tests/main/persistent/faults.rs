@@ -179,6 +179,7 @@ fn an_outage_of_a_worker_stops_the_driver_as_that_of_a_command() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn a_worker_that_does_not_get_ready_stops_the_driver_without_an_outcome() {
     let sandbox = Sandbox::new();
     let ready = worker(&sandbox, ":");
