@@ -128,7 +128,7 @@ mod tests {
 
     #[test]
     fn a_small_study_of_the_shipped_sampler_passes() {
-        let ranks = small(Noise::default(), 4096, 120);
+        let ranks = small(Noise::default(), 8192, 120);
         assert_eq!(ranks.ranked.len(), 9);
         assert!(ranks.markdown(1.0, 1).contains("| sigma |"));
         let picture = figure::figure(&ranks).render(Width::Full).expect("a figure");
@@ -138,7 +138,7 @@ mod tests {
     #[test]
     #[ignore = "long: run by .ci/run"]
     fn a_small_study_with_data_of_correlated_errors_passes() {
-        let ranks = small(Noise::correlated(), 4096, 60);
+        let ranks = small(Noise::correlated(), 8192, 60);
         assert_eq!(ranks.ranked.len(), 10);
         let names: Vec<&str> = ranks.ranked.iter().map(|r| r.name.as_str()).collect();
         assert!(names.ends_with(&["correlation length", "white share"]), "{names:?}");
@@ -148,7 +148,7 @@ mod tests {
     #[test]
     #[ignore = "long: run by .ci/run"]
     fn a_small_study_with_data_of_robust_errors_passes() {
-        assert_eq!(small(Noise::robust(), 4096, 60).ranked.len(), 8);
+        assert_eq!(small(Noise::robust(), 8192, 60).ranked.len(), 8);
     }
 
     #[test]
