@@ -9,8 +9,8 @@ fn a_material_and_its_plan_file_have_the_same_ranks_named_by_the_plan() {
     let sandbox = Sandbox::new();
     let size = "--data-sets 100 --seed 3";
     let of_material =
-        sandbox.run(&format!("validate --material pa12 --samples 2048 {size} --out one"));
-    let plan = sandbox.run("--material pa12 --samples 2048 --dry-run --toml");
+        sandbox.run(&format!("validate --material pa12 --samples 8192 {size} --out one"));
+    let plan = sandbox.run("--material pa12 --samples 8192 --dry-run --toml");
     let plan = plan.succeeded().stdout.clone();
     sandbox.write("plan.toml", plan.replace("name = \"pa12\"", "name = \"mine\""));
     let of_plan = sandbox.run(&format!("validate --plan plan.toml {size} --out other"));
