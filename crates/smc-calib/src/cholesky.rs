@@ -33,37 +33,33 @@ fn factor(matrix: &[f64], d: usize, dot: impl Fn(&[f64], &[f64]) -> f64) -> Opti
     let mut l = vec![0.0; d * d];
     for i in 0..d {
         let (above, row) = l.split_at_mut(i * d);
-        for j in 0..=i {
-            let rest = matrix[i * d + j]
-                - if j < i {
-                    dot(&row[..j], &above[j * d..j * d + j])
-                } else {
-                    dot(&row[..i], &row[..i])
-                };
-            if i == j {
-                if !(rest > 0.0 && rest.is_finite()) {
-                    return None;
-                }
-                row[i] = rest.sqrt();
-            } else {
-                row[j] = rest / above[j * d + j];
-            }
+        for j in 0..i {
+            let rest = matrix[i * d + j] - dot(&row[..j], &above[j * d..j * d + j]);
+            row[j] = rest / above[j * d + j];
         }
+        let rest = matrix[i * d + i] - dot(&row[..i], &row[..i]);
+        if !(rest > 0.0 && rest.is_finite()) {
+            return None;
+        }
+        row[i] = rest.sqrt();
     }
     Some(l)
 }
 
 /// Inverse of a lower triangular factor, lower triangle packed row by row.
 pub(crate) fn packed_inverse(factor: &[f64], d: usize) -> Vec<f64> {
-    let mut full = vec![0.0; d * d];
-    for j in 0..d {
-        full[j * d + j] = 1.0 / factor[j * d + j];
-        for i in j + 1..d {
-            let dot: f64 = (j..i).map(|k| factor[i * d + k] * full[k * d + j]).sum();
-            full[i * d + j] = -dot / factor[i * d + i];
+    let mut inverse = vec![0.0; d * (d + 1) / 2];
+    for i in 0..d {
+        let (above, rest) = inverse.split_at_mut(i * (i + 1) / 2);
+        let (row, factor) = (&mut rest[..=i], &factor[i * d..=i * d + i]);
+        for (k, l) in factor[..i].iter().enumerate() {
+            let start = k * (k + 1) / 2;
+            row.iter_mut().zip(&above[start..=start + k]).for_each(|(r, a)| *r -= l * a);
         }
+        row[i] = 1.0;
+        row.iter_mut().for_each(|r| *r /= factor[i]);
     }
-    (0..d).flat_map(|i| (0..=i).map(move |j| (i, j))).map(|(i, j)| full[i * d + j]).collect()
+    inverse
 }
 
 /// Solves `factor factor^T x = right`, the factor lower triangular, row by row.

@@ -128,14 +128,11 @@ impl Sampler<'_> {
     /// budget, whose first stage has `wished` samples, or a share of it where that begins elsewhere.
     fn explored(&self, budget: usize, wished: usize) -> Option<usize> {
         let placed = self.samples();
-        let explored = if self.settings.start() == Some(placed) {
-            let taken = self.proposals.first().map(|(n, _)| *n);
-            taken.or(self.placed.front().map(|placed| placed.replicates.len()))?
-        } else if self.placing.surrogate && self.settings.earlier.contains(&placed) {
-            self.schedule(placed)[0]
-        } else {
+        let goes_on = self.placing.surrogate && self.settings.earlier.contains(&placed);
+        if !goes_on && self.settings.start() != Some(placed) {
             return None;
-        };
+        }
+        let explored = self.schedule_by(&self.settings.of_part(placed), placed)[0];
         let further = wished.saturating_sub(explored);
         let n = (further as f64 * self.opening.prior_share) as usize;
         (n > 0 && placed + n < budget).then_some(n)

@@ -28,10 +28,10 @@ const TOGETHER: usize = 8;
 pub(crate) type NextStage = (usize, Proposal, bool);
 
 /// A stage that was drawn, and whose simulations are not in the pool yet.
-pub(crate) struct Placed {
+struct Placed {
     proposal: Proposal,
     z: Vec<f64>,
-    pub(crate) replicates: Vec<u32>,
+    replicates: Vec<u32>,
     /// Power of the likelihood that its proposal was fitted to.
     beta: f64,
     last: bool,
@@ -48,7 +48,7 @@ pub(crate) struct Sampler<'a> {
     pub pool: Pool,
     /// Number of draws and proposal of each stage in the pool.
     pub proposals: Vec<(usize, Proposal)>,
-    pub(crate) placed: VecDeque<Placed>,
+    placed: VecDeque<Placed>,
     pub counters: Counters,
     /// Power of the likelihood that the newest proposal was fitted to.
     pub beta: f64,
@@ -90,11 +90,16 @@ impl<'a> Sampler<'a> {
     /// Sizes of the stages of a run of `n` samples: the adaptive ones, then the final one; all multiples of the number of
     /// sub-nets where the budget allows.
     pub(crate) fn schedule(&self, n: usize) -> Vec<usize> {
+        self.schedule_by(&self.placing, n)
+    }
+
+    /// The same by other settings than those of the newest stage.
+    pub(crate) fn schedule_by(&self, placing: &Settings, n: usize) -> Vec<usize> {
         let r = self.replicates;
-        let adaptive = ((n as f64 * (1.0 - self.placing.final_share)) as usize).min(n);
-        let stages = self.placing.iterations.max(1);
-        if self.placing.batch > 0 {
-            return self.batches(n, adaptive);
+        let adaptive = ((n as f64 * (1.0 - placing.final_share)) as usize).min(n);
+        let stages = placing.iterations.max(1);
+        if placing.batch > 0 {
+            return placing.batches(n, adaptive);
         }
         let each = adaptive / stages / r * r;
         if n < 256 || each < 4 * r {

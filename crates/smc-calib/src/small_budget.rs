@@ -344,11 +344,11 @@ impl Failing {
     }
 }
 
-impl Sampler<'_> {
+impl Settings {
     /// Sizes of the stages where they are to be multiples of the batch.
     pub(crate) fn batches(&self, n: usize, adaptive: usize) -> Vec<usize> {
-        let batch = self.placing.batch;
-        let stages = self.placing.iterations.max(1);
+        let batch = self.batch;
+        let stages = self.iterations.max(1);
         let each = (adaptive / stages).max(1).next_multiple_of(batch);
         let first = each.max((n as f64 * FIRST) as usize / batch * batch).min(n);
         let mut sizes = vec![first];
@@ -363,7 +363,9 @@ impl Sampler<'_> {
         sizes.push(left);
         sizes
     }
+}
 
+impl Sampler<'_> {
     /// Effective size that tempering aims at.
     pub(crate) fn wished(&self, next_size: usize) -> f64 {
         let wished = self.placing.tempering_share * next_size as f64;

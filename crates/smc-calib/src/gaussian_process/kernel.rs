@@ -1,6 +1,6 @@
 //! Covariances of a Gaussian process, the search for the one of largest evidence, and the fit of one.
 
-use crate::cholesky::large_cholesky;
+use crate::cholesky::{large_cholesky, packed_inverse};
 use crate::lanes::{LANES, exp_of_nonpositive};
 use crate::nelder_mead::{Start, best_of};
 use crate::sobol::MAX_DIMENSIONS;
@@ -240,17 +240,13 @@ impl Fit {
         let m = units.len();
         let n = self.coefficients.len() / m;
         // Diagonal of the inverse: sums of squares of the columns of the factor's inverse.
-        let (mut inverse, mut diagonal) = (vec![0.0; n * n], vec![0.0; n]);
+        let inverse = packed_inverse(&self.factor, n);
+        let mut diagonal = vec![0.0; n];
+        let mut at = 0;
         for i in 0..n {
-            let (above, rest) = inverse.split_at_mut(i * n);
-            let (row, factor) = (&mut rest[..=i], &self.factor[i * n..=i * n + i]);
-            for (k, l) in factor[..i].iter().enumerate() {
-                row.iter_mut().zip(&above[k * n..=k * n + k]).for_each(|(r, a)| *r -= l * a);
-            }
-            row[i] = 1.0;
-            for (r, d) in row.iter_mut().zip(&mut diagonal) {
-                *r /= factor[i];
-                *d += *r * *r;
+            for d in &mut diagonal[..=i] {
+                *d += inverse[at] * inverse[at];
+                at += 1;
             }
         }
         let rows = self.coefficients.chunks_exact(m).zip(&diagonal);

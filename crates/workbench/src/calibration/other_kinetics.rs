@@ -4,7 +4,7 @@
 
 use dem_core::{Kinetics, SolverKind};
 use rayon::prelude::*;
-use smc_calib::{Noise, Parameter, Posterior, Settings, Trust, Verdict};
+use smc_calib::{Parameter, Posterior, Settings, Trust, Verdict};
 
 use super::of_pair::calibrated_alone;
 use crate::error::InputError;
@@ -50,8 +50,7 @@ fn look(
     watch: &dyn Watch,
 ) -> Result<Vec<OtherKinetics>, InputError> {
     let Ok((pair, measured)) = plan.pair() else { return Ok(Vec::new()) };
-    let tuned = matches!(measured.noise, Noise::EssTarget { .. });
-    if tuned
+    if plan.is_tuned()
         || plan.design.is_some()
         || pair.solver.name != SolverKind::ClosedForm
         || plan.sampler.samples < LEAST_SAMPLES
