@@ -227,7 +227,7 @@ pub(crate) fn check(
         });
     }
     settings.check(d)?;
-    let tuned = problem.groups.iter().any(|group| matches!(group.noise, Noise::EssTarget { .. }));
+    let tuned = problem.groups.iter().any(|group| group.noise.is_tuned());
     if let (Some(budget), true) = (settings.earlier.first(), tuned) {
         return Err(CalibrateError::Setting {
             setting: "earlier",

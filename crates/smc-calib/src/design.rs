@@ -6,7 +6,7 @@ use crate::sampler::Sampler;
 use crate::stage::Observer;
 use crate::summary::{Run, summarise};
 use crate::target::CurveTarget;
-use crate::{CalibrateError, JointProblem, Noise, Posterior, Settings, StopReason};
+use crate::{CalibrateError, JointProblem, Posterior, Settings, StopReason};
 
 /// Largest normal score of a given set: one on the bound of its prior, where the score is infinite, counts as inside.
 const FARTHEST: f64 = 9.0;
@@ -34,7 +34,7 @@ pub fn calibrate_design(
         ..settings.clone()
     };
     let likelihood = check(problem, &settings)?;
-    if problem.groups.iter().any(|group| matches!(group.noise, Noise::EssTarget { .. })) {
+    if problem.groups.iter().any(|group| group.noise.is_tuned()) {
         return Err(CalibrateError::Design {
             set: 0,
             problem: "tuned noise has no posterior to weight given sets by".to_owned(),
@@ -81,7 +81,7 @@ pub fn calibrate_design(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{FixedSigma, FnSimulator, Group, Observations, Parameter, Prior, PriorSpec};
+    use crate::{FixedSigma, FnSimulator, Group, Noise, Observations, Parameter, Prior, PriorSpec};
 
     #[test]
     fn given_sets_are_weighted_by_their_likelihood() {

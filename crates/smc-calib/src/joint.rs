@@ -97,7 +97,7 @@ impl JointLikelihood {
             .groups
             .iter()
             .map(|g| {
-                if several && matches!(g.noise, Noise::EssTarget { .. }) {
+                if several && g.noise.is_tuned() {
                     return Err(NoiseError::TunedGroup { group: g.name.clone() });
                 }
                 let part = Likelihood::new(&g.noise, &g.observations);

@@ -118,6 +118,11 @@ impl Noise {
         matches!(self, Self::Correlated { .. })
     }
 
+    /// Whether sigma is tuned for an effective sample size, and the result is no posterior.
+    pub fn is_tuned(&self) -> bool {
+        matches!(self, Self::EssTarget { .. })
+    }
+
     /// Errors with outliers and the default prior.
     pub fn robust() -> Self {
         Self::Robust { nu0: 4.0, s0: 0.05 }

@@ -43,7 +43,7 @@ pub(super) fn named(noises: &[Noise]) -> Result<Vec<(String, Noise)>, InputError
     let mut named: Vec<(String, Noise)> = Vec::new();
     for noise in noises {
         let name = name(noise);
-        if matches!(noise, Noise::EssTarget { .. }) {
+        if noise.is_tuned() {
             return Err(refused(format!("{name}, which is tuned and has no evidence"))
                 .expected("inferred, correlated, robust or fixed noise")
                 .help("leave it out: calibrate compare --noise inferred,correlated,robust"));

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use smc_calib::{Noise, Parameter};
+use smc_calib::Parameter;
 
 use super::command::command;
 use super::earlier::EarlierPosterior;
@@ -195,8 +195,7 @@ fn experiments(
     check_heats(fields, &own, &experiments, heat)?;
     check_all_used(folder, tables, &experiments)?;
     let observables = experiments.iter().flat_map(|experiment| &experiment.observables);
-    let tuned = |noise: &Noise| matches!(noise, Noise::EssTarget { .. });
-    if observables.clone().count() > 1 && observables.clone().any(|o| tuned(&o.noise)) {
+    if observables.clone().count() > 1 && observables.clone().any(|o| o.noise.is_tuned()) {
         return Err(fields
             .table_error(Mistake::Conflict)
             .found("noise ess-target beside other observables")

@@ -74,8 +74,9 @@ impl FunctionOptions {
         check_names("parameters", self.parameters.iter().map(|parameter| &parameter.name))?;
         check_names("observations", self.observables.iter().map(|measured| &measured.name))?;
         check_names("name", [&self.name].into_iter())?;
-        let tuned = |measured: &Measured| matches!(measured.noise, Noise::EssTarget { .. });
-        if self.observables.len() > 1 && self.observables.iter().any(tuned) {
+        if self.observables.len() > 1
+            && self.observables.iter().any(|measured| measured.noise.is_tuned())
+        {
             return Err(InputError::new("noise", Mistake::Conflict)
                 .found("an effective sample size to aim at beside other observations")
                 .expected("one observable, where the noise is tuned"));

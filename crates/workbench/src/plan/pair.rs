@@ -158,7 +158,7 @@ impl PairOptions {
         } else if self.columns != Columns::default() {
             let help = "say it in [columns] of its description";
             ("--time-column and the like", "what is said of one table", help)
-        } else if matches!(self.noise, Noise::EssTarget { .. }) {
+        } else if self.noise.is_tuned() {
             let help = "choose noise inferred, correlated, robust or fixed";
             ("--noise", "noise that is tuned to one table", help)
         } else {
@@ -249,9 +249,8 @@ impl PairOptions {
     }
 
     fn sampler(&self) -> Settings {
-        let tuned = matches!(self.noise, Noise::EssTarget { .. });
         let settings = match self.iterations {
-            None if !tuned => sampler_for(self.samples),
+            None if !self.noise.is_tuned() => sampler_for(self.samples),
             iterations => {
                 let default = Settings { samples: self.samples, ..Settings::default() };
                 Settings { iterations: iterations.unwrap_or(default.iterations), ..default }

@@ -314,7 +314,7 @@ impl Plan {
 
     /// Whether the noise is tuned for an effective sample size.
     pub(crate) fn is_tuned(&self) -> bool {
-        self.observables().any(|(_, seen)| matches!(seen.noise, Noise::EssTarget { .. }))
+        self.observables().any(|(_, seen)| seen.noise.is_tuned())
     }
 
     /// Experiments that a program of the user's simulates, with their places among the experiments.

@@ -1,6 +1,7 @@
 use campaign::{Format, Interpolation, Keep};
 
 use super::*;
+use smc_calib::Noise;
 
 const PLAN: &str = r#"
 [parameters.k]
