@@ -42,15 +42,15 @@ fn reports_of_all_kinds_are_right_in_a_browser() {
     let scenes = "experiments/scenes/pair.toml";
     let runs = [
         ("ps", "--material ps".to_owned()),
-        ("robust", "--material pa12 --samples 2048 --noise robust".to_owned()),
+        ("robust", "--material pa12 --samples 8192 --noise robust".to_owned()),
         ("impact", "--plan experiments/external/impact.toml".to_owned()),
-        ("compare", "compare --material ps --samples 2048 --noise inferred".to_owned()),
+        ("compare", "compare --material ps --samples 8192 --noise inferred".to_owned()),
         ("scene", format!("scene {scenes}")),
         (
             "densify",
             format!("densify --posterior robust --scene {scenes} --contact-ratio 0.8 --draws 20"),
         ),
-        ("table3", "table3 --samples 2048".to_owned()),
+        ("table3", "table3 --samples 8192".to_owned()),
         ("diff", "diff ps robust".to_owned()),
     ];
     let mut reports = Vec::new();
@@ -81,7 +81,7 @@ fn reports_of_all_kinds_are_right_in_a_browser() {
 #[ignore = "needs a browser"]
 fn mistakes_in_a_report_are_found_by_the_browser() {
     let sandbox = Sandbox::new();
-    sandbox.run("--material ps --samples 2048 --out run -q").succeeded();
+    sandbox.run("--material ps --samples 8192 --out run -q").succeeded();
     let report = sandbox.path().join("run/report.html");
     let html = fs::read_to_string(&report).expect("a report");
     sandbox.write("summary.txt", "PS (polystyrene)\nno such words\n");

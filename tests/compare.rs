@@ -28,7 +28,7 @@ fn number(value: &Value) -> f64 {
 #[ignore = "long: run by .ci/run"]
 fn evidences_are_those_of_the_main_job_and_factors_those_of_the_evidences() {
     let sandbox = Sandbox::new();
-    let comparison = compared(&sandbox, "--material peek --samples 2048 --noise inferred --out c");
+    let comparison = compared(&sandbox, "--material peek --samples 8192 --noise inferred --out c");
     let evidence = |kinetics| number(&entry(&comparison, kinetics)["log_evidence"]);
     let best = KINETICS.map(evidence).into_iter().fold(f64::NEG_INFINITY, f64::max);
     for kinetics in KINETICS {
@@ -36,7 +36,7 @@ fn evidences_are_those_of_the_main_job_and_factors_those_of_the_evidences() {
         assert_eq!(number(&one["log_bayes_factor"]), evidence(kinetics) - best);
         sandbox
             .run(&format!(
-                "--material peek --kinetics {kinetics} --samples 2048 --quiet --out {kinetics}"
+                "--material peek --kinetics {kinetics} --samples 8192 --quiet --out {kinetics}"
             ))
             .succeeded();
         let file = fs::read_to_string(sandbox.path().join(kinetics).join("posterior.json"));
@@ -65,7 +65,7 @@ fn evidences_are_those_of_the_main_job_and_factors_those_of_the_evidences() {
 #[test]
 fn observations_that_weights_cannot_leave_out_are_left_out_by_calibrating_again() {
     // PS: the row at the knee decides so much that k-hat is above the limit for every kinetics.
-    let comparison = compared(&Sandbox::new(), "--material ps --samples 2048 --noise inferred");
+    let comparison = compared(&Sandbox::new(), "--material ps --samples 8192 --noise inferred");
     for kinetics in KINETICS {
         let one = entry(&comparison, kinetics);
         let points = one["leave_one_out"]["points"].as_array().expect("points");
@@ -90,7 +90,7 @@ fn observations_that_weights_cannot_leave_out_are_left_out_by_calibrating_again(
 fn the_report_says_what_is_fair_what_is_informed_and_where_phi_came_from() {
     let sandbox = Sandbox::new();
     sandbox
-        .run("compare --material ps --samples 2048 --noise inferred --out c --quiet")
+        .run("compare --material ps --samples 8192 --noise inferred --out c --quiet")
         .succeeded();
     let text = fs::read_to_string(sandbox.path().join("c/compare.md")).expect("compare.md");
     for words in [
@@ -104,7 +104,7 @@ fn the_report_says_what_is_fair_what_is_informed_and_where_phi_came_from() {
         assert!(text.contains(words), "{words:?} is not in\n{text}");
     }
     let with_phi =
-        compared(&sandbox, "--material ps --samples 2048 --noise inferred --phi --out p");
+        compared(&sandbox, "--material ps --samples 8192 --noise inferred --phi --out p");
     for kinetics in KINETICS {
         let informed = entry(&with_phi, kinetics)["informed"].as_array().expect("parameters");
         let phi = informed.iter().find(|one| one["name"] == "phi").expect("phi");
@@ -123,7 +123,7 @@ fn the_report_says_what_is_fair_what_is_informed_and_where_phi_came_from() {
 fn priors_that_change_nothing_and_other_warnings_on_the_input_are_said_as_a_plain_run_says_them() {
     let sandbox = Sandbox::new();
     let prior = root().join("priors/ps-pulse.toml").display().to_string();
-    let options = "--samples 2048 --noise fixed:0.1 --out c --quiet";
+    let options = "--samples 8192 --noise fixed:0.1 --out c --quiet";
     let warned = sandbox.run(&format!("compare -e ps-r30 -p {prior} {options}"));
     assert!(warned.succeeded().stdout.is_empty(), "{}", warned.stdout);
     let said = "the prior of cooling_time changes nothing in ps-r30";
@@ -134,10 +134,10 @@ fn priors_that_change_nothing_and_other_warnings_on_the_input_are_said_as_a_plai
 }
 
 #[test]
-#[ignore = "long: run by .ci/run"]
+#[ignore = "longer: run by .ci/long"]
 fn the_table_of_kinetics_and_noise_says_which_noise_the_data_prefer_and_what_it_changes() {
     let sandbox = Sandbox::new();
-    let comparison = compared(&sandbox, "--material peek --samples 4096 --out c");
+    let comparison = compared(&sandbox, "--material peek --samples 8192 --out c");
     let entries = comparison["entries"].as_array().expect("entries");
     assert_eq!(entries.len(), 18, "six kinetics under three noise models");
     let total: f64 = entries.iter().map(|entry| number(&entry["probability"])).sum();
@@ -165,7 +165,7 @@ fn the_table_of_kinetics_and_noise_says_which_noise_the_data_prefer_and_what_it_
 #[test]
 fn the_regime_map_reports_the_product_that_it_sees() {
     let sandbox = Sandbox::new();
-    let line = "--material pa12 --kinetics regime-map --samples 2048 --out r";
+    let line = "--material pa12 --kinetics regime-map --samples 8192 --out r";
     let ran = sandbox.run(line);
     assert!(ran.succeeded().stdout.contains("c1 * delta_c^2"), "{}", ran.stdout);
     assert!(ran.stdout.contains("enter only as"), "{}", ran.stdout);
@@ -181,7 +181,7 @@ fn the_regime_map_reports_the_product_that_it_sees() {
             .expect("a table")
             .contains("| c1 * delta_c^2 | m2/(Pa s) |")
     );
-    sandbox.run("--material pa12 --samples 2048 --out t --quiet").succeeded();
+    sandbox.run("--material pa12 --samples 8192 --out t --quiet").succeeded();
     let other = fs::read_to_string(sandbox.path().join("t/posterior.json")).expect("a posterior");
     let other: Value = serde_json::from_str(&other).expect("JSON");
     assert!(
@@ -205,8 +205,7 @@ fn mistakes_are_refused() {
 
 /// A finished calibration in a folder of the sandbox.
 fn calibrated(sandbox: &Sandbox, options: &str, out: &str) {
-    let samples = if out == "pulse" { 8192 } else { 2048 };
-    let quiet = format!("{options} --samples {samples} --no-other-kinetics --quiet --out {out}");
+    let quiet = format!("{options} --samples 8192 --no-other-kinetics --quiet --out {out}");
     sandbox.run(&quiet).succeeded();
 }
 
@@ -284,7 +283,7 @@ fn runs_of_other_measurements_or_another_noise_are_not_ranked() {
     sandbox.run("compare ps nothing").refused(&["nothing"]);
     // One explanation counts once, however often and under whatever name it was calibrated.
     calibrated(&sandbox, "--material ps --seed 2", "again");
-    let seeds = ["again", "the explanation of ps once more", "seed 2 and 2048", "leave one"];
+    let seeds = ["again", "the explanation of ps once more", "seed 2 and 8192", "leave one"];
     sandbox.run("compare ps again").refused(&seeds);
     calibrated(&sandbox, "--experiment ps-r30 --seed 3", "named");
     sandbox.run("compare ps named").refused(&["the explanation of ps once more"]);
@@ -299,7 +298,7 @@ fn a_plan_of_two_radii_says_by_evidence_that_the_data_contradict_a_tau_s_in_prop
     let plan = fs::read_to_string(heat.join("ps-radii-phi.toml")).expect("a plan");
     let near = format!("\"{}\"", heat.join("ps-r60-e29-phi.toml").display());
     let plan =
-        plan.replace("\"ps-r60-e29-phi.toml\"", &near).replace("samples = 16384", "samples = 4096");
+        plan.replace("\"ps-r60-e29-phi.toml\"", &near).replace("samples = 16384", "samples = 8192");
     sandbox.write("radii.toml", &plan);
     let found = compared(&sandbox, "--plan radii.toml --out c");
     let names: Vec<&str> = found["explanations"]
@@ -337,7 +336,7 @@ fn a_plan_of_two_radii_says_by_evidence_that_the_data_contradict_a_tau_s_in_prop
     let too_large: Vec<&str> = too_large.collect();
     assert!(too_large.len() == 1 && too_large[0].contains("fit of r60"), "{said}");
     // Without its text a comparison gives its warnings, as all commands do.
-    let few = plan.replace("samples = 4096", "samples = 512");
+    let few = plan.replace("samples = 8192", "samples = 512");
     sandbox.write("radii.toml", few);
     let warned = sandbox.run("compare --plan radii.toml --out few --quiet");
     assert!(warned.succeeded().stdout.is_empty() && warned.stderr.contains("warning: "));

@@ -13,7 +13,7 @@ fn number(value: &Value) -> f64 {
 #[test]
 fn two_noise_models_differ_in_a_field_and_by_what_the_two_posteriors_say() {
     let sandbox = Sandbox::new();
-    let run = "--material ps --samples 2048 --no-other-kinetics -q";
+    let run = "--material ps --samples 8192 --no-other-kinetics -q";
     sandbox.run(&format!("{run} --out one")).succeeded();
     sandbox.run(&format!("{run} --noise robust --out other")).succeeded();
     let ran = sandbox.run("diff one other");
@@ -62,7 +62,7 @@ fn two_noise_models_differ_in_a_field_and_by_what_the_two_posteriors_say() {
 #[test]
 fn evidences_of_other_data_are_not_compared_and_other_parameters_are_named() {
     let sandbox = Sandbox::new();
-    let run = "--material pa12 --samples 2048 --no-other-kinetics -q";
+    let run = "--material pa12 --samples 8192 --no-other-kinetics -q";
     sandbox.run(&format!("{run} --out all")).succeeded();
     sandbox.run(&format!("{run} --kinetics frenkel --window 1: --out late")).succeeded();
     let ran = sandbox.run("diff all late --out d");
@@ -81,7 +81,7 @@ fn evidences_of_other_data_are_not_compared_and_other_parameters_are_named() {
 #[test]
 fn what_cannot_be_compared_is_refused_with_a_remedy() {
     let sandbox = Sandbox::new();
-    sandbox.run("--material ps --samples 2048 --out run -q").succeeded();
+    sandbox.run("--material ps --samples 8192 --out run -q").succeeded();
     sandbox.run("diff run").refused(&["OTHER"]);
     sandbox.run("diff run nothing").refused(&["nothing", "no such file"]);
     sandbox.run("diff run run --out run").refused(&[
@@ -98,7 +98,7 @@ fn what_cannot_be_compared_is_refused_with_a_remedy() {
 #[test]
 fn units_that_differ_are_not_subtracted_and_a_seed_that_is_the_same_is_said() {
     let sandbox = Sandbox::new();
-    let run = "--material ps --samples 2048 --no-other-kinetics -q";
+    let run = "--material ps --samples 8192 --no-other-kinetics -q";
     sandbox.run(&format!("{run} --out one")).succeeded();
     sandbox.run(&format!("{run} --seed 2 --out other")).succeeded();
     let ran = sandbox.run("diff one one");

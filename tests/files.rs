@@ -98,7 +98,7 @@ fn fewer_points_than_parameters_is_a_warning() {
 #[test]
 fn several_experiments_of_one_powder_are_one_calibration_the_same_as_by_their_plan() {
     let sandbox = Sandbox::new();
-    let options = "--experiment pa12-r30 --experiment pa12-r32 --samples 2048";
+    let options = "--experiment pa12-r30 --experiment pa12-r32 --samples 8192";
     let plan = sandbox.run(&format!("{options} --dry-run --toml")).succeeded().stdout.clone();
     sandbox.write("plan.toml", &plan);
     sandbox.run(&format!("{options} --out both --quiet")).succeeded();

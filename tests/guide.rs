@@ -182,7 +182,7 @@ fn the_guides_commands_run_as_they_stand_and_print_what_it_shows() {
 
 /// `cargo test -p calibrate --test e2e the_guides_long_commands -- --ignored`: those of LAMMPS and Slurm where these are installed.
 #[test]
-#[ignore = "takes minutes"]
+#[ignore = "longer: run by .ci/long"]
 fn the_guides_long_commands_run_as_they_stand() {
     let is_there = |program: &str, arguments: &[&str]| {
         Command::new(program).args(arguments).output().is_ok_and(|output| output.status.success())

@@ -137,7 +137,7 @@ fn one_pulse_freezes_and_says_nothing_of_another_energy_without_a_law() {
     let sandbox = Sandbox::new();
     let prior = root().join("priors/ps-pulse.toml");
     let options = format!(
-        "-e ps-r60-e23 -p {} --samples 2048 --no-other-kinetics --out run",
+        "-e ps-r60-e23 -p {} --samples 8192 --no-other-kinetics --out run",
         prior.display()
     );
     let said = sandbox.run(&options).succeeded().stdout.clone();

@@ -199,7 +199,7 @@ fn a_single_curve_under_a_heat_is_that_without_at_the_reduced_time() {
 #[test]
 fn densify_of_a_posterior_without_heat_takes_one_that_is_stated_and_freezes_where_its_pair_does() {
     let sandbox = Sandbox::new();
-    sandbox.run("--material pa12 --kinetics frenkel --samples 2048 --no-other-kinetics --out post --quiet").succeeded();
+    sandbox.run("--material pa12 --kinetics frenkel --samples 8192 --no-other-kinetics --out post --quiet").succeeded();
     sandbox.write("pair.toml", pair(6.0).replace("three-stage", "frenkel"));
     sandbox.write("pulse.toml", PULSE);
     let common = "densify --posterior post --scene pair.toml --draws 5 --contact-ratio";

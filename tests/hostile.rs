@@ -200,7 +200,7 @@ fn a_few_changed_records_are_read_or_refused_without_a_panic() {
 }
 
 #[test]
-#[ignore = "long: run by .ci/run"]
+#[ignore = "longer: run by .ci/long"]
 fn three_hundred_changed_records_are_read_or_refused_without_a_panic() {
     hostile(300, PAIR);
 }

@@ -152,7 +152,7 @@ fn an_own_powder_is_calibrated_from_files_alone() {
         sandbox.write(&format!("{folder}/{name}"), contents);
     }
     let ran = sandbox.run(
-        "--experiment experiments/example-my-powder.toml --prior priors/example-my-powder.toml --samples 4096",
+        "--experiment experiments/example-my-powder.toml --prior priors/example-my-powder.toml --samples 8192",
     );
     ran.succeeded();
     assert_eq!(names(&sandbox, "results/my-powder"), FILES);
@@ -177,7 +177,7 @@ fn every_kinetics_calibrates_and_regime_map_says_what_it_cannot_tell_apart() {
     ] {
         let sandbox = Sandbox::new();
         let ran =
-            sandbox.run(&format!("--material ps --samples 4096 --kinetics {kinetics} --out run"));
+            sandbox.run(&format!("--material ps --samples 8192 --kinetics {kinetics} --out run"));
         ran.succeeded();
         let parameters = sandbox.posterior("run")["parameters"].as_array().expect("a list").len();
         assert_eq!(parameters, expected, "{kinetics}");
@@ -222,7 +222,7 @@ fn a_dry_run_prints_the_plan_and_writes_nothing() {
 #[test]
 fn tuned_noise_is_labelled_as_no_posterior_in_every_output() {
     let sandbox = Sandbox::new();
-    let ran = sandbox.run("--material ps --samples 2048 --noise ess-target:0.2 --out run");
+    let ran = sandbox.run("--material ps --samples 8192 --noise ess-target:0.2 --out run");
     ran.succeeded();
     assert!(ran.stdout.contains("NOT A POSTERIOR"), "{}", ran.stdout);
     assert!(ran.stdout.contains("NOT TO BE TRUSTED"), "{}", ran.stdout);
@@ -236,7 +236,7 @@ fn tuned_noise_is_labelled_as_no_posterior_in_every_output() {
 #[test]
 fn inspect_reads_a_run_and_check_says_whether_to_trust_it() {
     let sandbox = Sandbox::new();
-    sandbox.run("--material ps --samples 4096 --out run").succeeded();
+    sandbox.run("--material ps --samples 8192 --out run").succeeded();
     let ran = sandbox.run("inspect run/posterior.json");
     for word in ["MAP", "95 %", "Table 3", "correlation", "stage", "log evidence"] {
         assert!(ran.succeeded().stdout.contains(word), "{word} is not in\n{}", ran.stdout);
@@ -250,7 +250,7 @@ fn inspect_reads_a_run_and_check_says_whether_to_trust_it() {
 #[test]
 fn a_posterior_that_is_cut_off_edited_or_of_another_version_is_refused_with_its_place() {
     let sandbox = Sandbox::new();
-    sandbox.run("--material ps --samples 2048 --out run").succeeded();
+    sandbox.run("--material ps --samples 8192 --out run").succeeded();
     let path = sandbox.path().join("run/posterior.json");
     let whole = fs::read_to_string(&path).expect("posterior.json");
     fs::write(&path, &whole[..whole.len() / 2]).expect("cut");
@@ -269,7 +269,7 @@ fn a_posterior_that_is_cut_off_edited_or_of_another_version_is_refused_with_its_
 fn a_run_that_cannot_succeed_ends_with_exit_1_the_reason_and_nothing_written() {
     let sandbox = Sandbox::new();
     // Far more certain measurements than any curve can meet: every likelihood is zero.
-    let ran = sandbox.run("--material ps --noise fixed:1e-300 --samples 2048 --out run");
+    let ran = sandbox.run("--material ps --noise fixed:1e-300 --samples 8192 --out run");
     assert_eq!(ran.code, 1, "{ran:#?}");
     assert!(ran.stderr.contains("evidence"), "{ran:#?}");
     assert!(!sandbox.path().join("run").exists());
@@ -279,14 +279,14 @@ fn a_run_that_cannot_succeed_ends_with_exit_1_the_reason_and_nothing_written() {
 fn fewer_points_than_parameters_are_calibrated_with_a_warning() {
     let sandbox = Sandbox::new();
     sandbox.write("two.csv", "time_s,contact_ratio\n1.0,0.4\n3.0,0.9\n");
-    let ran = sandbox.run("--material pa12 --experiment two.csv --samples 4096 --out run");
+    let ran = sandbox.run("--material pa12 --experiment two.csv --samples 8192 --out run");
     assert!(ran.succeeded().stdout.contains("2 observations for 3 parameters"), "{}", ran.stdout);
 }
 
 #[test]
 fn the_papers_tau_s_moves_with_the_radius_of_the_experiment() {
     let sandbox = Sandbox::new();
-    sandbox.run("-e pa12-r30 --samples 2048 --out run").succeeded();
+    sandbox.run("-e pa12-r30 --samples 8192 --out run").succeeded();
     let file = sandbox.posterior("run");
     let tau_s = file["experiments"][0]["neck_growth"]["paper"]["si"][1].as_f64().expect("a number");
     // 1.2e-4 / 31.5e-6 s, times 29.8318/31.5.
@@ -298,7 +298,7 @@ fn the_papers_tau_s_moves_with_the_radius_of_the_experiment() {
 #[test]
 fn the_band_of_a_new_measurement_is_wider_than_that_of_the_curve_or_left_out() {
     let sandbox = Sandbox::new();
-    sandbox.run("-m ps --noise fixed-relative:0.05 --samples 2048 --out relative").succeeded();
+    sandbox.run("-m ps --noise fixed-relative:0.05 --samples 8192 --out relative").succeeded();
     let curves = &sandbox.posterior("relative")["experiments"][0]["neck_growth"]["curves"];
     let width = |band: &str, point: usize| {
         let end = |side: usize| curves[band][side][point].as_f64().expect("a number");
@@ -310,7 +310,7 @@ fn the_band_of_a_new_measurement_is_wider_than_that_of_the_curve_or_left_out() {
     assert!(width("curve90", last) < 1e-3);
 
     sandbox.write("own.csv", "time_s,contact_ratio,sigma\n1,0.4,0.02\n3,0.9,0.03\n9,1.2,0.02\n");
-    sandbox.run("-m pa12 -e own.csv --noise fixed:table --samples 2048 --out rows").succeeded();
+    sandbox.run("-m pa12 -e own.csv --noise fixed:table --samples 8192 --out rows").succeeded();
     assert!(
         sandbox.posterior("rows")["experiments"][0]["neck_growth"]["curves"]["noisy90"].is_null()
     );
@@ -319,7 +319,7 @@ fn the_band_of_a_new_measurement_is_wider_than_that_of_the_curve_or_left_out() {
 #[test]
 fn one_observation_at_time_zero_and_the_fewest_samples_give_a_result_with_warnings() {
     let sandbox = Sandbox::new();
-    let ran = sandbox.run("-m pa12 --window :0.3 --samples 2048 --out zero");
+    let ran = sandbox.run("-m pa12 --window :0.3 --samples 8192 --out zero");
     assert!(ran.succeeded().stdout.contains("NOT INFORMED"), "{}", ran.stdout);
     assert!(sandbox.posterior("zero")["experiments"][0]["neck_growth"]["fit"]["frenkel"].is_null());
     for samples in [16, 17, 31, 100] {
@@ -336,7 +336,7 @@ fn one_observation_at_time_zero_and_the_fewest_samples_give_a_result_with_warnin
 fn an_interrupted_run_leaves_the_earlier_results_and_nothing_else() {
     use std::process::{Command, Stdio};
     let sandbox = Sandbox::new();
-    sandbox.run("-m peek --samples 2048 --out run").succeeded();
+    sandbox.run("-m peek --samples 8192 --out run").succeeded();
     let before = sandbox.snapshot();
     let child = Command::new(env!("CARGO_BIN_EXE_calibrate"))
         .current_dir(sandbox.path())

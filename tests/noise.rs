@@ -9,7 +9,7 @@ use crate::sandbox::{Sandbox, root};
 #[test]
 fn residuals_that_are_alike_show_the_result_under_correlated_errors_beside_the_runs_own() {
     let sandbox = Sandbox::new();
-    let ran = sandbox.run("--material ps --samples 4096 --out r");
+    let ran = sandbox.run("--material ps --samples 8192 --out r");
     ran.succeeded();
     assert!(
         ran.stdout.contains("with correlated errors (sampled again; log evidence 122."),
@@ -24,7 +24,7 @@ fn residuals_that_are_alike_show_the_result_under_correlated_errors_beside_the_r
     assert!((tau_s["shift"].as_f64().expect("a number") + 5.2).abs() < 0.4, "{tau_s}");
     let table = fs::read_to_string(sandbox.path().join("r/table.md")).expect("table.md");
     assert!(table.contains("With correlated errors"), "{table}");
-    let json = sandbox.run("--material ps --samples 4096 --out r --json");
+    let json = sandbox.run("--material ps --samples 8192 --out r --json");
     let json: Value = serde_json::from_str(&json.succeeded().stdout).expect("JSON");
     assert_eq!(json["trusted"], false, "too narrow intervals are not to be trusted");
     assert_eq!(json["trust"]["verdict"], "converged");
@@ -33,7 +33,7 @@ fn residuals_that_are_alike_show_the_result_under_correlated_errors_beside_the_r
 #[test]
 fn correlated_errors_as_the_headline_have_a_length_and_a_white_share_and_no_second_opinion() {
     let sandbox = Sandbox::new();
-    let ran = sandbox.run("--material peek --noise correlated --samples 4096 --out r");
+    let ran = sandbox.run("--material peek --noise correlated --samples 8192 --out r");
     assert!(ran.succeeded().stdout.contains("errors: correlation length"), "{}", ran.stdout);
     assert!(!ran.stdout.contains("sampled again"), "{}", ran.stdout);
     let file = sandbox.posterior("r");
@@ -45,7 +45,7 @@ fn correlated_errors_as_the_headline_have_a_length_and_a_white_share_and_no_seco
     assert!(names.contains(",sigma [1],correlation_length [1],white_share [1],sample"), "{names}");
     // The same bytes for any number of threads.
     sandbox
-        .run("--material peek --noise correlated --samples 4096 --out one --threads 1 --quiet")
+        .run("--material peek --noise correlated --samples 8192 --out one --threads 1 --quiet")
         .succeeded();
     let read = |dir: &str| fs::read(sandbox.path().join(dir).join("draws.csv")).expect("draws");
     assert!(read("r") == read("one"));
@@ -77,7 +77,7 @@ fn outliers_are_named_with_file_and_line_by_robust_errors() {
     sandbox.write("ps.csv", moved.join("\n") + "\n");
     let experiment = fs::read_to_string(root().join("experiments/ps-r30.toml")).expect("TOML");
     sandbox.write("e.toml", experiment.replace("ps-r30.csv", "ps.csv"));
-    let ran = sandbox.run("--experiment e.toml --noise robust --samples 4096 --out r");
+    let ran = sandbox.run("--experiment e.toml --noise robust --samples 8192 --out r");
     ran.succeeded();
     let line = ran.stdout.lines().find(|line| line.contains("suspect rows of")).expect("a line");
     assert!(line.contains("ps.csv"), "{line}");
@@ -129,7 +129,7 @@ fn a_second_opinion_that_is_not_given_is_said_and_lengths_have_the_unit_of_their
         .collect();
     let table = |rows: &str| format!("time_s,contact_ratio\n{rows}");
     fs::write(sandbox.path().join("many.csv"), table(&rows)).expect("written");
-    let ran = sandbox.run("--material ps --experiment many.csv --samples 2048 --out many");
+    let ran = sandbox.run("--material ps --experiment many.csv --samples 8192 --out many");
     assert!(
         ran.succeeded().stdout.contains("not computed beside the result for 201 observations"),
         "{}",
@@ -138,10 +138,10 @@ fn a_second_opinion_that_is_not_given_is_said_and_lengths_have_the_unit_of_their
     // One row fewer, and it is there.
     let fewer: String = rows.lines().skip(1).map(|line| format!("{line}\n")).collect();
     fs::write(sandbox.path().join("fewer.csv"), table(&fewer)).expect("written");
-    let ran = sandbox.run("--material ps --experiment fewer.csv --samples 2048 --out fewer");
+    let ran = sandbox.run("--material ps --experiment fewer.csv --samples 8192 --out fewer");
     assert!(ran.succeeded().stdout.contains("with correlated errors (sampled"), "{}", ran.stdout);
     sandbox
-        .run("--material peek --noise correlated:linear --samples 2048 --out linear --quiet")
+        .run("--material peek --noise correlated:linear --samples 8192 --out linear --quiet")
         .succeeded();
     let draws = fs::read_to_string(sandbox.path().join("linear/draws.csv")).expect("draws.csv");
     assert!(draws.contains(",correlation_length [s],white_share [1],"), "{draws}");

@@ -93,6 +93,7 @@ fn sum_of(sandbox: &Sandbox, run: &str, role: &str) -> String {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn an_extended_run_names_what_was_read_for_it_and_the_commands_that_made_it() {
     let sandbox = Sandbox::new();
     let table = "time_s,contact_ratio\n0.05,0.6\n0.1,0.8\n0.2,1.0\n0.5,1.05\n";

@@ -228,7 +228,7 @@ fn kill_when(sandbox: &Sandbox, arguments: &[&str], work: &str, file: &str) {
 }
 
 #[test]
-#[ignore = "long: run by .ci/run"]
+#[ignore = "longer: run by .ci/long"]
 fn a_killed_scene_goes_on_to_the_same_bits() {
     let sandbox = Sandbox::new();
     // Dynamic and long enough for a few checkpoints.

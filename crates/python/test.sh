@@ -3,6 +3,7 @@
 # without Rust; then the module's tests, its types, its notebooks. Needs Rust, a Python and PyPI; what is not to be had is SKIPPED.
 #
 #   crates/python/test.sh            all
+#   SHORT=1 crates/python/test.sh    by the oldest and the newest Python, without notebooks and the packages that need an environment of their own
 #   crates/python/test.sh ARGS...    the module's tests alone, with these arguments for pytest
 #   PYTHONS="FILE..." crates/python/test.sh   with these interpreters
 set -euo pipefail
@@ -35,6 +36,8 @@ if [ "${#pythons[@]}" = 0 ]; then
     skip "no Python from 3.10 on with venv here (Debian: python3-venv)"
     exit 0
 fi
+short=${SHORT:-}
+[ -z "$short" ] || [ "${#pythons[@]}" = 1 ] || pythons=("${pythons[0]}" "${pythons[-1]}")
 mkdir -p "$work"
 last=${pythons[-1]}
 version() { "$1" -c 'import sys; print("%d.%d" % sys.version_info[:2])'; }
@@ -89,7 +92,9 @@ if [ $# = 0 ]; then
     bare "$work/py$(version "$last")/bin/calibrate" --plan experiments/external/impact.toml --quiet --out "$work/impact-by-wheel"
     same "$work/impact-by-cargo" "$work/impact-by-wheel"
     step "a plan with a program, its runs by Slurm"
-    if tests/slurm/cluster.sh missing >/dev/null; then
+    if [ -n "$short" ]; then
+        skip "this is the short form"
+    elif tests/slurm/cluster.sh missing >/dev/null; then
         CALIBRATE=$work/py$(version "$last")/bin/calibrate timeout 300 tests/slurm/run.sh all_succeed exit_code
     else
         skip "Slurm is not installed here"
@@ -111,8 +116,15 @@ tested() {
     shift
     (cd crates/python && "$python" -m pytest -p no:cacheprovider "$@")
 }
-tested tests "$@"
-[ $# = 0 ] || exit 0
+if [ $# != 0 ]; then
+    tested tests "$@"
+    exit 0
+elif [ -n "$short" ]; then
+    tested tests --ignore tests/test_notebooks.py
+    skip "notebooks, GrainLearning and ArviZ below 1: this is the short form"
+    exit 0
+fi
+tested tests
 
 # also NAME PYTHON PACKAGE TEST: a test with a package that does not go with the others in one environment.
 also() {

@@ -144,12 +144,12 @@ mod tests {
     fn a_job_of_many_calibrations_counts_each_of_them_once() {
         let watch = Kept::default();
         let noises = &crate::compare::default_noises()[..1];
-        Compared::new(&options(2048), noises, false, TimeScale::ByData, &watch)
+        Compared::new(&options(8192), noises, false, TimeScale::ByData, &watch)
             .expect("a comparison");
         let cells = dem_core::Kinetics::ALL.len() as u64;
         assert_eq!(*watch.begun.lock().expect("work"), [("calibrations", cells, cells)]);
         let watch = Kept::default();
-        Table3::regenerate(2048, 1, &watch).expect("a table");
+        Table3::regenerate(8192, 1, &watch).expect("a table");
         assert_eq!(*watch.begun.lock().expect("work"), [("calibrations", 5, 5)]);
     }
 }

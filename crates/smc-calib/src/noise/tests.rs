@@ -324,7 +324,7 @@ fn robust_errors_know_sigma_though_the_prior_is_far_below_it() {
 }
 
 #[test]
-#[ignore = "long: run by .ci/run"]
+#[ignore = "longer: run by .ci/long"]
 fn more_than_512_observations_can_have_correlated_and_robust_errors() {
     use crate::{FnSimulator, Parameter, Prior, PriorSpec, Problem, Settings, calibrate};
     let control: Vec<f64> = (1..=520).map(|k| f64::from(k) * 1e-3).collect();

@@ -316,7 +316,7 @@ fn parts_that_do_not_fit_together_are_refused_with_the_value_and_the_range() {
 }
 
 #[test]
-#[ignore = "long: run by .ci/run"]
+#[ignore = "longer: run by .ci/long"]
 fn simulated_populations_have_uniform_ranks() {
     // Populations from the hyperprior, five members each, measured with noise: the truth has any rank among the draws with
     // the same probability.

@@ -91,7 +91,7 @@ fn errors(reference: &Reference, settings: &Settings, seeds: u64) -> [f64; 3] {
 }
 
 #[test]
-#[ignore = "long: run by .ci/run"]
+#[ignore = "longer: run by .ci/long"]
 fn an_extended_run_is_as_good_as_one_of_as_many_simulations_from_the_start() {
     let seeds = 12;
     // Each root mean square is known to 1 / sqrt(2 * 12) = 20 % at best, their ratio to 29 %; twice that is allowed, and
@@ -145,7 +145,7 @@ fn a_target_that_a_run_has_reached_does_not_end_its_extension() {
 }
 
 #[test]
-#[ignore = "long: run by .ci/run"]
+#[ignore = "longer: run by .ci/long"]
 fn a_handful_of_further_simulations_raises_no_doubt() {
     for (begun, to) in [(4096, 4097), (4096, 4100), (4096, 4300), (300, 301), (300, 310)] {
         for seed in 1..=5 {

@@ -84,7 +84,7 @@ mod tests {
         let options = PairOptions {
             material: Some(Material::Pa12),
             kinetics: dem_core::Kinetics::Frenkel,
-            samples: 2048,
+            samples: 8192,
             seed,
             ..PairOptions::default()
         };

@@ -380,7 +380,7 @@ mod tests {
     fn the_figures_of_real_runs_keep_the_rules_of_figures() {
         for material in Material::ALL {
             let options =
-                PairOptions { material: Some(material), samples: 2048, ..PairOptions::default() };
+                PairOptions { material: Some(material), samples: 8192, ..PairOptions::default() };
             let planned = options.plan().expect("a plan");
             let found = Calibration::run(&planned, &Unwatched::default()).expect("a run");
             let samples = SampleColumns::of(&found.posterior);

@@ -369,7 +369,7 @@ mod tests {
         let fixed = Noise::Fixed { sigma: FixedSigma::Relative(0.05) };
         for noise in [Noise::default(), correlated, Noise::robust(), fixed] {
             let material = Some(Material::Ps);
-            let options = PairOptions { material, samples: 128, noise, ..PairOptions::default() };
+            let options = PairOptions { material, samples: 8192, noise, ..PairOptions::default() };
             let mut planned = options.plan().expect("a plan");
             planned.plan.sampler.draws = 100;
             let found = Calibration::run(&planned, &Unwatched::default()).expect("a posterior");
