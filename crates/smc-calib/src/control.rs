@@ -12,10 +12,11 @@
 //! covariances.
 //!
 //! Where a Gaussian process places the samples ([`crate::small_budget`]), the mixture of all proposals stands for q and all samples
-//! for the final stage: each sub-net's are held against a g through all others. That g is the one of several processes and of local
-//! quadratics that leaves the least of f/q where it was left out, and an integral that the sub-nets do not know much better with it
-//! than without is left to the samples. As samples are placed by what earlier ones gave, and the covariance of the process is that
-//! of all, this is without bias only up to terms that fall with the square of its error.
+//! for the final stage: each sub-net's are held against a g through all others. That g is, for each phi, the sum of several processes
+//! and of local quadratics, with the shares that leave the least of f phi / q where they were left out (stacking: L. Breiman,
+//! Mach. Learn. 24 (1996) 49), and an integral that the sub-nets do not know much better with it than without is left to the
+//! samples. As samples are placed by what earlier ones gave, and covariances and shares are those of all, this is without bias only
+//! up to terms that fall with the square of its error.
 //!
 //! Every sub-net of the stage has its own net for the second term, so that it is a replicate of the whole, and the
 //! spread of the sub-nets is an error bar of both terms together. With a process the first term is one of pairs of samples,
@@ -24,7 +25,8 @@
 mod variate;
 
 use self::variate::{
-    Model, Standard, Variate, cap, count_pairs_twice, features, left, metric, scatter, surrogate,
+    Model, Standard, Variate, cap, count_pairs_twice, features, least_squares_shares, left, metric,
+    scatter, surrogate,
 };
 use crate::Evidence;
 use crate::estimate::{Estimator, Integrals};
@@ -47,8 +49,9 @@ const POINTS: [usize; 2] = [8, 32_768];
 const POINTS_OF_PROCESS: usize = 16_384;
 /// Parts of the final stage, each with a surrogate that its own samples had no part in; of a process, every sub-net is one.
 const FOLDS: usize = 2;
-/// Samples that tell which surrogate is the closest.
+/// Samples that tell the shares of surrogates, and the least share of one that is used.
 const JUDGES: usize = 150;
+const LEAST_SHARE: f64 = 0.02;
 /// Fewest samples that a process is held against, and fewest sub-nets: two do not show what pairs of samples do.
 const FEWEST: usize = 32;
 const FEWEST_NETS: usize = 3;
@@ -116,7 +119,6 @@ impl<'a> MadeOf<'a> {
 
     /// The ways to make g for all samples: by each covariance that was found for a process, and by local quadratics. All
     /// samples count where there are many dimensions or few samples, because the final stage alone misses what earlier ones found.
-    /// Which way is the closest to f/q is seldom told by the evidence of the best samples.
     fn ways(
         sampler: &Sampler<'_>,
         proposal: &Proposal,
@@ -169,6 +171,12 @@ struct Control<'a> {
     /// What coordinates are measured in, and 1, x_j and x_i x_j, the phi, at all samples.
     standard: Standard,
     features: Vec<f64>,
+}
+
+/// A way to make g, and its share of the g of every integral.
+struct Part<'a> {
+    made_of: MadeOf<'a>,
+    shares: Vec<f64>,
 }
 
 /// One fold: the numbers of its samples, and g and its values there, from the samples of the others.
@@ -228,66 +236,77 @@ impl<'a> Control<'a> {
         Some(Fold { own, variate, control })
     }
 
-    /// Share of the squares of f phi / q that g leaves, of [`JUDGES`] samples or all of so many sub-nets.
-    fn left(&self, made_of: &MadeOf<'a>) -> Option<f64> {
-        let Self { sampler, target, features, .. } = self;
-        let (n, r, p) = (target.len(), sampler.replicates, coefficients(sampler.pool.d));
-        let judges = (JUDGES * r).div_ceil(n).min(r);
-        let folds = 0..made_of.folds(sampler).min(judges);
+    /// Values of g where it is left out: at all samples of the sub-nets that judge, and zero at others.
+    fn left_out(&self, made_of: &MadeOf<'a>) -> Option<Vec<f64>> {
+        let folds = 0..made_of.folds(self.sampler).min(self.judges());
         let folds: Option<Vec<Fold<'_>>> =
             folds.into_par_iter().map(|fold| self.fold(made_of, fold)).collect();
-        let (mut left, mut all) = (0.0, 0.0);
+        let mut values = vec![0.0; self.target.len()];
         for Fold { own, control, .. } in folds? {
-            let judged = own.iter().zip(&control);
-            for (i, control) in judged.filter(|(i, _)| sampler.pool.replicate[**i] < judges as u32)
-            {
-                let phi = &features[i * p..(i + 1) * p];
-                let squares: f64 = phi.iter().map(|phi| phi * phi).sum();
-                let target = target[i - self.first];
-                left += squares * (target - control).powi(2);
-                all += squares * target.powi(2);
-            }
+            own.iter().zip(&control).for_each(|(i, control)| values[i - self.first] = *control);
         }
-        let left = left / all;
-        left.is_finite().then_some(left)
+        values.iter().all(|value| value.is_finite()).then_some(values)
+    }
+
+    /// Number of sub-nets, the first ones, whose samples judge: they have [`JUDGES`] together, or are all.
+    fn judges(&self) -> usize {
+        let r = self.sampler.replicates;
+        (JUDGES * r).div_ceil(self.target.len()).min(r)
+    }
+
+    /// Some ways, with the shares that leave the least of f phi / q where they are left out.
+    fn stacked(&self, ways: Vec<MadeOf<'a>>) -> Vec<Part<'a>> {
+        let p = coefficients(self.sampler.pool.d);
+        if ways.len() == 1 {
+            let all = |made_of| Part { made_of, shares: vec![1.0; p] };
+            return ways.into_iter().map(all).collect();
+        }
+        let judged = ways.into_iter().filter_map(|way| self.left_out(&way).map(|v| (way, v)));
+        let (ways, values): (Vec<_>, Vec<_>) = judged.unzip();
+        let judges = self.judges() as u32;
+        let labels = &self.sampler.pool.replicate[self.first..];
+        let shares: Vec<Vec<f64>> = (0..p)
+            .map(|a| {
+                let phi = self.features[self.first * p + a..].iter().step_by(p);
+                let squares: Vec<f64> = labels
+                    .iter()
+                    .zip(phi)
+                    .map(|(k, phi)| if *k < judges { phi * phi } else { 0.0 })
+                    .collect();
+                let mut shares = least_squares_shares(&values, &self.target, &squares);
+                shares.iter_mut().filter(|s| **s < LEAST_SHARE).for_each(|s| *s = 0.0);
+                shares
+            })
+            .collect();
+        let parts = ways.into_iter().enumerate().map(|(k, made_of)| Part {
+            made_of,
+            shares: shares.iter().map(|of_integral| of_integral[k]).collect(),
+        });
+        parts.filter(|part| part.shares.iter().any(|share| *share > 0.0)).collect()
     }
 
     /// The integrals, where the surrogate is good enough to be of use.
-    fn integrals(self, made_of: &MadeOf<'a>, finishing: &mut Finishing<'_>) -> Option<Integrals> {
-        let Self { sampler, proposal, target, first, .. } = &self;
-        let (n, r, p) = (target.len(), sampler.replicates, coefficients(sampler.pool.d));
-        let (folds, local) = (made_of.folds(sampler), matches!(made_of, MadeOf::Quadratics { .. }));
+    fn integrals(self, stack: &[Part<'a>], finishing: &mut Finishing<'_>) -> Option<Integrals> {
+        let Self { sampler, target, .. } = &self;
+        let (r, p) = (sampler.replicates, coefficients(sampler.pool.d));
+        let local = stack.iter().all(|part| matches!(part.made_of, MadeOf::Quadratics { .. }));
         // A process is integrated by two nets for each sub-net: their difference tells the error of the nets.
-        let (least, parts) = if local { (POINTS[1], 1) } else { (POINTS_OF_PROCESS, 2) };
-        let points = (POINTS[0] * n).max(least) / (r * parts);
+        let parts = if local { 1 } else { 2 };
         let mut of_nets = vec![0.0; r * parts * p];
-        let mut controls = vec![0.0; n];
-        for fold in 0..folds {
-            finishing.of_integrals(2 * fold, folds, "evidence and means: stand-in");
-            let Fold { own, variate, control } = self.fold(made_of, fold)?;
-            let target: Vec<f64> = own.iter().map(|i| target[i - first]).collect();
-            if local && left(&target, &control) >= 1.0 - LEAST_EXPLAINED {
-                return None;
-            }
-            own.iter().zip(&control).for_each(|(i, control)| controls[i - first] = *control);
-
-            finishing.of_integrals(2 * fold + 1, folds, "evidence and means: integrals");
-            // Per sub-net the integral of g phi by nets of its own.
-            let seed = sampler.settings.seed;
-            of_nets.par_chunks_mut(parts * p).enumerate().skip(fold).step_by(folds).for_each(
-                |(k, sums)| {
-                    let mut rng = stream(seed, Purpose::Surrogate, 0, k);
-                    for sums in sums.chunks_mut(p) {
-                        let net = scrambled_net(proposal.uniforms(), points, &mut rng);
-                        variate.integrate(&net, proposal, &self.standard, self.coordinate, sums);
-                    }
-                },
-            );
+        let folds = |parts: &[Part<'_>]| parts.iter().map(|p| p.made_of.folds(sampler)).sum();
+        let mut controls = Vec::with_capacity(stack.len());
+        for (k, part) in stack.iter().enumerate() {
+            let done = (folds(&stack[..k]), folds(stack));
+            controls.push(self.add(part, local, &mut of_nets, (done, finishing))?);
         }
+        let control = |i: usize, a: usize| -> f64 {
+            stack.iter().zip(&controls).map(|(part, of_part)| part.shares[a] * of_part[i]).sum()
+        };
         if !local {
             let few = effective_sample_size(self.weights) < r as f64;
             let least = if few { LEAST_EXPLAINED_OF_FEW } else { LEAST_EXPLAINED };
             // Over all sub-nets: one of a few samples says nothing.
+            let controls: Vec<f64> = (0..target.len()).map(|i| control(i, 0)).collect();
             if left(target, &controls) >= 1.0 - least {
                 return None;
             }
@@ -298,10 +317,9 @@ impl<'a> Control<'a> {
                 sums.iter_mut().zip(part).for_each(|(s, part)| *s += part / parts as f64);
             }
         }
-        let off: Vec<f64> = target.iter().zip(&controls).map(|(f, g)| f - g).collect();
-        self.add_means(&off, &mut of_sub_nets);
+        self.add_means(|i, a| target[i] - control(i, a), &mut of_sub_nets);
         let mut by_samples = vec![0.0; r * p];
-        self.add_means(target, &mut by_samples);
+        self.add_means(|i, _| target[i], &mut by_samples);
         let better = (0..p)
             .map(|a| scatter(&of_sub_nets, p, a) < MOST_LEFT * scatter(&by_samples, p, a))
             .collect();
@@ -311,17 +329,63 @@ impl<'a> Control<'a> {
         Some(Integrals { of_sub_nets, features: self.features, better })
     }
 
-    /// Adds to every sub-net's sums the mean of value times phi over its samples.
-    fn add_means(&self, values: &[f64], sums: &mut [f64]) {
+    /// Adds a part's share of the integrals of g phi, by nets of its own for every sub-net; its g at the samples, each where it is
+    /// left out. None where local quadratics, which are all there is, do not explain enough.
+    fn add(
+        &self,
+        part: &Part<'a>,
+        local: bool,
+        of_nets: &mut [f64],
+        ((done, all), finishing): ((usize, usize), &mut Finishing<'_>),
+    ) -> Option<Vec<f64>> {
+        let Self { sampler, proposal, target, first, .. } = self;
+        let (n, r, p) = (target.len(), sampler.replicates, coefficients(sampler.pool.d));
+        let nets = of_nets.len() / (r * p);
+        let least = if local { POINTS[1] } else { POINTS_OF_PROCESS };
+        let points = (POINTS[0] * n).max(least) / (r * nets);
+        let folds = part.made_of.folds(sampler);
+        let mut controls = vec![0.0; n];
+        for fold in 0..folds {
+            let done = 2 * (done + fold);
+            finishing.of_integrals(done, all, "evidence and means: stand-in");
+            let Fold { own, variate, control } = self.fold(&part.made_of, fold)?;
+            let target: Vec<f64> = own.iter().map(|i| target[i - first]).collect();
+            if local && left(&target, &control) >= 1.0 - LEAST_EXPLAINED {
+                return None;
+            }
+            own.iter().zip(&control).for_each(|(i, control)| controls[i - first] = *control);
+
+            finishing.of_integrals(done + 1, all, "evidence and means: integrals");
+            let seed = sampler.settings.seed;
+            of_nets.par_chunks_mut(nets * p).enumerate().skip(fold).step_by(folds).for_each(
+                |(k, sums)| {
+                    let mut rng = stream(seed, Purpose::Surrogate, 0, k);
+                    for sums in sums.chunks_mut(p) {
+                        let net = scrambled_net(proposal.uniforms(), points, &mut rng);
+                        let mut own = vec![0.0; p];
+                        let (standard, coordinate) = (&self.standard, self.coordinate);
+                        variate.integrate(&net, proposal, standard, coordinate, &mut own);
+                        let shared = sums.iter_mut().zip(&own).zip(&part.shares);
+                        shared.for_each(|((s, own), share)| *s += share * own);
+                    }
+                },
+            );
+        }
+        Some(controls)
+    }
+
+    /// Adds to every sub-net's sums of integral a the mean of `value(i, a)` times phi over its samples.
+    fn add_means(&self, value: impl Fn(usize, usize) -> f64, sums: &mut [f64]) {
         let (first, r) = (self.first, self.sampler.replicates);
         let (labels, p) = (&self.sampler.pool.replicate[first..], sums.len() / r);
         let mut counts = vec![0.0; r];
         labels.iter().for_each(|k| counts[*k as usize] += 1.0);
         let rows = self.features[first * p..].chunks_exact(p);
-        for ((value, label), phi) in values.iter().zip(labels).zip(rows) {
+        for (i, (label, phi)) in labels.iter().zip(rows).enumerate() {
             let k = *label as usize;
-            let value = value / counts[k];
-            sums[k * p..(k + 1) * p].iter_mut().zip(phi).for_each(|(s, phi)| *s += value * phi);
+            for (a, (s, phi)) in sums[k * p..(k + 1) * p].iter_mut().zip(phi).enumerate() {
+                *s += value(i, a) / counts[k] * phi;
+            }
         }
     }
 }
@@ -384,20 +448,12 @@ fn of_all_samples(
     let mixture = Proposal::of_stages(&sampler.proposals)?;
     let ln_w = sampler.ln_weights();
     let process = process(sampler, raw);
-    let mut ways = MadeOf::ways(sampler, &mixture, process.as_ref());
-    if ways.is_empty() {
-        return None;
-    }
+    let ways = MadeOf::ways(sampler, &mixture, process.as_ref());
     let ln_q = &sampler.pool.ln_mixture_over_prior;
     let drawn = Drawn { first: 0, proposal: &mixture, ln_q, ln_w: &ln_w };
     let control = Control::new(sampler, (raw, ln_scale), &drawn, coordinate);
-    let best = if ways.len() == 1 {
-        ways.pop()
-    } else {
-        let left = ways.into_iter().filter_map(|way| Some((control.left(&way)?, way)));
-        left.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, way)| way)
-    };
-    control.integrals(&best?, finishing)
+    let stack = control.stacked(ways);
+    if stack.is_empty() { None } else { control.integrals(&stack, finishing) }
 }
 
 /// All samples with the weights of the result, and the evidence. `raw` are the importance weights over
@@ -420,9 +476,10 @@ pub(crate) fn estimate(
         of_all_samples(sampler, raw, ln_scale, coordinate, finishing)
     } else {
         Drawn::finally(sampler, &frozen).and_then(|drawn| {
-            let made_of = MadeOf::quadratics(drawn.proposal)?;
+            let ways = vec![MadeOf::quadratics(drawn.proposal)?];
             let control = Control::new(sampler, (raw, ln_scale), &drawn, coordinate);
-            control.integrals(&made_of, finishing)
+            let stack = control.stacked(ways);
+            control.integrals(&stack, finishing)
         })
     };
     let held = known.is_some_and(|known| estimator.hold_to(known, sampler.pool.d, far));
