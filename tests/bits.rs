@@ -57,7 +57,7 @@ const KEPT: [Kept; 11] = [
     ),
     (
         "--plan experiments/external/impact.toml",
-        &[("samples.csv", "0a9e1766eda42c8b"), ("draws.csv", "21ca4b1f7e139942")],
+        &[("samples.csv", "0b3b751499b1b4bf"), ("draws.csv", "3e9f6fcf467bf8e8")],
     ),
     ("scene experiments/scenes/four-particles.toml", &[("series.csv", "78d3c6ecd45f4b48")]),
 ];

@@ -437,7 +437,7 @@ impl Sampler<'_> {
     }
 }
 
-/// The integrals over all samples, by the surrogate that leaves the least of them.
+/// The integrals over all samples, by the surrogates that together leave the least of them.
 fn of_all_samples(
     sampler: &Sampler<'_>,
     raw: &[f64],

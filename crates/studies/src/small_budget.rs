@@ -47,8 +47,8 @@ within one sd that do. The neck-growth problems are the measured curves under th
 The figures depend on seeds only, not on the machine or its load.
 
 The surrogate is a Gaussian process through the outputs (or the log likelihoods, where there are no outputs). It says where to simulate; weights are
-those of the true likelihood. A process, or local quadratics, whichever leaves the least of them where it is left out, takes noise out of the estimates as
-a control variate.
+those of the true likelihood. Processes and local quadratics, with the shares that leave the least of them where they are left out, take noise out of the
+estimates as a control variate.
 ";
 
 pub(crate) fn run(args: &SmallBudgetArgs, out: &Path) -> Result<(), Failure> {
