@@ -14,7 +14,7 @@
 //! Where a Gaussian process places the samples ([`crate::small_budget`]), the mixture of all proposals stands for q and all samples
 //! for the final stage: each sub-net's are held against a g through all others. That g is, for each phi, the sum of several processes
 //! and of local quadratics, with the shares that leave the least of f phi / q where they were left out (stacking: L. Breiman,
-//! Mach. Learn. 24 (1996) 49), and an integral that the sub-nets do not know much better with it than without is left to the
+//! Mach. Learn. 24 (1996) 49), of many samples the one that leaves the least, and an integral that the sub-nets do not know much better with it than without is left to the
 //! samples. As samples are placed by what earlier ones gave, and covariances and shares are those of all, this is without bias only
 //! up to terms that fall with the square of its error.
 //!
@@ -25,8 +25,8 @@
 mod variate;
 
 use self::variate::{
-    Model, Standard, Variate, cap, count_pairs_twice, features, least_squares_shares, left, metric,
-    scatter, surrogate,
+    Model, Standard, Variate, cap, closest, count_pairs_twice, features, left, metric, scatter,
+    stacked, surrogate,
 };
 use crate::Evidence;
 use crate::estimate::{Estimator, Integrals};
@@ -49,9 +49,10 @@ const POINTS: [usize; 2] = [8, 32_768];
 const POINTS_OF_PROCESS: usize = 16_384;
 /// Parts of the final stage, each with a surrogate that its own samples had no part in; of a process, every sub-net is one.
 const FOLDS: usize = 2;
-/// Samples that tell the shares of surrogates, and the least share of one that is used.
+/// Samples that tell how close surrogates are, and most samples of which they tell shares: those of a smaller part are too noisy.
+/// With shares a banana was twice as far off at 1024, where local quadratics leave next to nothing.
 const JUDGES: usize = 150;
-const LEAST_SHARE: f64 = 0.02;
+const STACKED: usize = 2 * JUDGES;
 /// Fewest samples that a process is held against, and fewest sub-nets: two do not show what pairs of samples do.
 const FEWEST: usize = 32;
 const FEWEST_NETS: usize = 3;
@@ -254,7 +255,7 @@ impl<'a> Control<'a> {
         (JUDGES * r).div_ceil(self.target.len()).min(r)
     }
 
-    /// Some ways, with the shares that leave the least of f phi / q where they are left out.
+    /// Some ways, with the shares that leave the least of f phi / q where they are left out, or of many samples the best one.
     fn stacked(&self, ways: Vec<MadeOf<'a>>) -> Vec<Part<'a>> {
         let p = coefficients(self.sampler.pool.d);
         if ways.len() == 1 {
@@ -265,19 +266,15 @@ impl<'a> Control<'a> {
         let (ways, values): (Vec<_>, Vec<_>) = judged.unzip();
         let judges = self.judges() as u32;
         let labels = &self.sampler.pool.replicate[self.first..];
-        let shares: Vec<Vec<f64>> = (0..p)
+        let squares: Vec<Vec<f64>> = (0..p)
             .map(|a| {
                 let phi = self.features[self.first * p + a..].iter().step_by(p);
-                let squares: Vec<f64> = labels
-                    .iter()
-                    .zip(phi)
-                    .map(|(k, phi)| if *k < judges { phi * phi } else { 0.0 })
-                    .collect();
-                let mut shares = least_squares_shares(&values, &self.target, &squares);
-                shares.iter_mut().filter(|s| **s < LEAST_SHARE).for_each(|s| *s = 0.0);
-                shares
+                let judged = labels.iter().zip(phi);
+                judged.map(|(k, phi)| if *k < judges { phi * phi } else { 0.0 }).collect()
             })
             .collect();
+        let shares = if self.target.len() <= STACKED { stacked } else { closest };
+        let shares = shares(&values, &self.target, &squares);
         let parts = ways.into_iter().enumerate().map(|(k, made_of)| Part {
             made_of,
             shares: shares.iter().map(|of_integral| of_integral[k]).collect(),

@@ -180,14 +180,43 @@ pub(super) fn left(target: &[f64], control: &[f64]) -> f64 {
     left / variance(&mut target.iter().copied())
 }
 
+/// Least share of a control that is used.
+const LEAST_SHARE: f64 = 0.02;
+
+/// Shares of all controls for each integral, whose terms are weighted by its own squares.
+pub(super) fn stacked(
+    controls: &[Vec<f64>],
+    target: &[f64],
+    squares: &[Vec<f64>],
+) -> Vec<Vec<f64>> {
+    let of_integral = |squares: &Vec<f64>| {
+        let mut shares = least_squares_shares(controls, target, squares);
+        shares.iter_mut().filter(|s| **s < LEAST_SHARE).for_each(|s| *s = 0.0);
+        shares
+    };
+    squares.iter().map(of_integral).collect()
+}
+
+/// Same, all of the one control that leaves the least squares over all integrals.
+pub(super) fn closest(
+    controls: &[Vec<f64>],
+    target: &[f64],
+    squares: &[Vec<f64>],
+) -> Vec<Vec<f64>> {
+    let left = |control: &Vec<f64>| -> f64 {
+        let off = target.iter().zip(control).map(|(t, c)| (t - c).powi(2));
+        off.enumerate().map(|(i, off)| off * squares.iter().map(|s| s[i]).sum::<f64>()).sum()
+    };
+    let left: Vec<f64> = controls.iter().map(left).collect();
+    let best = (0..left.len()).min_by(|a, b| left[*a].total_cmp(&left[*b]));
+    let one = (0..left.len()).map(|k| if Some(k) == best { 1.0 } else { 0.0 }).collect();
+    vec![one; squares.len()]
+}
+
 /// Shares c, none negative, for which `target - sum of c_k controls_k` has the least sum of weighted squares, coordinate by
 /// coordinate (V. Franc, V. Hlavac, M. Navara, Computer Analysis of Images and Patterns (2005) 407). Controls that are all but
 /// alike take many steps to their own shares, and their sum few.
-pub(super) fn least_squares_shares(
-    controls: &[Vec<f64>],
-    target: &[f64],
-    weights: &[f64],
-) -> Vec<f64> {
+fn least_squares_shares(controls: &[Vec<f64>], target: &[f64], weights: &[f64]) -> Vec<f64> {
     const STEPS: usize = 2000;
     const CHANGED: f64 = 1e-9;
     let m = controls.len();
@@ -303,6 +332,9 @@ mod tests {
         let of = |a: &[f64], b: &[f64]| -> f64 { (0..4).map(|i| weights[i] * a[i] * b[i]).sum() };
         let alone = of(&controls[0], &target) / of(&controls[0], &controls[0]);
         assert!((found[0] - alone).abs() < 1e-12 && found[1] == 0.0, "{found:?} {alone}");
+        // The target, 0.8 of the first and -0.4 of the second, is closer to the first.
+        let found = closest(&controls, &target, &[weights.to_vec(), weights.to_vec()]);
+        assert_eq!(found, [[1.0, 0.0], [1.0, 0.0]]);
         // What is zero wherever it counts has no share.
         let found = least_squares_shares(&[vec![0.0; 4]], &target, &weights);
         assert_eq!(found, [0.0]);
