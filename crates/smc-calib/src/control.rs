@@ -14,9 +14,9 @@
 //! Where a Gaussian process places the samples ([`crate::small_budget`]), the mixture of all proposals stands for q and all samples
 //! for the final stage: each sub-net's are held against a g through all others. That g is, for each phi, the sum of several processes
 //! and of local quadratics, with the shares that leave the least of f phi / q where they were left out (stacking: L. Breiman,
-//! Mach. Learn. 24 (1996) 49), of many samples the one that leaves the least, and an integral that the sub-nets do not know much better with it than without is left to the
-//! samples. As samples are placed by what earlier ones gave, and covariances and shares are those of all, this is without bias only
-//! up to terms that fall with the square of its error.
+//! Mach. Learn. 24 (1996) 49); of more than [`STACKED`] samples it is the one that leaves the least. An integral that the sub-nets do
+//! not know much better with it than without is left to the samples. As samples are placed by what earlier ones gave, and covariances
+//! and shares are those of all, this is without bias only up to terms that fall with the square of its error.
 //!
 //! Every sub-net of the stage has its own net for the second term, so that it is a replicate of the whole, and the
 //! spread of the sub-nets is an error bar of both terms together. With a process the first term is one of pairs of samples,
@@ -49,9 +49,9 @@ const POINTS: [usize; 2] = [8, 32_768];
 const POINTS_OF_PROCESS: usize = 16_384;
 /// Parts of the final stage, each with a surrogate that its own samples had no part in; of a process, every sub-net is one.
 const FOLDS: usize = 2;
-/// Samples that tell how close surrogates are, and most samples of which they tell shares: those of a smaller part are too noisy.
-/// With shares a banana was twice as far off at 1024, where local quadratics leave next to nothing.
+/// Samples that tell how close surrogates are.
 const JUDGES: usize = 150;
+/// Most samples of which they tell shares: those of a smaller part are too noisy, and a banana was twice as far off at 1024.
 const STACKED: usize = 2 * JUDGES;
 /// Fewest samples that a process is held against, and fewest sub-nets: two do not show what pairs of samples do.
 const FEWEST: usize = 32;
@@ -446,6 +446,9 @@ fn of_all_samples(
     let ln_w = sampler.ln_weights();
     let process = process(sampler, raw);
     let ways = MadeOf::ways(sampler, &mixture, process.as_ref());
+    if ways.is_empty() {
+        return None;
+    }
     let ln_q = &sampler.pool.ln_mixture_over_prior;
     let drawn = Drawn { first: 0, proposal: &mixture, ln_q, ln_w: &ln_w };
     let control = Control::new(sampler, (raw, ln_scale), &drawn, coordinate);
