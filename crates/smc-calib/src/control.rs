@@ -22,7 +22,10 @@
 //! spread of the sub-nets is an error bar of both terms together. With a process the first term is one of pairs of samples,
 //! and the spread alone would say no more than half of its variance ([`count_pairs_twice`]).
 
+mod frozen;
 mod variate;
+
+pub(crate) use self::frozen::Frozen;
 
 use self::variate::{
     Model, Standard, Variate, cap, closest, count_pairs_twice, features, left, metric, scatter,
@@ -33,7 +36,7 @@ use crate::estimate::{Estimator, Integrals};
 use crate::gaussian_process::{Covariance, Found};
 use crate::mixture::Proposal;
 use crate::neighbours::MOST_DIMENSIONS;
-use crate::pool::{effective_sample_size, exponentiate};
+use crate::pool::effective_sample_size;
 use crate::sampler::Sampler;
 use crate::small_budget::StandIn;
 use crate::sobol::scrambled_net;
@@ -41,8 +44,8 @@ use crate::stage::Finishing;
 use crate::stream::{Purpose, stream};
 use crate::surrogate::{MOST_PARAMETERS, coefficients};
 use crate::trust::agree;
+use crate::trust::limits::HELD_AGAINST_PROCESS;
 use rayon::prelude::*;
-use std::ops::Range;
 
 /// Points that the surrogate is integrated with, per sample of the final stage, and at least; at least for a process.
 const POINTS: [usize; 2] = [8, 32_768];
@@ -67,22 +70,6 @@ const MOST_LEFT: f64 = 0.5;
 /// Standard error of the final stage's evidence, over that of all samples, from which on the latter is reported. By its number of
 /// samples the final stage has 1.4 times the error, and its mean is exact; with more it has missed what earlier stages found.
 const WORSE: f64 = 1.5;
-
-/// Least share of the samples, one in so many, from which a stage of an extended run has an evidence of its own.
-const OWN_EVIDENCE: usize = 16;
-
-/// Share, one in so many, of the samples in the last stages of a run that a Gaussian process places.
-const TOGETHER_FROZEN: usize = 4;
-
-/// Stages whose proposals were fixed before they were drawn: the last one; see [`Sampler::frozen`].
-pub(crate) struct Frozen {
-    /// Its first sample in the pool.
-    pub first: usize,
-    /// Log of the proposal over the prior at its samples.
-    pub ln_q: Vec<f64>,
-    /// Log weights: likelihood times prior over the proposal.
-    pub ln_w: Vec<f64>,
-}
 
 /// Samples that were drawn from one density q.
 struct Drawn<'a> {
@@ -387,65 +374,17 @@ impl<'a> Control<'a> {
     }
 }
 
-impl Sampler<'_> {
-    /// The samples of the last stage, or the last that is large enough, weighted by the one density that they were drawn from;
-    /// of small stages that a process places, the last ones that together have [`TOGETHER_FROZEN`] of the samples, each by its own.
-    pub(crate) fn frozen(&self) -> Frozen {
-        let (len, parts) = (self.pool.len(), self.settings.parts());
-        let mut end = len;
-        let stages = self.proposals.iter().rev().map(|(n, proposal)| {
-            let range = end - n..end;
-            end -= n;
-            (range, proposal)
-        });
-        let mut stages: Vec<(Range<usize>, &Proposal)> = stages.collect();
-        if self.placing.surrogate {
-            let enough = len - len.div_ceil(TOGETHER_FROZEN);
-            let last = stages.iter().position(|(range, _)| range.start <= enough);
-            stages.truncate(last.map_or(stages.len(), |last| last + 1));
-        } else {
-            // As large as the last one of the first part is enough.
-            let enough = self.schedule(parts[0]).last().copied().unwrap_or(len);
-            let enough = enough.min(len / OWN_EVIDENCE);
-            let large = |range: &Range<usize>| parts.len() == 1 || range.len() >= enough;
-            let chosen = stages.iter().position(|(range, _)| large(range)).unwrap_or(0);
-            stages = stages.into_iter().skip(chosen).take(1).collect();
-        }
-        let mut frozen = Frozen { first: len, ln_q: Vec::new(), ln_w: Vec::new() };
-        for (range, proposal) in stages.into_iter().rev() {
-            let ln_q = self.ln_proposal(proposal, range.clone());
-            frozen.ln_w.extend(self.pool.ln_l[range.clone()].iter().zip(&ln_q).map(|(l, q)| l - q));
-            frozen.ln_q.extend(ln_q);
-            frozen.first = frozen.first.min(range.start);
-        }
-        frozen
-    }
-
-    /// Log evidence from that stage alone, with its standard error. Samples are weighted by the one density that they
-    /// were drawn from, which was fixed before: the mean of the evidence (not of its logarithm) is exact.
-    pub(crate) fn frozen_evidence(&self, frozen: &Frozen) -> (f64, f64) {
-        let (weights, ln_scale) = exponentiate(&frozen.ln_w);
-        if ln_scale == f64::NEG_INFINITY {
-            return (f64::MIN, f64::MAX);
-        }
-        let stage = frozen.first..frozen.first + frozen.ln_w.len();
-        let label = self.pool.replicate[stage].to_vec();
-        Estimator::of(label, weights, ln_scale, self.replicates).log_evidence()
-    }
-}
-
 /// The integrals over all samples, by the surrogates that together leave the least of them.
 fn of_all_samples(
     sampler: &Sampler<'_>,
-    raw: &[f64],
-    ln_scale: f64,
+    process: Option<&StandIn<'_>>,
+    (raw, ln_scale): (&[f64], f64),
     coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
     finishing: &mut Finishing<'_>,
 ) -> Option<Integrals> {
     let mixture = Proposal::of_stages(&sampler.proposals)?;
     let ln_w = sampler.ln_weights();
-    let process = process(sampler, raw);
-    let ways = MadeOf::ways(sampler, &mixture, process.as_ref());
+    let ways = MadeOf::ways(sampler, &mixture, process);
     if ways.is_empty() {
         return None;
     }
@@ -470,10 +409,11 @@ pub(crate) fn estimate(
     let frozen = sampler.frozen();
     let (frozen_value, frozen_se) = sampler.frozen_evidence(&frozen);
     let far = sampler.placing.surrogate || sampler.pool.d > MOST_DIMENSIONS;
+    let process = process(sampler, raw);
     let known = if sampler.pool.d > MOST_PARAMETERS || sampler.replicates < 2 {
         None
     } else if far {
-        of_all_samples(sampler, raw, ln_scale, coordinate, finishing)
+        of_all_samples(sampler, process.as_ref(), (raw, ln_scale), coordinate, finishing)
     } else {
         Drawn::finally(sampler, &frozen).and_then(|drawn| {
             let ways = vec![MadeOf::quadratics(drawn.proposal)?];
@@ -494,6 +434,20 @@ pub(crate) fn estimate(
         (pooled_value, pooled_se)
     };
     let agree = agree(pooled_value, frozen_value, pooled_se.hypot(frozen_se));
-    let evidence = Evidence { value, se, frozen_value, frozen_se, pooled_value, pooled_se, agree };
+    let by_process = process
+        .filter(|_| effective_sample_size(raw) < HELD_AGAINST_PROCESS)
+        .and_then(|process| sampler.evidences_of(&process));
+    let [process_value, process_mean] = by_process.map_or([None; 2], |both| both.map(Some));
+    let evidence = Evidence {
+        value,
+        se,
+        frozen_value,
+        frozen_se,
+        pooled_value,
+        pooled_se,
+        agree,
+        process_value,
+        process_mean,
+    };
     (estimator, evidence)
 }

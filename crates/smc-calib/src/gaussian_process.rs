@@ -200,6 +200,50 @@ impl GaussianProcess {
         }
     }
 
+    /// Principal components of the columns' covariance `V^T K^-1 V / n`, in their units: direction and variance of each, the largest
+    /// first. `values` are the n rows that the process runs through (section 9.1 of the same; subspace iteration: G. H. Golub,
+    /// C. F. Van Loan, Matrix Computations (2013), section 8.2.4).
+    pub(crate) fn principal<'v>(
+        &self,
+        values: impl Iterator<Item = &'v [f64]>,
+        count: usize,
+    ) -> Vec<(Vec<f64>, f64)> {
+        const STEPS: usize = 12;
+        let m = self.units.len();
+        let rows: Vec<f64> = values
+            .flat_map(|row| row.iter().zip(self.offsets.iter().zip(&self.units)))
+            .map(|(v, (offset, unit))| (v - offset) / unit)
+            .collect();
+        let n = (rows.len() / m) as f64;
+        let multiplied = |x: &[f64]| {
+            let mut sum = vec![0.0; m];
+            for (row, c) in rows.chunks_exact(m).zip(self.coefficients.chunks_exact(m)) {
+                let along = dot(c, x) / n;
+                sum.iter_mut().zip(row).for_each(|(s, v)| *s += along * v);
+            }
+            sum
+        };
+        // Any directions that are not alike.
+        let wave = |k: usize| (0..m).map(move |j| (1.0 + 0.618 * (j * (k + 1)) as f64).sin());
+        let mut found: Vec<(Vec<f64>, f64)> =
+            (0..count).map(|k| (wave(k).collect(), 0.0)).collect();
+        for _ in 0..STEPS {
+            for k in 0..count {
+                let mut x = multiplied(&found[k].0);
+                for (before, _) in &found[..k] {
+                    let along = dot(before, &x);
+                    x.iter_mut().zip(before).for_each(|(x, b)| *x -= along * b);
+                }
+                let length = dot(&x, &x).sqrt();
+                if length > 0.0 {
+                    x.iter_mut().for_each(|x| *x /= length);
+                }
+                found[k] = (x, length);
+            }
+        }
+        found
+    }
+
     /// Covariances of coordinates x with all samples.
     fn covariances(&self, x: &[f64]) -> Vec<f64> {
         let mut covariances = vec![0.0; self.points.len() / self.d];

@@ -261,6 +261,13 @@ pub struct Evidence {
     pub pooled_se: f64,
     /// Whether those two agree within three standard errors.
     pub agree: bool,
+    /// By the likelihood that the process through the samples predicts, without weights, where a process places samples and came to
+    /// fewer than [`HELD_AGAINST_PROCESS`](crate::trust::limits::HELD_AGAINST_PROCESS) effective ones.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub process_value: Option<f64>,
+    /// Same, by the mean of that likelihood over the errors of a process through curves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub process_mean: Option<f64>,
 }
 
 /// Where simulations fail, and what that means for posterior and evidence, in which they count as likelihood zero.

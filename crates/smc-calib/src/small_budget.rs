@@ -1,10 +1,13 @@
 //! Budgets of 30 to two thousand simulations: more and smaller stages, placed by a stand-in for the likelihood.
 
+mod unknown;
+
+use self::unknown::Unknown;
 use crate::cholesky::{whiten, whitening};
 use crate::gaussian_process::{Covariance, Data, Found, GaussianProcess};
 use crate::mixture::Component;
 use crate::normal;
-use crate::pool::Pool;
+use crate::pool::{Pool, exponentiate};
 use crate::sampler::Sampler;
 use crate::target::Target;
 use crate::{Settings, SimError};
@@ -14,13 +17,15 @@ use crate::{Settings, SimError};
 const FIRST: f64 = 0.24;
 /// Share of each proposal that is fitted to the samples themselves, without the stand-in, so that a stand-in that is sure
 /// of the wrong place is found out.
-const OWN: f64 = 0.15;
+const OWN: f64 = 0.05;
 /// Effective size that tempering aims at, per parameter and one more.
 const WISHED: f64 = 3.0;
 /// Largest error of the stand-in's log likelihood; with a larger one it is flattened until it has this one.
 const ERROR: f64 = 4.0;
 /// Evaluations of the stand-in for one proposal.
 const EVALUATIONS: usize = 2048;
+/// Stream of the evaluations for its evidence; those for proposals have the number of their stage, in higher bits.
+const EVIDENCE: u64 = 1 << 47;
 /// Depth of log density below the best sample down to which errors of the stand-in count.
 const MATTERS: f64 = 6.0;
 /// Samples that a process runs through at most: the best ones, and some evenly spread over the ranks of the rest, so that it
@@ -63,10 +68,11 @@ const UNSURE: f64 = 2.0;
 
 /// Components of a proposal at most.
 const COMPONENTS: usize = 8;
-/// Every so many stages, a process through log likelihoods places samples where what it does not know weighs most: by f sd
-/// instead of f, with the log likelihood raised by so many standard deviations sd, within a bound, and with a floor below sd.
-/// The control variate leaves f times the process's error, which is what these samples make small.
-const HUNTS: usize = 3;
+/// Every so many stages, of few samples and of more than [`Points::FEW`], samples are placed where what the process does not know
+/// weighs most: by f sd instead of f, with the log likelihood raised by so many standard deviations sd, within a bound, and with a
+/// floor below sd. So modes are found that f itself rules out (PEEK at 100: of 40 runs 2 had not found it, and none since), and the
+/// control variate leaves f times the process's error, which is what these samples make small.
+const HUNTS: [usize; 2] = [2, 3];
 const OPTIMISM: f64 = 2.0;
 const MOST_OPTIMISM: f64 = 6.0;
 const KNOWN: f64 = 0.1;
@@ -75,6 +81,8 @@ const KNOWN: f64 = 0.1;
 pub(crate) struct StandIn<'a> {
     target: &'a dyn Target,
     pub process: GaussianProcess,
+    /// Numbers of the samples that it runs through, the best first.
+    chosen: Vec<usize>,
     /// Whether it predicts the outputs, from which the log likelihood follows, or the log likelihood itself.
     outputs: bool,
     /// Where samples failed; none where all finished.
@@ -82,8 +90,8 @@ pub(crate) struct StandIn<'a> {
     /// Power of the likelihood: its root mean square error, when each of the best samples is left out, is then
     /// [`ERROR`] at most.
     power: f64,
-    /// Whether the density that is placed by is that of what the process does not know, f sd, rather than f.
-    hunting: bool,
+    /// Where the density that is placed by is that of what the process does not know, f sd, rather than f.
+    hunting: Option<Unknown>,
 }
 
 impl<'a> StandIn<'a> {
@@ -168,30 +176,39 @@ impl<'a> StandIn<'a> {
         } else {
             None
         };
-        Some(Self { target, process, outputs, failing, power, hunting: false })
+        Some(Self { target, process, chosen, outputs, failing, power, hunting: None })
     }
 
     /// Log likelihood, not flattened, lowered where the process does not know it: by what half its variance exceeds [`UNSURE`] by.
     /// For outputs it is what the log likelihood loses, in the mean, one standard deviation of the process above and below them.
     pub(crate) fn ln_likelihood_at(&self, z: &[f64]) -> f64 {
         let variance = self.process.variance(z);
-        let (ln_l, unsure) = if self.outputs {
-            let mut outputs = vec![0.0; self.target.kept()];
-            self.process.predict(z, &mut outputs);
+        let (outputs, ln_l) = self.predicted(z);
+        let unsure = if self.outputs {
             let off = |by: f64| -> f64 {
                 let units = outputs.iter().zip(&self.process.units);
                 let moved: Vec<f64> = units.map(|(o, unit)| o + by * unit).collect();
                 self.target.ln_likelihood_of(&moved).unwrap_or(f64::NAN)
             };
-            let (sd, ln_l) = (variance.sqrt(), off(0.0));
-            (ln_l, ln_l - 0.5 * (off(sd) + off(-sd)))
+            let sd = variance.sqrt();
+            ln_l - 0.5 * (off(sd) + off(-sd))
         } else {
-            let mut one = [0.0];
-            self.process.predict(z, &mut one);
-            (one[0], 0.5 * variance * self.process.units[0].powi(2))
+            0.5 * variance * self.process.units[0].powi(2)
         };
         ln_l - if unsure.is_nan() { f64::INFINITY } else { (unsure - UNSURE).max(0.0) }
             + self.ln_finished(z)
+    }
+
+    /// What the process predicts at z, and the log likelihood by it.
+    fn predicted(&self, z: &[f64]) -> (Vec<f64>, f64) {
+        let mut values = vec![0.0; self.process.units.len()];
+        self.process.predict(z, &mut values);
+        let ln_l = if self.outputs {
+            self.target.ln_likelihood_of(&values).unwrap_or(f64::NAN)
+        } else {
+            values[0]
+        };
+        (values, ln_l)
     }
 
     /// Log of the probability that a simulation finishes and has a likelihood above zero.
@@ -273,22 +290,34 @@ impl Target for StandIn<'_> {
     }
 
     fn ln_likelihood(&self, z: &[f64], _: &mut [f64]) -> Result<f64, SimError> {
-        let ln_l = if self.outputs {
-            let mut outputs = vec![0.0; self.target.kept()];
-            self.process.predict(z, &mut outputs);
-            self.target.ln_likelihood_of(&outputs).unwrap_or(f64::NAN)
-        } else {
-            let mut one = [0.0];
-            self.process.predict(z, &mut one);
-            one[0]
-        };
-        let sought = if self.hunting {
-            let sd = self.process.variance(z).sqrt() * self.process.units[0];
-            self.power * (ln_l + (OPTIMISM * sd).min(MOST_OPTIMISM)) + (sd.min(1.0) + KNOWN).ln()
-        } else {
-            self.power * ln_l
+        let (values, ln_l) = self.predicted(z);
+        let sought = match &self.hunting {
+            Some(unknown) => {
+                let sd = unknown.sd(self, z, &values);
+                let raised = self.power * (ln_l + (OPTIMISM * sd).min(MOST_OPTIMISM));
+                raised + (sd.min(1.0) + KNOWN).ln()
+            }
+            None => self.power * ln_l,
         };
         Ok(sought + self.ln_finished(z))
+    }
+}
+
+/// A stand-in that is not flattened: the likelihood that it predicts, or its mean over what it does not know.
+struct Whole<'a, 'b> {
+    stand_in: &'a StandIn<'b>,
+    unknown: Option<&'a Unknown>,
+}
+
+impl Target for Whole<'_, '_> {
+    fn dimension(&self) -> usize {
+        self.stand_in.dimension()
+    }
+
+    fn ln_likelihood(&self, z: &[f64], _: &mut [f64]) -> Result<f64, SimError> {
+        let (values, ln_l) = self.stand_in.predicted(z);
+        let mean = self.unknown.and_then(|unknown| unknown.ln_mean(self.stand_in, z, &values));
+        Ok(mean.unwrap_or(ln_l) + self.stand_in.ln_finished(z))
     }
 }
 
@@ -372,30 +401,14 @@ impl Sampler<'_> {
         if self.placing.surrogate { wished.max(WISHED * (self.pool.d + 1) as f64) } else { wished }
     }
 
-    /// Components of the next proposal from the stand-in; none where it is not asked for or cannot be made.
-    pub(crate) fn placed(&mut self, weights: &[f64]) -> Option<Vec<Component>> {
-        if !self.placing.surrogate {
-            return None;
-        }
-        let n = self.pool.len();
-        let covariance = match &self.searched {
-            Some((searched, known)) if n > FEW && (n as f64) < GROWN * *searched as f64 => {
-                Covariance::Known(known)
-            }
-            _ => Covariance::Search,
-        };
-        let stage = self.stages();
-        let mut stand_in = StandIn::new(self.target, &self.pool, weights, 0..n, covariance)?;
-        if matches!(covariance, Covariance::Search) {
-            self.searched = Some((n, stand_in.process.found.clone()));
-        }
-        stand_in.hunting = !stand_in.outputs && stage % HUNTS == 1;
-        let settings = Settings {
-            samples: EVALUATIONS,
+    /// Settings of a run of so many evaluations of a stand-in.
+    fn inner_settings(&self, samples: usize, stream: u64) -> Settings {
+        Settings {
+            samples,
             max_components: COMPONENTS,
             iterations: 5,
             replicates: 1,
-            seed: self.settings.seed ^ ((stage as u64) << 48),
+            seed: self.settings.seed ^ stream,
             final_share: 0.4,
             tempering_share: 0.1,
             patches: 1,
@@ -405,7 +418,51 @@ impl Sampler<'_> {
             earlier: Vec::new(),
             first_proposal: None,
             ..self.placing.clone()
+        }
+    }
+
+    /// Log evidence by a stand-in as it is, not flattened, and by its mean over what it does not know. Half of the first evaluations
+    /// are where the last samples were placed, so that a narrow posterior that was found is not looked for again.
+    pub(crate) fn evidences_of(&self, stand_in: &StandIn<'_>) -> Option<[f64; 2]> {
+        let mut opening = self.proposals.last()?.1.clone();
+        let total: f64 = opening.components.iter().map(|c| c.weight).sum();
+        opening.prior_share = if total > 0.0 { 0.5 } else { 1.0 };
+        opening.components.iter_mut().for_each(|c| c.weight *= 0.5 / total);
+        let settings = self.inner_settings(2 * EVALUATIONS, EVIDENCE);
+        let evidence = |unknown| -> Option<f64> {
+            let whole = Whole { stand_in, unknown };
+            let mut inner = Sampler::new(&whole, &settings);
+            (inner.tails, inner.opening) = (false, opening.clone());
+            inner.run().ok()?;
+            let (weights, ln_scale) = exponentiate(&inner.ln_weights());
+            Some(ln_scale + (weights.iter().sum::<f64>() / weights.len() as f64).ln())
         };
+        let unknown = Unknown::new(stand_in, &self.pool);
+        Some([evidence(None)?, evidence(Some(&unknown))?])
+    }
+
+    /// Components of the next proposal from the stand-in; none where it is not asked for or cannot be made.
+    pub(crate) fn placed(&mut self, weights: &[f64]) -> Option<Vec<Component>> {
+        if !self.placing.surrogate {
+            return None;
+        }
+        let (n, stage) = (self.pool.len(), self.stages());
+        let few = n < Points::FEW.most();
+        let hunting = stage % HUNTS[usize::from(!few)] == 1;
+        let covariance = match &self.searched {
+            Some((searched, known))
+                if hunting || n > FEW && (n as f64) < GROWN * *searched as f64 =>
+            {
+                Covariance::Known(known)
+            }
+            _ => Covariance::Search,
+        };
+        let mut stand_in = StandIn::new(self.target, &self.pool, weights, 0..n, covariance)?;
+        if matches!(covariance, Covariance::Search) {
+            self.searched = Some((n, stand_in.process.found.clone()));
+        }
+        stand_in.hunting = hunting.then(|| Unknown::new(&stand_in, &self.pool));
+        let settings = self.inner_settings(EVALUATIONS, (stage as u64) << 48);
         let mut inner = Sampler::new(&stand_in, &settings);
         inner.tails = false;
         inner.run().ok()?;

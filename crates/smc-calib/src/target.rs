@@ -30,6 +30,11 @@ pub trait Target: Sync {
         None
     }
 
+    /// The measured values of the kept numbers, where the log likelihood follows from these alone.
+    fn measured(&self) -> Option<Vec<f64>> {
+        None
+    }
+
     /// Tells that the log likelihoods of these samples will be asked for: see [`crate::Simulator::announce`].
     fn announce(&self, first: usize, z: &[f64]) {
         let _ = (first, z);
@@ -338,6 +343,11 @@ impl Target for CurveTarget<'_> {
 
     fn ln_likelihood_of(&self, kept: &[f64]) -> Option<f64> {
         (!self.thinned).then(|| self.likelihood.ln_joint(kept))
+    }
+
+    fn measured(&self) -> Option<Vec<f64>> {
+        let values = self.problem.groups.iter().flat_map(|group| group.observations.values());
+        (!self.thinned).then(|| values.copied().collect())
     }
 
     fn revised(&self, samples: usize) -> Vec<usize> {

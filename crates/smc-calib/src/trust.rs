@@ -292,11 +292,24 @@ impl Posterior {
         let flattened = self.stages.last().is_some_and(|s| s.beta < 1.0);
         let mut signs = Vec::new();
         if self.settings.process_placed(self.counters.simulations) {
-            if ess < FEWEST_OF_SMALL_BUDGET {
+            let Evidence { value, process_value, process_mean, .. } = self.log_evidence;
+            let [beside, mean] = [process_value, process_mean].map(|by| by.map(|by| by - value));
+            // What the process says as well does not rest on a few weights.
+            let agrees = beside.is_some_and(|beside| beside.abs() < PROCESS_AGREES)
+                && mean.is_some_and(|mean| PROCESS_KNOWS.contains(&mean));
+            if ess < FEWEST_BESIDE_PROCESS {
+                signs.push("fewer than four effective samples");
+            } else if ess < FEWEST_OF_SMALL_BUDGET && !agrees {
                 signs.push("fewer than seven effective samples");
             }
-            if !self.tails_hold() {
+            if !self.tails_hold() && !agrees {
                 signs.push("the importance weights have a heavy tail");
+            }
+            if beside.is_some_and(|beside| beside.abs() * ess.sqrt() > EVIDENCE_ERRORS) {
+                signs.push("the process through the samples has another evidence");
+            }
+            if mean.is_some_and(|mean| mean < PROCESS_KNOWS.start) {
+                signs.push("the process is not known as closely as a good fit needs");
             }
             if !self.log_evidence.agree {
                 signs.push("the evidence of the last samples is not that of all");
