@@ -403,6 +403,29 @@ mod tests {
     }
 
     #[test]
+    fn principal_components_are_those_of_the_columns_covariance_given_the_process() {
+        use nalgebra::{DMatrix, SymmetricEigen};
+        let (z, m) = (points(30), 5);
+        let curve = |z: &[f64]| -> Vec<f64> {
+            (0..m).map(|k| (z[0] + 0.4 * k as f64).sin() + 0.3 * (z[1] * k as f64).cos()).collect()
+        };
+        let process = through(&z, m, curve);
+        let rows: Vec<Vec<f64>> = z.chunks_exact(2).map(curve).collect();
+        let values = DMatrix::from_fn(30, m, |i, k| rows[i][k]);
+        let coefficients = DMatrix::from_row_slice(30, m, &process.coefficients);
+        let exact = SymmetricEigen::new(values.transpose() * coefficients / 30.0);
+        let mut order: Vec<usize> = (0..m).collect();
+        order.sort_by(|a, b| exact.eigenvalues[*b].total_cmp(&exact.eigenvalues[*a]));
+        let found = process.principal(rows.iter().map(Vec::as_slice), 2);
+        for ((direction, variance), k) in found.iter().zip(order) {
+            assert!((variance / exact.eigenvalues[k] - 1.0).abs() < 1e-3, "{variance}");
+            let along: f64 =
+                direction.iter().zip(exact.eigenvectors.column(k).iter()).map(|(a, b)| a * b).sum();
+            assert!((along.abs() - 1.0).abs() < 1e-3, "{along}");
+        }
+    }
+
+    #[test]
     fn evidence_does_not_change_when_many_columns_are_narrowed() {
         let z = points(12);
         let many: Vec<f64> = z

@@ -115,3 +115,105 @@ fn moved(outputs: &[f64], units: &[f64], direction: &[f64], by: f64) -> Vec<f64>
     let parts = outputs.iter().zip(units).zip(direction);
     parts.map(|((o, unit), b)| o + by * unit * b).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gaussian_process::Covariance;
+    use crate::normal::ln_density;
+    use crate::sampler::Sampler;
+    use crate::target::Target;
+    use crate::{Settings, SimError};
+
+    /// Three values of one parameter, measured with known errors.
+    struct Three;
+
+    const MEASURED: [f64; 3] = [0.4, 0.1, 0.9];
+    const SIGMA: f64 = 0.3;
+
+    impl Target for Three {
+        fn dimension(&self) -> usize {
+            1
+        }
+
+        fn kept(&self) -> usize {
+            3
+        }
+
+        fn ln_likelihood(&self, z: &[f64], kept: &mut [f64]) -> Result<f64, SimError> {
+            kept.copy_from_slice(&[(3.0 * z[0]).sin(), (2.0 * z[0]).cos(), (3.0 * z[0]).cos()]);
+            Ok(self.ln_likelihood_of(kept).unwrap_or(f64::NAN))
+        }
+
+        fn ln_likelihood_of(&self, kept: &[f64]) -> Option<f64> {
+            let each = kept.iter().zip(MEASURED).map(|(k, y)| ln_density((k - y) / SIGMA));
+            Some(each.sum())
+        }
+
+        fn measured(&self) -> Option<Vec<f64>> {
+            Some(MEASURED.to_vec())
+        }
+    }
+
+    /// Mean and variance of a function of the errors of the curves at z, over a fine grid of all components.
+    fn over_errors(
+        stand_in: &StandIn<'_>,
+        unknown: &Unknown,
+        z: &[f64],
+        value: impl Fn(f64) -> f64,
+    ) -> [f64; 2] {
+        let Unknown::OfCurves { components, .. } = unknown else { panic!("curves") };
+        assert!(components.len() <= 3);
+        let (predicted, sd) = (stand_in.predicted(z).0, stand_in.process.variance(z).sqrt());
+        let units = &stand_in.process.units;
+        let mut sums = [0.0; 3];
+        let steps = 81_i32;
+        for number in 0..steps.pow(components.len() as u32) {
+            let (mut at, mut weight, mut rest) = (predicted.clone(), 1.0, number);
+            for c in components {
+                let x = f64::from(rest % steps - steps / 2) / 5.0;
+                at = moved(&at, units, &c.direction, sd * c.variance.sqrt() * x);
+                weight *= (-0.5 * x * x).exp();
+                rest /= steps;
+            }
+            let value = value(Three.ln_likelihood_of(&at).expect("a likelihood"));
+            sums = [sums[0] + weight, sums[1] + weight * value, sums[2] + weight * value * value];
+        }
+        let mean = sums[1] / sums[0];
+        [mean, sums[2] / sums[0] - mean * mean]
+    }
+
+    #[test]
+    fn mean_and_sd_are_those_over_all_errors_of_the_curves() {
+        let settings = Settings { path: false, ..Settings::for_budget(32) };
+        let mut sampler = Sampler::new(&Three, &settings);
+        // The prior's samples alone: the process knows little.
+        let next = &mut |sampler: &mut Sampler<'_>| {
+            (sampler.stages() == 0).then(|| (9, crate::mixture::Proposal::prior(1), true))
+        };
+        sampler.place(next);
+        sampler.take().expect("no failure");
+        let pool = &sampler.pool;
+        let stand_in = StandIn::new(&Three, pool, &[1.0; 9], 0..9, Covariance::Search);
+        let stand_in = stand_in.expect("nine samples");
+        let unknown = Unknown::new(&stand_in, pool);
+        let mut unsure = 0;
+        for z in [-2.4, -1.9, -0.9, 0.6, 1.7, 2.2].map(|z| [z]) {
+            let predicted = stand_in.predicted(&z).0;
+            let found = unknown.ln_mean(&stand_in, &z, &predicted).expect("measured");
+            let plain = Three.ln_likelihood_of(&predicted).expect("a likelihood");
+            let [mean, _] = over_errors(&stand_in, &unknown, &z, |l| (l - found).exp());
+            assert!((mean - 1.0).abs() < 1e-3, "{z:?}: {mean}, log {found}");
+            unsure += usize::from((found - plain).abs() > 0.5);
+            // Of a quadratic the variance is that of its slope, and half the square of its curvature.
+            let sd = unknown.sd(&stand_in, &z, &predicted);
+            let [_, variance] = over_errors(&stand_in, &unknown, &z, |l| l);
+            let Unknown::OfCurves { components, .. } = &unknown else { panic!("curves") };
+            let v = stand_in.process.variance(&z);
+            let bent: f64 = components.iter().map(|c| (v * c.variance / c.noise).powi(2)).sum();
+            let exact = sd * sd + 0.5 * bent;
+            assert!((variance / exact - 1.0).abs() < 0.01, "{z:?}: {variance} {exact}");
+        }
+        assert!(unsure > 0, "nothing is unknown");
+    }
+}

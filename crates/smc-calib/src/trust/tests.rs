@@ -301,6 +301,34 @@ fn a_small_budget_is_too_small_with_fewer_than_seven_samples_or_a_flattened_like
 }
 
 #[test]
+fn few_samples_are_enough_where_the_process_says_the_same_and_more_are_not_where_it_does_not() {
+    let signs = |ess, khat, [process, mean]: [f64; 2]| {
+        let trust = after(|p| {
+            p.settings = Settings::for_budget(100);
+            (p.ess.importance, p.khat) = (ess, khat);
+            p.parameters.iter_mut().for_each(|of| (of.khat, of.tail_share) = (khat, 0.5));
+            let value = p.log_evidence.value;
+            p.log_evidence.process_value = Some(value + process);
+            p.log_evidence.process_mean = Some(value + mean);
+        });
+        trust.concerns.into_iter().find_map(|c| match c {
+            Concern::BudgetTooSmall { reason, .. } => Some(reason),
+            _ => None,
+        })
+    };
+    assert_eq!(signs(3.5, 0.9, [0.9, -0.5]), None);
+    assert!(signs(3.4, 0.2, [0.0, 0.0]).is_some_and(|r| r.contains("fewer than four")));
+    for apart in [[1.1, 0.0], [-1.1, 0.0], [0.0, 5.1], [0.0, -2.1]] {
+        assert!(signs(6.9, 0.2, apart).is_some_and(|r| r.contains("fewer than seven")));
+        assert!(signs(20.0, 0.8, apart).is_some_and(|r| r.contains("heavy tail")));
+    }
+    // Three standard errors of the evidence by sixteen samples are three quarters.
+    assert!(signs(16.0, 0.2, [0.76, 0.0]).is_some_and(|r| r.contains("another evidence")));
+    assert_eq!(signs(16.0, 0.2, [-0.74, 0.0]), None);
+    assert!(signs(29.0, 0.2, [0.0, -2.1]).is_some_and(|r| r.contains("a good fit needs")));
+}
+
+#[test]
 fn an_extended_run_is_judged_as_its_last_part_was_placed() {
     let reason = |samples| {
         let trust = after(|p| {
