@@ -75,6 +75,10 @@ pub struct Settings {
     pub path: bool,
 }
 
+/// So many samples of a small budget, or a part of them, are placed one by one, twice as many in pairs, and so on up to four at a
+/// time: of 50 runs placed four, two and one at a time the RMS error of PS is 2.9, 1.9 and 1.3 posterior sds, of PEEK 4.9, 3.9 and 3.0.
+const RUNS_PER_BATCH: usize = 50;
+
 /// Fields added later are written only where they say something, so that older readers understand the rest.
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
@@ -130,13 +134,13 @@ impl Settings {
             return Self { surrogate: samples < Self::WHOLLY_PLAIN, ..default };
         }
         Self {
-            iterations: 20,
+            iterations: if samples <= 4 * RUNS_PER_BATCH { 40 } else { 20 },
             final_share: 0.3,
             max_components: 3,
             patches: 1,
             defensive_share: 0.05,
             tempering_share: 0.3,
-            batch: 4,
+            batch: samples.div_ceil(RUNS_PER_BATCH).clamp(1, 4),
             surrogate: true,
             ..default
         }
