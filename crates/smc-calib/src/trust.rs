@@ -298,7 +298,7 @@ impl Posterior {
             let agrees = beside.is_some_and(|beside| beside.abs() < PROCESS_AGREES)
                 && mean.is_some_and(|mean| PROCESS_KNOWS.contains(&mean));
             if ess < FEWEST_BESIDE_PROCESS {
-                signs.push("fewer than four effective samples");
+                signs.push("fewer than three effective samples");
             } else if ess < FEWEST_OF_SMALL_BUDGET && !agrees {
                 signs.push("fewer than seven effective samples");
             }
