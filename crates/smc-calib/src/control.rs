@@ -136,7 +136,8 @@ impl<'a> MadeOf<'a> {
 /// The process through all samples, where one has placed them.
 fn process<'a>(sampler: &'a Sampler<'_>, weights: &[f64]) -> Option<StandIn<'a>> {
     let n = sampler.pool.len();
-    if !sampler.placing.surrogate || n < FEWEST || sampler.replicates < FEWEST_NETS {
+    let many = sampler.pool.d > MOST_PARAMETERS;
+    if !sampler.placing.surrogate || many || n < FEWEST || sampler.replicates < FEWEST_NETS {
         return None;
     }
     StandIn::new(sampler.target, &sampler.pool, weights, 0..n, Covariance::Search)

@@ -1,12 +1,12 @@
 //! Budgets of 30 to two thousand simulations: more and smaller stages, placed by a stand-in for the likelihood.
 
+mod failing;
 mod unknown;
 
+use self::failing::Failing;
 use self::unknown::Unknown;
-use crate::cholesky::{whiten, whitening};
 use crate::gaussian_process::{Covariance, Data, Found, GaussianProcess};
 use crate::mixture::Component;
-use crate::normal;
 use crate::pool::{Pool, exponentiate};
 use crate::sampler::Sampler;
 use crate::target::Target;
@@ -56,11 +56,6 @@ const GROWN: f64 = 1.2;
 const NUGGET: [f64; 2] = [0.02, 0.1];
 /// Nugget of curves, in units of their spread: at the best sample, and per unit of distance from its curve.
 const NUGGET_OF_CURVES: [f64; 2] = [0.003, 0.03];
-/// Nugget of what tells finished samples, 1, from failed ones, -1.
-const NUGGET_OF_FAILING: f64 = 0.1;
-/// Width of the edge between them: where it is known, and per standard deviation of the process. From errors and error bars on
-/// a ridge that a bound cuts.
-const EDGE: [f64; 2] = [0.2, 0.6];
 /// Most that the log likelihood is lowered by where simulations are expected to fail.
 const DEAD: f64 = 5.0;
 /// Half the variance of a log likelihood up to which the process is believed: a standard deviation of two.
@@ -132,8 +127,7 @@ impl<'a> StandIn<'a> {
         found: &Found,
     ) -> Option<Self> {
         let failing = self.failing.as_ref();
-        let failing =
-            failing.map_or(Covariance::Search, |f| Covariance::Like(&f.process.covariance));
+        let failing = failing.map_or(Covariance::Search, |f| Covariance::Like(f.covariance()));
         let covariances = [Covariance::Like(found), failing];
         Self::with(self.target, pool, weights, (known, Points::MANY), covariances)
     }
@@ -185,7 +179,7 @@ impl<'a> StandIn<'a> {
         let power = (ERROR / error.max(1e-9)).min(1.0);
         let alive: Vec<bool> = known.iter().map(|i| density[*i].is_finite()).collect();
         let failing = if alive.contains(&false) {
-            Some(Failing::new(pool, weights, &known, &alive, of_failing)?)
+            Some(Failing::new((pool, weights), (&known, &alive), Points::FEW.most(), of_failing)?)
         } else {
             None
         };
@@ -210,6 +204,16 @@ impl<'a> StandIn<'a> {
         };
         ln_l - if unsure.is_nan() { f64::INFINITY } else { (unsure - UNSURE).max(0.0) }
             + self.ln_finished(z)
+    }
+
+    /// What the process through samples of this pool does not know.
+    fn unknown(&self, pool: &Pool) -> Unknown {
+        if !self.outputs {
+            return Unknown::OfLikelihoods;
+        }
+        let m = pool.kept_width;
+        let rows = self.chosen.iter().map(|i| &pool.kept[i * m..(i + 1) * m]);
+        Unknown::of_curves(self.target, &self.process, rows)
     }
 
     /// What the process predicts at z, and the log likelihood by it.
@@ -307,11 +311,13 @@ impl Target for StandIn<'_> {
         let sought = match &self.sought {
             Sought::Plain => self.power * ln_l,
             Sought::Unknown(unknown) => {
-                let sd = unknown.sd(self, z, &values);
+                let sd = unknown.sd(self.target, &self.process, z, &values);
                 let raised = self.power * (ln_l + (OPTIMISM * sd).min(MOST_OPTIMISM));
                 raised + (sd.min(1.0) + KNOWN).ln()
             }
-            Sought::Mean(unknown) => self.power * unknown.ln_mean(self, z, &values).unwrap_or(ln_l),
+            Sought::Mean(unknown) => {
+                self.power * unknown.ln_mean(self.target, &self.process, z, &values).unwrap_or(ln_l)
+            }
         };
         Ok(sought + self.ln_finished(z))
     }
@@ -330,60 +336,10 @@ impl Target for Whole<'_, '_> {
 
     fn ln_likelihood(&self, z: &[f64], _: &mut [f64]) -> Result<f64, SimError> {
         let (values, ln_l) = self.stand_in.predicted(z);
-        let mean = self.unknown.and_then(|unknown| unknown.ln_mean(self.stand_in, z, &values));
+        let mean = self.unknown.and_then(|unknown| {
+            unknown.ln_mean(self.stand_in.target, &self.stand_in.process, z, &values)
+        });
         Ok(mean.unwrap_or(ln_l) + self.stand_in.ln_finished(z))
-    }
-}
-
-/// A process through 1 at samples that finished and -1 at those that failed or have no likelihood: it knows edges that run
-/// straight through the prior far better than neighbours do.
-struct Failing {
-    process: GaussianProcess,
-}
-
-impl Failing {
-    fn new(
-        pool: &Pool,
-        weights: &[f64],
-        known: &[usize],
-        alive: &[bool],
-        covariance: Covariance<'_>,
-    ) -> Option<Self> {
-        let (centre, inverse) = whitening(pool.d, &pool.z, weights)?;
-        let mut x = vec![0.0; pool.d];
-        let mut ranked: Vec<(f64, usize, bool)> = Vec::with_capacity(known.len());
-        for (i, alive) in known.iter().zip(alive) {
-            whiten(pool.point(*i), &centre, &inverse, &mut x);
-            ranked.push((x.iter().map(|x| x * x).sum(), *i, *alive));
-        }
-        // Both kinds in turn, those nearest to the posterior first.
-        ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let (finished, failed): (Vec<_>, Vec<_>) = ranked.into_iter().partition(|r| r.2);
-        let most = finished.len().max(failed.len());
-        let both = (0..most).flat_map(|k| [finished.get(k), failed.get(k)]).flatten();
-        let both: Vec<_> = both.take(Points::FEW.most()).collect();
-        let chosen: Vec<usize> = both.iter().map(|r| r.1).collect();
-        let values: Vec<f64> = both.iter().map(|r| if r.2 { 1.0 } else { -1.0 }).collect();
-        let process = GaussianProcess::new(Data {
-            d: pool.d,
-            z: &pool.z,
-            weights,
-            chosen: &chosen,
-            values: &values,
-            nuggets: &vec![NUGGET_OF_FAILING; values.len()],
-            offsets: vec![0.0],
-            units: vec![1.0],
-            covariance,
-        })?;
-        Some(Self { process })
-    }
-
-    /// Probability that a simulation finishes: that the process is above zero, for an edge that is not sharper than is known.
-    fn finished(&self, z: &[f64]) -> f64 {
-        let mut mean = [0.0];
-        self.process.predict(z, &mut mean);
-        let sd = self.process.variance(z).sqrt();
-        normal::cdf(mean[0] / (EDGE[0] + EDGE[1] * sd))
     }
 }
 
@@ -451,7 +407,7 @@ impl Sampler<'_> {
             let (weights, ln_scale) = exponentiate(&inner.ln_weights());
             Some(ln_scale + (weights.iter().sum::<f64>() / weights.len() as f64).ln())
         };
-        let unknown = Unknown::new(stand_in, &self.pool);
+        let unknown = stand_in.unknown(&self.pool);
         Some([evidence(None)?, evidence(Some(&unknown))?])
     }
 
@@ -476,9 +432,9 @@ impl Sampler<'_> {
             self.searched = Some((n, stand_in.process.found.clone()));
         }
         if hunting {
-            stand_in.sought = Sought::Unknown(Unknown::new(&stand_in, &self.pool));
+            stand_in.sought = Sought::Unknown(stand_in.unknown(&self.pool));
         } else if few && stage % MEANS == 2 {
-            stand_in.sought = Sought::Mean(Unknown::new(&stand_in, &self.pool));
+            stand_in.sought = Sought::Mean(stand_in.unknown(&self.pool));
         }
         let settings = self.inner_settings(EVALUATIONS, (stage as u64) << 48);
         let mut inner = Sampler::new(&stand_in, &settings);

@@ -12,8 +12,8 @@
 //! times `exp(-sum c_k^2 / (2 v e_k)) prod (1 + v e_k / lambda_k)^(-1/2)` (product of two normal densities; the same, section A.2). Of
 //! another likelihood that is Laplace's approximation, with the curvature at the measured curve itself: that of a perfect fit.
 
-use super::StandIn;
-use crate::pool::Pool;
+use crate::gaussian_process::GaussianProcess;
+use crate::target::Target;
 
 /// Principal components of the errors of curves that count.
 const COMPONENTS: usize = 4;
@@ -44,14 +44,13 @@ pub(super) struct Component {
 }
 
 impl Unknown {
-    /// Of a process through samples of the pool.
-    pub(super) fn new(stand_in: &StandIn<'_>, pool: &Pool) -> Self {
-        if !stand_in.outputs {
-            return Self::OfLikelihoods;
-        }
-        let m = pool.kept_width;
-        let rows = stand_in.chosen.iter().map(|i| &pool.kept[i * m..(i + 1) * m]);
-        let (process, target) = (&stand_in.process, stand_in.target);
+    /// Of a process through these rows of outputs, from which the target's log likelihood follows.
+    pub(super) fn of_curves<'v>(
+        target: &dyn Target,
+        process: &GaussianProcess,
+        rows: impl Iterator<Item = &'v [f64]>,
+    ) -> Self {
+        let m = process.units.len();
         let y = target.measured();
         let curvature = |direction: &[f64]| -> Option<f64> {
             let y = y.as_ref()?;
@@ -70,13 +69,19 @@ impl Unknown {
     }
 
     /// Standard deviation of the log likelihood at z, where the process predicts these values; of curves to first order.
-    pub(super) fn sd(&self, stand_in: &StandIn<'_>, z: &[f64], predicted: &[f64]) -> f64 {
-        let (sd, units) = (stand_in.process.variance(z).sqrt(), &stand_in.process.units);
+    pub(super) fn sd(
+        &self,
+        target: &dyn Target,
+        process: &GaussianProcess,
+        z: &[f64],
+        predicted: &[f64],
+    ) -> f64 {
+        let (sd, units) = (process.variance(z).sqrt(), &process.units);
         let Self::OfCurves { components, .. } = self else { return sd * units[0] };
         let along = |c: &Component| {
             let at = |by: f64| {
                 let moved = moved(predicted, units, &c.direction, by);
-                stand_in.target.ln_likelihood_of(&moved).unwrap_or(f64::NAN)
+                target.ln_likelihood_of(&moved).unwrap_or(f64::NAN)
             };
             let sd = sd * c.variance.sqrt();
             (0.5 * (at(sd) - at(-sd))).powi(2)
@@ -87,12 +92,13 @@ impl Unknown {
     /// Log of the likelihood's mean at z; none where the measured curve is not known.
     pub(super) fn ln_mean(
         &self,
-        stand_in: &StandIn<'_>,
+        target: &dyn Target,
+        process: &GaussianProcess,
         z: &[f64],
         predicted: &[f64],
     ) -> Option<f64> {
         let Self::OfCurves { measured: Some(measured), components } = self else { return None };
-        let (variance, units) = (stand_in.process.variance(z), &stand_in.process.units);
+        let (variance, units) = (process.variance(z), &process.units);
         let off =
             measured.iter().zip(predicted.iter().zip(units)).map(|(y, (p, unit))| y - p / unit);
         let off: Vec<f64> = off.collect();
@@ -106,7 +112,7 @@ impl Unknown {
                 at = moved(&at, units, direction, step);
             }
         }
-        stand_in.target.ln_likelihood_of(&at).map(|ln_l| ln_l + factor)
+        target.ln_likelihood_of(&at).map(|ln_l| ln_l + factor)
     }
 }
 
@@ -119,11 +125,9 @@ fn moved(outputs: &[f64], units: &[f64], direction: &[f64], by: f64) -> Vec<f64>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gaussian_process::Covariance;
+    use crate::SimError;
+    use crate::gaussian_process::{Covariance, Data};
     use crate::normal::ln_density;
-    use crate::sampler::Sampler;
-    use crate::target::Target;
-    use crate::{Settings, SimError};
 
     /// Three values of one parameter, measured with known errors.
     struct Three;
@@ -155,17 +159,23 @@ mod tests {
         }
     }
 
+    fn at(process: &GaussianProcess, z: &[f64]) -> Vec<f64> {
+        let mut values = vec![0.0; 3];
+        process.predict(z, &mut values);
+        values
+    }
+
     /// Mean and variance of a function of the errors of the curves at z, over a fine grid of all components.
     fn over_errors(
-        stand_in: &StandIn<'_>,
+        process: &GaussianProcess,
         unknown: &Unknown,
         z: &[f64],
         value: impl Fn(f64) -> f64,
     ) -> [f64; 2] {
         let Unknown::OfCurves { components, .. } = unknown else { panic!("curves") };
         assert!(components.len() <= 3);
-        let (predicted, sd) = (stand_in.predicted(z).0, stand_in.process.variance(z).sqrt());
-        let units = &stand_in.process.units;
+        let (predicted, sd) = (at(process, z), process.variance(z).sqrt());
+        let units = &process.units;
         let mut sums = [0.0; 3];
         let steps = 81_i32;
         for number in 0..steps.pow(components.len() as u32) {
@@ -185,31 +195,37 @@ mod tests {
 
     #[test]
     fn mean_and_sd_are_those_over_all_errors_of_the_curves() {
-        let settings = Settings { path: false, ..Settings::for_budget(32) };
-        let mut sampler = Sampler::new(&Three, &settings);
-        // The prior's samples alone: the process knows little.
-        let next = &mut |sampler: &mut Sampler<'_>| {
-            (sampler.stages() == 0).then(|| (9, crate::mixture::Proposal::prior(1), true))
-        };
-        sampler.place(next);
-        sampler.take().expect("no failure");
-        let pool = &sampler.pool;
-        let stand_in = StandIn::new(&Three, pool, &[1.0; 9], 0..9, Covariance::Search);
-        let stand_in = stand_in.expect("nine samples");
-        let unknown = Unknown::new(&stand_in, pool);
+        let z: Vec<f64> = (0..9).map(|i| 0.4 * f64::from(i) - 1.6).collect();
+        let mut values = vec![0.0; 27];
+        for (z, kept) in z.iter().zip(values.chunks_exact_mut(3)) {
+            Three.ln_likelihood(&[*z], kept).expect("never fails");
+        }
+        let process = GaussianProcess::new(Data {
+            d: 1,
+            z: &z,
+            weights: &[1.0; 9],
+            chosen: &(0..9).collect::<Vec<_>>(),
+            values: &values,
+            nuggets: &[1e-3; 9],
+            offsets: vec![0.0; 3],
+            units: vec![0.7; 3],
+            covariance: Covariance::Search,
+        });
+        let process = process.expect("nine samples");
+        let unknown = Unknown::of_curves(&Three, &process, values.chunks_exact(3));
         let mut unsure = 0;
         for z in [-2.4, -1.9, -0.9, 0.6, 1.7, 2.2].map(|z| [z]) {
-            let predicted = stand_in.predicted(&z).0;
-            let found = unknown.ln_mean(&stand_in, &z, &predicted).expect("measured");
+            let predicted = at(&process, &z);
+            let found = unknown.ln_mean(&Three, &process, &z, &predicted).expect("measured");
             let plain = Three.ln_likelihood_of(&predicted).expect("a likelihood");
-            let [mean, _] = over_errors(&stand_in, &unknown, &z, |l| (l - found).exp());
+            let [mean, _] = over_errors(&process, &unknown, &z, |l| (l - found).exp());
             assert!((mean - 1.0).abs() < 1e-3, "{z:?}: {mean}, log {found}");
             unsure += usize::from((found - plain).abs() > 0.5);
             // Of a quadratic the variance is that of its slope, and half the square of its curvature.
-            let sd = unknown.sd(&stand_in, &z, &predicted);
-            let [_, variance] = over_errors(&stand_in, &unknown, &z, |l| l);
+            let sd = unknown.sd(&Three, &process, &z, &predicted);
+            let [_, variance] = over_errors(&process, &unknown, &z, |l| l);
             let Unknown::OfCurves { components, .. } = &unknown else { panic!("curves") };
-            let v = stand_in.process.variance(&z);
+            let v = process.variance(&z);
             let bent: f64 = components.iter().map(|c| (v * c.variance / c.noise).powi(2)).sum();
             let exact = sd * sd + 0.5 * bent;
             assert!((variance / exact - 1.0).abs() < 0.01, "{z:?}: {variance} {exact}");

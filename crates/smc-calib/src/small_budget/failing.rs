@@ -1,0 +1,69 @@
+//! Where simulations fail, by a process.
+
+use crate::cholesky::{whiten, whitening};
+use crate::gaussian_process::{Covariance, Data, Found, GaussianProcess};
+use crate::normal;
+use crate::pool::Pool;
+
+/// Nugget of what tells finished samples, 1, from failed ones, -1.
+const NUGGET_OF_FAILING: f64 = 0.1;
+/// Width of the edge between them: where it is known, and per standard deviation of the process. From errors and error bars on
+/// a ridge that a bound cuts.
+const EDGE: [f64; 2] = [0.2, 0.6];
+
+/// A process through 1 at samples that finished and -1 at those that failed or have no likelihood: it knows edges that run
+/// straight through the prior far better than neighbours do.
+pub(super) struct Failing {
+    process: GaussianProcess,
+}
+
+impl Failing {
+    /// Of the known samples and whether each finished, through so many at most.
+    pub(super) fn new(
+        (pool, weights): (&Pool, &[f64]),
+        (known, alive): (&[usize], &[bool]),
+        points: usize,
+        covariance: Covariance<'_>,
+    ) -> Option<Self> {
+        let (centre, inverse) = whitening(pool.d, &pool.z, weights)?;
+        let mut x = vec![0.0; pool.d];
+        let mut ranked: Vec<(f64, usize, bool)> = Vec::with_capacity(known.len());
+        for (i, alive) in known.iter().zip(alive) {
+            whiten(pool.point(*i), &centre, &inverse, &mut x);
+            ranked.push((x.iter().map(|x| x * x).sum(), *i, *alive));
+        }
+        // Both kinds in turn, those nearest to the posterior first.
+        ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let (finished, failed): (Vec<_>, Vec<_>) = ranked.into_iter().partition(|r| r.2);
+        let most = finished.len().max(failed.len());
+        let both = (0..most).flat_map(|k| [finished.get(k), failed.get(k)]).flatten();
+        let both: Vec<_> = both.take(points).collect();
+        let chosen: Vec<usize> = both.iter().map(|r| r.1).collect();
+        let values: Vec<f64> = both.iter().map(|r| if r.2 { 1.0 } else { -1.0 }).collect();
+        let process = GaussianProcess::new(Data {
+            d: pool.d,
+            z: &pool.z,
+            weights,
+            chosen: &chosen,
+            values: &values,
+            nuggets: &vec![NUGGET_OF_FAILING; values.len()],
+            offsets: vec![0.0],
+            units: vec![1.0],
+            covariance,
+        })?;
+        Some(Self { process })
+    }
+
+    /// Its covariance.
+    pub(super) fn covariance(&self) -> &Found {
+        &self.process.covariance
+    }
+
+    /// Probability that a simulation finishes: that the process is above zero, for an edge that is not sharper than is known.
+    pub(super) fn finished(&self, z: &[f64]) -> f64 {
+        let mut mean = [0.0];
+        self.process.predict(z, &mut mean);
+        let sd = self.process.variance(z).sqrt();
+        normal::cdf(mean[0] / (EDGE[0] + EDGE[1] * sd))
+    }
+}
