@@ -37,7 +37,7 @@ const PATCHES: [Patch; 11] = [
         "self.pool.ln_base().iter().zip(crate::planted::likelihoods(&self.pool.ln_l))",
     ),
     (
-        "control.rs",
+        "control/frozen.rs",
         "self.pool.ln_l[range.clone()].iter().zip(&ln_q).map(|(l, q)| l - q)",
         "crate::planted::likelihoods(&self.pool.ln_l[range.clone()]).iter().zip(&ln_q).map(|(l, q)| l - q)",
     ),
