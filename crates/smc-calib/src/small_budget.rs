@@ -408,8 +408,13 @@ impl Sampler<'_> {
             let (weights, ln_scale) = exponentiate(&inner.ln_weights());
             Some(ln_scale + (weights.iter().sum::<f64>() / weights.len() as f64).ln())
         };
-        let unknown = stand_in.unknown(&self.pool);
-        Some([evidence(None)?, evidence(Some(&unknown))?])
+        let plain = evidence(None)?;
+        // Of log likelihoods there is no other mean.
+        let mean = match stand_in.unknown(&self.pool) {
+            Unknown::OfLikelihoods => plain,
+            unknown => evidence(Some(&unknown))?,
+        };
+        Some([plain, mean])
     }
 
     /// Components of the next proposal from the stand-in; none where it is not asked for or cannot be made.
