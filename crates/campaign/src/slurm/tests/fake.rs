@@ -21,11 +21,11 @@ use crate::table::Format;
 use crate::task::Task;
 use crate::{durable, seal};
 
-/// sbatch takes every job, writes down how it was called, and puts its elements into the queue.
+/// sbatch takes every job, puts its elements into the queue, and writes down how it was called last: who waits for that finds
+/// the queue complete.
 pub(super) const SBATCH: &str = r#"
 n=$(($(cat "$here/count" 2>/dev/null || echo 0) + 1))
 echo $n >"$here/count"
-echo "$@" >>"$here/sbatch.log"
 for a; do
     case $a in
         --job-name=*) name=${a#*=} ;;
@@ -33,6 +33,7 @@ for a; do
     esac
 done
 echo "$name|$n|$array|PENDING|Priority" >>"$here/queue"
+echo "$@" >>"$here/sbatch.log"
 echo $n
 "#;
 const SQUEUE: &str = r#"
@@ -161,7 +162,11 @@ impl Fake {
             stop: self.stop.clone(),
         };
         thread::scope(|scope| {
-            scope.spawn(move || cluster(&cluster_side));
+            scope.spawn(move || {
+                // A driver whose cluster does not go on is not waited for.
+                let _detach = DetachOnPanic(cluster_side.stop.clone());
+                cluster(&cluster_side);
+            });
             run(self)
         })
     }
@@ -194,6 +199,16 @@ fn put(programs: &Path, program: &str, script: &str) {
     fs::write(&aside, text).expect("script");
     fs::set_permissions(&aside, fs::Permissions::from_mode(0o755)).expect("mode");
     fs::rename(aside, path).expect("in place");
+}
+
+struct DetachOnPanic(Stop);
+
+impl Drop for DetachOnPanic {
+    fn drop(&mut self) {
+        if thread::panicking() {
+            self.0.detach();
+        }
+    }
 }
 
 /// Events on the cluster while the driver runs.
@@ -235,7 +250,6 @@ impl Cluster {
         let deadline = Instant::now() + Duration::from_secs(60);
         while !condition() {
             if Instant::now() > deadline {
-                self.stop.detach();
                 panic!("this never happened");
             }
             thread::sleep(Duration::from_millis(5));
