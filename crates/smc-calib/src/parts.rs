@@ -41,6 +41,22 @@ impl Settings {
         parts.rev().find(|part| self.of_part(*part).surrogate).unwrap_or(0)
     }
 
+    /// Number of samples that a Gaussian process places at a time: no more simulations can go on at once, unless stages
+    /// [`overlap`](Self::overlap). None where no process places, or batches are not set.
+    pub fn placed_at_a_time(&self) -> Option<usize> {
+        let placed = self.placed_by_process();
+        let own = self.of_part(placed);
+        if placed == 0 || own.batch == 0 {
+            return None;
+        }
+        own.batches(placed, own.adaptive(placed)).get(1).copied()
+    }
+
+    /// Number of a run's samples that are placed anew at every stage.
+    pub(crate) fn adaptive(&self, n: usize) -> usize {
+        ((n as f64 * (1.0 - self.final_share)) as usize).min(n)
+    }
+
     /// Whether a Gaussian process has placed the last of `simulations` samples.
     pub(crate) fn process_placed(&self, simulations: usize) -> bool {
         let part = self.parts().into_iter().find(|part| *part >= simulations);

@@ -96,7 +96,7 @@ impl<'a> Sampler<'a> {
     /// The same by other settings than those of the newest stage.
     pub(crate) fn schedule_by(&self, placing: &Settings, n: usize) -> Vec<usize> {
         let r = self.replicates;
-        let adaptive = ((n as f64 * (1.0 - placing.final_share)) as usize).min(n);
+        let adaptive = placing.adaptive(n);
         let stages = placing.iterations.max(1);
         if placing.batch > 0 {
             return placing.batches(n, adaptive);

@@ -191,7 +191,8 @@ impl<'a> StandIn<'a> {
     /// For outputs it is what the log likelihood loses, in the mean, one standard deviation of the process above and below them.
     pub(crate) fn ln_likelihood_at(&self, z: &[f64]) -> f64 {
         let variance = self.process.variance(z);
-        let (outputs, ln_l) = self.predicted(z);
+        let outputs = self.predicted(z);
+        let ln_l = self.ln_likelihood_of_predicted(&outputs);
         let unsure = if self.outputs {
             let off = |by: f64| -> f64 {
                 let units = outputs.iter().zip(&self.process.units);
@@ -217,16 +218,26 @@ impl<'a> StandIn<'a> {
         Unknown::of_curves(self.target, &self.process, rows)
     }
 
-    /// What the process predicts at z, and the log likelihood by it.
-    fn predicted(&self, z: &[f64]) -> (Vec<f64>, f64) {
+    /// What the process predicts at z.
+    fn predicted(&self, z: &[f64]) -> Vec<f64> {
         let mut values = vec![0.0; self.process.units.len()];
         self.process.predict(z, &mut values);
-        let ln_l = if self.outputs {
-            self.target.ln_likelihood_of(&values).unwrap_or(f64::NAN)
+        values
+    }
+
+    /// Log likelihood by what it predicts.
+    fn ln_likelihood_of_predicted(&self, values: &[f64]) -> f64 {
+        if self.outputs {
+            self.target.ln_likelihood_of(values).unwrap_or(f64::NAN)
         } else {
             values[0]
-        };
-        (values, ln_l)
+        }
+    }
+
+    /// Log of the likelihood's mean over what the process does not know; as predicted where that has no mean.
+    fn ln_mean(&self, unknown: &Unknown, z: &[f64], values: &[f64]) -> f64 {
+        let mean = unknown.ln_mean(self.target, &self.process, z, values);
+        mean.unwrap_or_else(|| self.ln_likelihood_of_predicted(values))
     }
 
     /// Log of the probability that a simulation finishes and has a likelihood above zero.
@@ -308,17 +319,16 @@ impl Target for StandIn<'_> {
     }
 
     fn ln_likelihood(&self, z: &[f64], _: &mut [f64]) -> Result<f64, SimError> {
-        let (values, ln_l) = self.predicted(z);
+        let values = self.predicted(z);
+        let ln_l = || self.ln_likelihood_of_predicted(&values);
         let sought = match &self.sought {
-            Sought::Plain => self.power * ln_l,
+            Sought::Plain => self.power * ln_l(),
             Sought::Unknown(unknown) => {
                 let sd = unknown.sd(self.target, &self.process, z, &values);
-                let raised = self.power * (ln_l + (OPTIMISM * sd).min(MOST_OPTIMISM));
+                let raised = self.power * (ln_l() + (OPTIMISM * sd).min(MOST_OPTIMISM));
                 raised + (sd.min(1.0) + KNOWN).ln()
             }
-            Sought::Mean(unknown) => {
-                self.power * unknown.ln_mean(self.target, &self.process, z, &values).unwrap_or(ln_l)
-            }
+            Sought::Mean(unknown) => self.power * self.ln_mean(unknown, z, &values),
         };
         Ok(sought + self.ln_finished(z))
     }
@@ -336,11 +346,12 @@ impl Target for Whole<'_, '_> {
     }
 
     fn ln_likelihood(&self, z: &[f64], _: &mut [f64]) -> Result<f64, SimError> {
-        let (values, ln_l) = self.stand_in.predicted(z);
-        let mean = self.unknown.and_then(|unknown| {
-            unknown.ln_mean(self.stand_in.target, &self.stand_in.process, z, &values)
-        });
-        Ok(mean.unwrap_or(ln_l) + self.stand_in.ln_finished(z))
+        let values = self.stand_in.predicted(z);
+        let ln_l = match self.unknown {
+            Some(unknown) => self.stand_in.ln_mean(unknown, z, &values),
+            None => self.stand_in.ln_likelihood_of_predicted(&values),
+        };
+        Ok(ln_l + self.stand_in.ln_finished(z))
     }
 }
 

@@ -74,24 +74,7 @@ fn lines(plan: &Plan, executor: &ExecutorPlan) -> Vec<String> {
         Some(design) => {
             format!("design        {} parameter sets of {}", design.sets.len(), design.file)
         }
-        None => format!(
-            "sampler       {} simulations{}, {}, seed {}{}",
-            plan.sampler.samples,
-            match plan.sampler.earlier.last() {
-                Some(earlier) => format!(" ({earlier} of them those of the run that is extended)"),
-                None => String::new(),
-            },
-            match plan.sampler.placed_by_process() {
-                first if (1..plan.sampler.samples).contains(&first) && !plan.is_tuned() =>
-                    format!("the first {first} placed by a Gaussian process"),
-                _ => format!("{} adaptive stages", plan.sampler.iterations),
-            },
-            plan.sampler.seed,
-            match plan.sampler.overlap {
-                0 => String::new(),
-                overlap => format!(", overlap {overlap}: runs of several stages go on at a time"),
-            }
-        ),
+        None => sampler_in_words(plan),
     });
     if let Some(earlier) = &plan.proposal {
         lines.push(format!("begins from   {}", earlier.result()));
@@ -102,7 +85,59 @@ fn lines(plan: &Plan, executor: &ExecutorPlan) -> Vec<String> {
         executor_in_words(executor),
         runs(plan)
     ));
+    lines.extend(idle(plan, executor));
     lines
+}
+
+fn sampler_in_words(plan: &Plan) -> String {
+    let sampler = &plan.sampler;
+    let placed = match sampler.placed_by_process() {
+        0 => None,
+        all if all == sampler.samples => Some("placed".to_owned()),
+        first => Some(format!("the first {first} placed")),
+    };
+    let at_a_time = sampler.placed_at_a_time().map_or_else(String::new, |n| {
+        if n == 1 { ", one by one".into() } else { format!(", {n} at a time") }
+    });
+    format!(
+        "sampler       {} simulations{}, {}, seed {}{}",
+        sampler.samples,
+        match sampler.earlier.last() {
+            Some(earlier) => format!(" ({earlier} of them those of the run that is extended)"),
+            None => String::new(),
+        },
+        match placed {
+            Some(placed) if !plan.is_tuned() =>
+                format!("{placed} by a Gaussian process{at_a_time}"),
+            _ => format!("{} adaptive stages", sampler.iterations),
+        },
+        sampler.seed,
+        match sampler.overlap {
+            0 => String::new(),
+            overlap => format!(", overlap {overlap}: runs of several stages go on at a time"),
+        }
+    )
+}
+
+/// Processes that stand idle because fewer runs are placed at a time than could go on, where a larger batch would help.
+fn idle(plan: &Plan, executor: &ExecutorPlan) -> Option<String> {
+    let ExecutorPlan::Local { parallel: Some(parallel) } = executor else { return None };
+    let (sampler, commands) = (&plan.sampler, plan.commands().count());
+    let runs = sampler.placed_at_a_time()? * commands;
+    let waits = sampler.overlap == 0 && plan.design.is_none() && !plan.is_tuned();
+    if runs == 0 || runs >= *parallel || !waits {
+        return None;
+    }
+    let batch = parallel.div_ceil(commands);
+    if sampler.batch >= batch {
+        return None;
+    }
+    Some(format!(
+        "  idle        {} of {parallel} processes, as {runs} run{} can go on at a time; batch = {batch} in [sampler] takes less \
+         time and is less accurate",
+        parallel - runs,
+        if runs == 1 { "" } else { "s" },
+    ))
 }
 
 fn experiment_lines(experiment: &ExperimentPlan) -> Vec<String> {

@@ -241,3 +241,45 @@ fn a_design_gives_the_parameter_sets_and_must_lie_in_the_prior() {
     let error = place.read(&text).expect_err("out of the prior");
     assert_eq!((error.mistake, error.line), (Mistake::OutOfRange, Some(3)));
 }
+
+#[test]
+fn a_plan_says_how_many_processes_stand_idle_and_none_does_with_the_batch_that_it_names() {
+    for samples in [17, 30, 50, 51, 100, 101, 150, 151, 200, 201, 300, 1000, 2047, 2048, 9000] {
+        for parallel in [1, 2, 3, 4, 5, 8, 13, 64] {
+            let words = |batch: String| {
+                let text =
+                    PLAN.replacen("samples = 40", &format!("samples = {samples}\n{batch}"), 1);
+                let text = format!("{text}\n[executor]\nkind = \"local\"\nparallel = {parallel}\n");
+                let planned = Place::new().read(&text).expect("a plan");
+                crate::plan::understood(&planned).details
+            };
+            let idle = |lines: &[String]| {
+                lines.iter().find_map(|l| Some(l.trim().strip_prefix("idle")?.trim().to_owned()))
+            };
+            let lines = words(String::new());
+            let at_a_time = match () {
+                () if samples <= 50 => "one by one",
+                () if samples <= 100 => "2 at a time",
+                () if samples <= 150 => "3 at a time",
+                () if samples == 2048 => "the first 400 placed by a Gaussian process",
+                () if samples == 9000 => "8 adaptive stages",
+                () => " at a time",
+            };
+            assert!(
+                lines.iter().any(|l| l.contains("sampler") && l.contains(at_a_time)),
+                "{lines:?}"
+            );
+            let few = usize::from(samples > 50) + usize::from(samples > 100) + 1;
+            if samples <= 150 {
+                assert_eq!(idle(&lines).is_some(), few < parallel, "{samples} {parallel}");
+            }
+            if let Some(idle_now) = idle(&lines) {
+                let expected = format!("{} of {parallel} processes", parallel - few);
+                assert!(samples > 150 || idle_now.starts_with(&expected), "{idle_now}");
+                let batch = idle_now.split("batch = ").nth(1).and_then(|t| t.split(' ').next());
+                let with = words(format!("batch = {}", batch.expect("a remedy")));
+                assert_eq!(idle(&with), None, "{samples} {parallel}: {with:?}");
+            }
+        }
+    }
+}
