@@ -14,8 +14,8 @@
 //! Where a Gaussian process places the samples ([`crate::small_budget`]), the mixture of all proposals stands for q and all samples
 //! for the final stage: each sub-net's are held against a g through all others. That g is, for each phi, the sum of several processes
 //! and of local quadratics, with the shares that leave the least of f phi / q where they were left out (stacking: L. Breiman,
-//! Mach. Learn. 24 (1996) 49); of more than [`STACKED`] samples it is the one that leaves the least. An integral that the sub-nets do
-//! not know much better with it than without is left to the samples. As samples are placed by what earlier ones gave, and covariances
+//! Mach. Learn. 24 (1996) 49); of more than [`STACKED`] samples it is the one that leaves the least. The better the sub-nets know an
+//! integral with it than without, the larger the part of it that is taken with it ([`SHARES`]). As samples are placed by what earlier ones gave, and covariances
 //! and shares are those of all, this is without bias only up to terms that fall with the square of its error.
 //!
 //! Every sub-net of the stage has its own net for the second term, so that it is a replicate of the whole, and the
@@ -63,9 +63,10 @@ const FEWEST_NETS: usize = 3;
 /// samples than sub-nets: with half, a run of 8 effective samples was 0.9 posterior standard deviations off and said 0.05.
 const LEAST_EXPLAINED: f64 = 0.5;
 const LEAST_EXPLAINED_OF_FEW: f64 = 0.9;
-/// Largest spread of the sub-nets' values of an integral that weights are held to, squared, over that by samples alone:
-/// a g that is wrong where there are no samples differs from sub-net to sub-net by the points that each of them has there.
-const MOST_LEFT: f64 = 0.5;
+/// Of the variances of an integral by samples alone and with g, the share of the former in their sum up to which it is left to the
+/// samples, and from which on it is taken with g; between them a part of it is. A g that is wrong where there are no samples differs
+/// from sub-net to sub-net by the points that each of them has there.
+const SHARES: [f64; 2] = [0.4, 0.8];
 
 /// Standard error of the final stage's evidence, over that of all samples, from which on the latter is reported. By its number of
 /// samples the final stage has 1.4 times the error, and its mean is exact; with more it has missed what earlier stages found.
@@ -305,13 +306,16 @@ impl<'a> Control<'a> {
         self.add_means(|i, a| target[i] - control(i, a), &mut of_sub_nets);
         let mut by_samples = vec![0.0; r * p];
         self.add_means(|i, _| target[i], &mut by_samples);
-        let better = (0..p)
-            .map(|a| scatter(&of_sub_nets, p, a) < MOST_LEFT * scatter(&by_samples, p, a))
-            .collect();
+        let share = |a: usize| {
+            let (known, samples) = (scatter(&of_sub_nets, p, a), scatter(&by_samples, p, a));
+            let best = samples / (known + samples);
+            ((best - SHARES[0]) / (SHARES[1] - SHARES[0])).clamp(0.0, 1.0)
+        };
+        let shares = (0..p).map(share).collect();
         if !local {
             count_pairs_twice(&mut of_sub_nets, &of_nets, p);
         }
-        Some(Integrals { of_sub_nets, features: self.features, better })
+        Some(Integrals { of_sub_nets, features: self.features, shares })
     }
 
     /// Adds a part's share of the integrals of g phi, by nets of its own for every sub-net; its g at the samples, each where it is

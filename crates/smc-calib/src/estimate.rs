@@ -19,6 +19,9 @@ use std::ops::RangeInclusive;
 const CHANGES: RangeInclusive<f64> = -0.8..=2.0;
 /// Least and largest factor on a weight that is tilted as far as it takes.
 const TILTS: RangeInclusive<f64> = 0.02..=50.0;
+/// Parts of their shares that moments are held to, in this order; least share of the evidence.
+const PARTS: [f64; 5] = [1.0, 0.8, 0.6, 0.4, 0.2];
+const LEAST_SHARE: f64 = 2.0 / 3.0;
 /// Most steps of Newton's method to the tilt, most halvings of each, and the relative gap at which it is found.
 const STEPS: usize = 50;
 const HALVINGS: i32 = 30;
@@ -53,39 +56,16 @@ pub(crate) struct Integrals {
     pub of_sub_nets: Vec<f64>,
     /// Per sample of the pool: 1, x_j, x_i x_j of the standardised coordinates.
     pub features: Vec<f64>,
-    /// Which of them are known much better than by sums over the samples.
-    pub better: Vec<bool>,
+    /// Share of each that is taken from here, the rest from sums over the samples: the less these know it, the more.
+    pub shares: Vec<f64>,
 }
 
 impl Integrals {
-    /// Those of some features, of `p`.
-    fn only(&self, p: usize, columns: &[usize]) -> Self {
-        let of = |all: &[f64]| -> Vec<f64> {
-            all.chunks_exact(p).flat_map(|row| columns.iter().map(|a| row[*a])).collect()
-        };
-        Self {
-            of_sub_nets: of(&self.of_sub_nets),
-            features: of(&self.features),
-            better: vec![true; columns.len()],
-        }
+    /// The evidence alone, of p integrals.
+    fn evidence(&self, p: usize) -> Self {
+        let of = |all: &[f64]| all.iter().step_by(p).copied().collect();
+        Self { of_sub_nets: of(&self.of_sub_nets), features: of(&self.features), shares: vec![1.0] }
     }
-}
-
-/// The ways to hold weights to integrals in d coordinates, the best first: the features, of 1, x_j and x_i x_j, and the
-/// spreads that are tried. Few effective samples have no weights with all moments: those of each coordinate are then
-/// held without their products, or the evidence alone, which leaves moments as they are.
-fn ways(d: usize, far: bool) -> Vec<(Vec<usize>, &'static [Spread])> {
-    let all = (0..coefficients(d)).collect();
-    if !far {
-        return vec![(all, &[Spread::Weight, Spread::Root])];
-    }
-    let squares = (0..d).map(|i| 1 + d + i * (i + 1) / 2 + i);
-    vec![
-        (all, &[Spread::Weight, Spread::Far]),
-        ((0..=d).chain(squares).collect(), &[Spread::Weight, Spread::Root, Spread::Far]),
-        ((0..=d).collect(), &[Spread::Weight, Spread::Root, Spread::Far]),
-        (vec![0], &[Spread::One]),
-    ]
 }
 
 /// Integrals that the weights are held to.
@@ -209,24 +189,27 @@ impl Estimator {
     }
 
     /// Holds the weights to integrals over `d` coordinates; false, and nothing is changed, where that would change a weight by too
-    /// much. With `far` weights may change as far as [`TILTS`], and are held to fewer integrals, those that are known better, rather
-    /// than to none: where importance weights are few. Their heavy tail does not show in the held ones any more.
+    /// much. With `far`, where importance weights are few, weights may change as far as [`TILTS`]. Where they would change further,
+    /// moments are held to a mean of what is known and of what the samples say, the first of [`PARTS`] that weights have, and rather
+    /// to the evidence alone than to nothing. Their heavy tail does not show in the held ones any more.
     pub(crate) fn hold_to(&mut self, integrals: Integrals, d: usize, far: bool) -> bool {
-        let all = coefficients(d);
-        if far && !integrals.better[0] {
-            return false;
-        }
-        let found = ways(d, far).into_iter().find_map(|(mut columns, spreads)| {
-            columns.retain(|a| !far || integrals.better[*a]);
-            // A copy only where fewer are held: those of all samples are many.
-            let fewer = (columns.len() < all).then(|| integrals.only(all, &columns));
-            let wished = fewer.as_ref().unwrap_or(&integrals);
-            let mut spreads = spreads.iter();
-            let held = spreads.find_map(|spread| Some((*spread, self.held(*spread, wished)?)))?;
-            Some((columns.len(), fewer, held))
-        });
-        let Some((p, fewer, (spread, (weights, of_pool, factor)))) = found else { return false };
-        let integrals = fewer.unwrap_or(integrals);
+        let p = coefficients(d);
+        let by = |integrals: Integrals, spreads: &[Spread]| {
+            let held = spreads.iter().find_map(|s| Some((*s, self.held(*s, &integrals)?)))?;
+            Some((integrals, held))
+        };
+        let found = if !far {
+            by(integrals, &[Spread::Weight, Spread::Root])
+        } else if integrals.shares[0] < LEAST_SHARE {
+            None
+        } else {
+            let parts = PARTS.iter();
+            let mut found = parts
+                .map(|part| by(self.partly(&integrals, p, *part), &[Spread::Weight, Spread::Far]));
+            found.find_map(|found| found).or_else(|| by(integrals.evidence(p), &[Spread::One]))
+        };
+        let Some((integrals, (spread, (weights, of_pool, factor)))) = found else { return false };
+        let p = integrals.shares.len();
         self.total = weights.iter().sum();
         self.weights = weights;
         self.known = Some(Known { p, integrals, of_pool, spread, factor, far });
@@ -237,6 +220,27 @@ impl Estimator {
     /// as it takes say nothing of the tail that they had.
     pub(crate) fn judged<'a>(&'a self, raw: &'a [f64]) -> &'a [f64] {
         if self.known.as_ref().is_some_and(|known| known.far) { raw } else { &self.weights }
+    }
+
+    /// The evidence as it is known, and of the other p integrals a part of their shares, the rest by the samples at this evidence.
+    fn partly(&self, integrals: &Integrals, p: usize, part: f64) -> Integrals {
+        let Integrals { of_sub_nets, features, shares } = integrals;
+        let mut by_samples = vec![0.0; of_sub_nets.len()];
+        for ((w, label), features) in
+            self.weights.iter().zip(&self.label).zip(features.chunks_exact(p))
+        {
+            let sums = &mut by_samples[*label as usize * p..][..p];
+            sums.iter_mut().zip(features).for_each(|(s, f)| *s += w * f);
+        }
+        let evidence = |of: &[f64]| of.iter().step_by(p).sum::<f64>();
+        let factor = evidence(of_sub_nets) / evidence(&by_samples);
+        for (known, by_samples) in of_sub_nets.chunks_exact(p).zip(by_samples.chunks_exact_mut(p)) {
+            for (a, (known, of)) in known.iter().zip(by_samples).enumerate() {
+                let share = if a == 0 { 1.0 } else { part * shares[a] };
+                *of = share * known + (1.0 - share) * factor * *of;
+            }
+        }
+        Integrals { of_sub_nets: by_samples, features: features.clone(), shares: shares.clone() }
     }
 
     /// Weights held to integrals, and their [`sums`]; none where a weight would change by too much.
@@ -377,8 +381,8 @@ mod tests {
             .flat_map(|i| [1.0, (1.7 * i as f64).sin() + f64::from(u8::from(i == 5))])
             .collect();
         let known = [2.0, 0.3].map(|sum| sum / n as f64);
-        let (of_sub_nets, better) = (known.repeat(r), vec![true; 2]);
-        let integrals = Integrals { of_sub_nets, features: features.clone(), better };
+        let (of_sub_nets, shares) = (known.repeat(r), vec![1.0; 2]);
+        let integrals = Integrals { of_sub_nets, features: features.clone(), shares };
         let label = (0..n).map(|i| (i % r) as u32).collect();
         let (weights, _, _) = Estimator::of(label, weights, 0.0, r).held(spread, &integrals)?;
         let sum = |a: usize| -> f64 {
@@ -399,35 +403,73 @@ mod tests {
         }
     }
 
-    /// 64 equal weights and integrals of 1, x and x^2 that are 1.1, 0.2 and 40; the sum of the held weights times x^2 over 64.
-    fn mean_square(better: [bool; 3]) -> Option<f64> {
+    /// 64 equal weights and integrals of 1, x and x^2 that are 1.1, 0.2 and another; the means of 1, x and x^2 by the held weights.
+    fn far(square: f64, shares: [f64; 3]) -> Option<[f64; 3]> {
         let (n, r) = (64, 4);
         let x: Vec<f64> = (0..n).map(|i| (1.7 * f64::from(i)).sin()).collect();
         let features: Vec<f64> = x.iter().flat_map(|x| [1.0, *x, x * x]).collect();
-        let of_sub_nets = [1.1, 0.2, 40.0].repeat(r);
-        let integrals = Integrals { of_sub_nets, features, better: better.to_vec() };
+        let of_sub_nets = [1.1, 0.2, square].repeat(r);
+        let integrals = Integrals { of_sub_nets, features, shares: shares.to_vec() };
         let label = (0..n as u32).map(|i| i % r as u32).collect();
         let mut estimator = Estimator::of(label, vec![1.0; n as usize], 0.0, r);
         estimator.hold_to(integrals, 1, true).then(|| {
-            let sum = |power: i32| -> f64 {
-                estimator.weights.iter().zip(&x).map(|(w, x)| w * x.powi(power)).sum()
-            };
-            assert!((sum(0) / f64::from(n) - 1.1).abs() < 1e-9, "{}", sum(0));
-            assert!((sum(1) / f64::from(n) - 0.2).abs() < 1e-9, "{}", sum(1));
-            sum(2) / f64::from(n)
+            [0, 1, 2].map(|power| {
+                let terms = estimator.weights.iter().zip(&x).map(|(w, x)| w * x.powi(power));
+                terms.sum::<f64>() / f64::from(n)
+            })
         })
+    }
+
+    /// The same by equal weights of the same sum.
+    fn by_samples() -> [f64; 3] {
+        let x = (0..64).map(|i| (1.7 * f64::from(i)).sin());
+        let sums = x.fold([0.0; 3], |s, x| [s[0] + 1.0, s[1] + x, s[2] + x * x]);
+        sums.map(|sum| 1.1 * sum / 64.0)
+    }
+
+    fn assert_close(a: f64, b: f64) {
+        assert!((a - b).abs() < 1e-9, "{a} {b}");
+    }
+
+    #[test]
+    fn weights_are_held_to_the_share_of_each_integral_that_is_taken() {
+        let samples = by_samples();
+        for shares in [[1.0; 3], [1.0, 1.0, 0.5], [1.0, 0.3, 1.0], [0.7, 0.0, 0.6]] {
+            let held = far(0.4, shares).expect("held");
+            assert_close(held[0], 1.1);
+            for (a, known) in [(1, 0.2), (2, 0.4)] {
+                assert_close(held[a], shares[a] * known + (1.0 - shares[a]) * samples[a]);
+            }
+        }
     }
 
     #[test]
     fn an_integral_that_samples_know_as_well_is_left_to_them() {
         // An x^2 of 40 where no sample is beyond 1 is the error of a surrogate far out.
-        let mean_square = mean_square([true, true, false]).expect("held to evidence and mean");
-        assert!((0.3..0.8).contains(&mean_square), "{mean_square}");
+        let held = far(40.0, [1.0, 1.0, 0.0]).expect("held to evidence and mean");
+        assert_close(held[1], 0.2);
+        assert_close(held[2], by_samples()[2]);
+    }
+
+    #[test]
+    fn moments_that_no_weights_have_are_met_in_part_and_else_the_evidence_alone_is() {
+        let samples = by_samples();
+        // No x^2 is above 1: weights of sum 1.1 cannot have a mean square of 1.2, but have part of the way there.
+        let part = |square: f64, value: f64, a: usize| {
+            (value - samples[a]) / ([0.2, square][a - 1] - samples[a])
+        };
+        let held = far(1.2, [1.0; 3]).expect("held");
+        let reached = part(1.2, held[2], 2);
+        assert!(PARTS[1..].iter().any(|p| (p - reached).abs() < 1e-9), "{reached}");
+        assert_close(part(1.2, held[1], 1), reached);
+        // A fifth of the way to 40 is too far.
+        let held = far(40.0, [1.0; 3]).expect("held to the evidence");
+        (0..3).for_each(|a| assert_close(held[a], samples[a]));
     }
 
     #[test]
     fn without_a_better_evidence_weights_stay_as_they_are() {
-        assert!(mean_square([false, true, true]).is_none());
+        assert!(far(0.4, [0.6, 1.0, 1.0]).is_none());
     }
 
     #[test]
