@@ -2,71 +2,14 @@
 //!
 //! Sub-net r of every stage together is one replicate of the whole estimate. The spread of the replicates'
 //! shares of an estimate's influence function is its standard error, at no extra simulation.
-//!
-//! Where some integrals are known better than the pooled weights know them ([`crate::control`]), the weights are held
-//! to them: `w (1 + w^a lambda phi)`, with the lambda for which every sum of `w phi` is what is known (calibration
-//! of weights: J.-C. Deville, C.-E. Saerndal, J. Am. Stat. Assoc. 87 (1992) 376). An estimate then has the error of the
-//! known integrals in the part of it that they explain, and that of the pool in the rest. With a = 1 it changes the
-//! weights least; where that would take a single large weight most of the change, `w exp(w^a lambda phi)` with a = 1/2
-//! spreads it, and keeps every weight positive.
 
-use crate::cholesky::{cholesky, solve};
+mod held;
+
+pub(crate) use self::held::Integrals;
+
+use self::held::Spread;
+use crate::cholesky::solve;
 use crate::pool::Pool;
-use crate::surrogate::coefficients;
-use std::ops::RangeInclusive;
-
-/// Least and largest relative change of a weight.
-const CHANGES: RangeInclusive<f64> = -0.8..=2.0;
-/// Least and largest factor on a weight that is tilted as far as it takes.
-const TILTS: RangeInclusive<f64> = 0.02..=50.0;
-/// Parts of their shares that moments are held to, in this order; least share of the evidence.
-const PARTS: [f64; 5] = [1.0, 0.8, 0.6, 0.4, 0.2];
-const LEAST_SHARE: f64 = 2.0 / 3.0;
-/// Most steps of Newton's method to the tilt, most halvings of each, and the relative gap at which it is found.
-const STEPS: usize = 50;
-const HALVINGS: i32 = 30;
-const GAP: f64 = 1e-11;
-
-/// The quantity that the relative change of a weight is proportional to.
-#[derive(Clone, Copy)]
-enum Spread {
-    /// The weight.
-    Weight,
-    /// Its root.
-    Root,
-    /// Its root, and the weight may change further.
-    Far,
-    /// One: all weights change alike.
-    One,
-}
-
-impl Spread {
-    fn of(self, weight: f64) -> f64 {
-        match self {
-            Self::Weight => weight,
-            Self::Root | Self::Far => weight.sqrt(),
-            Self::One => 1.0,
-        }
-    }
-}
-
-/// Integrals of the posterior density times 1, x_j and x_i x_j by every sub-net of the final stage.
-pub(crate) struct Integrals {
-    /// Sub-net by sub-net; in units of the exponential of the scale that the weights were given with.
-    pub of_sub_nets: Vec<f64>,
-    /// Per sample of the pool: 1, x_j, x_i x_j of the standardised coordinates.
-    pub features: Vec<f64>,
-    /// Share of each that is taken from here, the rest from sums over the samples: the less these know it, the more.
-    pub shares: Vec<f64>,
-}
-
-impl Integrals {
-    /// The evidence alone, of p integrals.
-    fn evidence(&self, p: usize) -> Self {
-        let of = |all: &[f64]| all.iter().step_by(p).copied().collect();
-        Self { of_sub_nets: of(&self.of_sub_nets), features: of(&self.features), shares: vec![1.0] }
-    }
-}
 
 /// Integrals that the weights are held to.
 struct Known {
@@ -82,84 +25,6 @@ struct Known {
     factor: Vec<f64>,
     /// Whether weights might change as far as it takes.
     far: bool,
-}
-
-/// Sums of weight times feature over the samples of every sub-net, and the Cholesky factor of the sum of products of
-/// features weighted by weight times spread.
-fn sums(
-    spread: Spread,
-    weights: &[f64],
-    label: &[u32],
-    replicates: usize,
-    p: usize,
-    features: &[f64],
-) -> Option<(Vec<f64>, Vec<f64>)> {
-    let mut gram = vec![0.0; p * p];
-    let mut of_pool = vec![0.0; replicates * p];
-    let mut terms = vec![0.0; p];
-    let alive = |(w, _): &((&f64, &u32), &[f64])| *w.0 > 0.0;
-    for ((w, label), features) in
-        weights.iter().zip(label).zip(features.chunks_exact(p)).filter(alive)
-    {
-        terms.iter_mut().zip(features).for_each(|(t, f)| *t = f * w);
-        let change = spread.of(*w);
-        let sums = &mut of_pool[*label as usize * p..][..p];
-        sums.iter_mut().zip(&terms).for_each(|(s, t)| *s += t);
-        for a in 0..p {
-            for b in 0..=a {
-                gram[a * p + b] += terms[a] * features[b] * change;
-            }
-        }
-    }
-    Some((of_pool, cholesky(&gram, p)?))
-}
-
-/// Factors `f = exp(sqrt(w) lambda phi)` for which the sums of `w f phi` are the wished ones: the minimum of
-/// `sum sqrt(w) f - lambda wished` by Newton's method. None where it is not found, or a weight would change by more than
-/// is allowed.
-fn tilts(
-    weights: &[f64],
-    features: &[f64],
-    wished: &[f64],
-    allowed: &RangeInclusive<f64>,
-) -> Option<Vec<f64>> {
-    let p = wished.len();
-    let inner =
-        |row: &[f64], other: &[f64]| -> f64 { row.iter().zip(other).map(|(f, l)| f * l).sum() };
-    let at = |lambda: &[f64]| -> (Vec<f64>, f64) {
-        let rows = weights.iter().zip(features.chunks_exact(p));
-        let factors: Vec<f64> = rows
-            .map(|(w, row)| if *w > 0.0 { (w.sqrt() * inner(row, lambda)).exp() } else { 1.0 })
-            .collect();
-        let sum: f64 = factors.iter().zip(weights).map(|(f, w)| w.sqrt() * f).sum();
-        (factors, sum - inner(lambda, wished))
-    };
-    let mut lambda = vec![0.0; p];
-    let (mut factors, mut value) = at(&lambda);
-    for _ in 0..STEPS {
-        let (mut gap, mut slopes) = (wished.to_vec(), vec![0.0; p * p]);
-        for ((w, f), row) in weights.iter().zip(&factors).zip(features.chunks_exact(p)) {
-            for a in 0..p {
-                let term = w * f * row[a];
-                gap[a] -= term;
-                for b in 0..=a {
-                    slopes[a * p + b] += term * w.sqrt() * row[b];
-                }
-            }
-        }
-        if gap.iter().all(|gap| gap.abs() <= GAP * wished[0].abs()) {
-            return factors.iter().all(|f| allowed.contains(f)).then_some(factors);
-        }
-        let step = solve(&cholesky(&slopes, p)?, &gap);
-        (lambda, (factors, value)) = (0..HALVINGS).find_map(|halvings| {
-            let share = 0.5f64.powi(halvings);
-            let next: Vec<f64> = lambda.iter().zip(&step).map(|(l, s)| l + share * s).collect();
-            let found = at(&next);
-            // At the minimum itself a step changes nothing but the last digits.
-            (found.1 <= value + 1e-14 * value.abs()).then_some((next, found))
-        })?;
-    }
-    None
 }
 
 /// Weights of all samples for estimation, and what is needed for error bars.
@@ -188,107 +53,10 @@ impl Estimator {
         Self { n: weights.len(), replicates, label, total, weights, ln_scale, known: None }
     }
 
-    /// Holds the weights to integrals over `d` coordinates; false, and nothing is changed, where that would change a weight by too
-    /// much. With `far`, where importance weights are few, weights may change as far as [`TILTS`]. Where they would change further,
-    /// moments are held to a mean of what is known and of what the samples say, the first of [`PARTS`] that weights have, and rather
-    /// to the evidence alone than to nothing. Their heavy tail does not show in the held ones any more.
-    pub(crate) fn hold_to(&mut self, integrals: Integrals, d: usize, far: bool) -> bool {
-        let p = coefficients(d);
-        let by = |integrals: Integrals, spreads: &[Spread]| {
-            let held = spreads.iter().find_map(|s| Some((*s, self.held(*s, &integrals)?)))?;
-            Some((integrals, held))
-        };
-        let found = if !far {
-            by(integrals, &[Spread::Weight, Spread::Root])
-        } else if integrals.shares[0] < LEAST_SHARE {
-            None
-        } else {
-            let parts = PARTS.iter();
-            let mut found = parts
-                .map(|part| by(self.partly(&integrals, p, *part), &[Spread::Weight, Spread::Far]));
-            found.find_map(|found| found).or_else(|| by(integrals.evidence(p), &[Spread::One]))
-        };
-        let Some((integrals, (spread, (weights, of_pool, factor)))) = found else { return false };
-        let p = integrals.shares.len();
-        self.total = weights.iter().sum();
-        self.weights = weights;
-        self.known = Some(Known { p, integrals, of_pool, spread, factor, far });
-        true
-    }
-
     /// The weights that tails are judged by, of the importance weights and those of the estimates: weights that were tilted as far
     /// as it takes say nothing of the tail that they had.
     pub(crate) fn judged<'a>(&'a self, raw: &'a [f64]) -> &'a [f64] {
         if self.known.as_ref().is_some_and(|known| known.far) { raw } else { &self.weights }
-    }
-
-    /// The evidence as it is known, and of the other p integrals a part of their shares, the rest by the samples at this evidence.
-    fn partly(&self, integrals: &Integrals, p: usize, part: f64) -> Integrals {
-        let Integrals { of_sub_nets, features, shares } = integrals;
-        let mut by_samples = vec![0.0; of_sub_nets.len()];
-        for ((w, label), features) in
-            self.weights.iter().zip(&self.label).zip(features.chunks_exact(p))
-        {
-            let sums = &mut by_samples[*label as usize * p..][..p];
-            sums.iter_mut().zip(features).for_each(|(s, f)| *s += w * f);
-        }
-        let evidence = |of: &[f64]| of.iter().step_by(p).sum::<f64>();
-        let factor = evidence(of_sub_nets) / evidence(&by_samples);
-        for (known, by_samples) in of_sub_nets.chunks_exact(p).zip(by_samples.chunks_exact_mut(p)) {
-            for (a, (known, of)) in known.iter().zip(by_samples).enumerate() {
-                let share = if a == 0 { 1.0 } else { part * shares[a] };
-                *of = share * known + (1.0 - share) * factor * *of;
-            }
-        }
-        Integrals { of_sub_nets: by_samples, features: features.clone(), shares: shares.clone() }
-    }
-
-    /// Weights held to integrals, and their [`sums`]; none where a weight would change by too much.
-    fn held(
-        &self,
-        spread: Spread,
-        integrals: &Integrals,
-    ) -> Option<(Vec<f64>, Vec<f64>, Vec<f64>)> {
-        let p = integrals.of_sub_nets.len() / self.replicates;
-        let sums = |weights: &[f64]| {
-            sums(spread, weights, &self.label, self.replicates, p, &integrals.features)
-        };
-        let each = self.n as f64 / self.replicates as f64;
-        let wished: Vec<f64> = (0..p)
-            .map(|a| each * integrals.of_sub_nets.iter().skip(a).step_by(p).sum::<f64>())
-            .collect();
-        let weights = match spread {
-            Spread::Weight | Spread::One => {
-                let (of_pool, factor) = sums(&self.weights)?;
-                let sum = |a: usize| of_pool.iter().skip(a).step_by(p).sum::<f64>();
-                let gap: Vec<f64> = wished.iter().enumerate().map(|(a, w)| w - sum(a)).collect();
-                let lambda = solve(&factor, &gap);
-                let mut weights = self.weights.clone();
-                for (w, features) in weights.iter_mut().zip(integrals.features.chunks_exact(p)) {
-                    if *w <= 0.0 {
-                        continue;
-                    }
-                    let inner: f64 = features.iter().zip(&lambda).map(|(f, l)| f * l).sum();
-                    let change = spread.of(*w) * inner;
-                    if !CHANGES.contains(&change) {
-                        return None;
-                    }
-                    *w *= 1.0 + change;
-                }
-                weights
-            }
-            Spread::Root | Spread::Far => {
-                let allowed = if matches!(spread, Spread::Far) {
-                    TILTS
-                } else {
-                    1.0 + CHANGES.start()..=1.0 + CHANGES.end()
-                };
-                let tilts = tilts(&self.weights, &integrals.features, &wished, &allowed)?;
-                self.weights.iter().zip(tilts).map(|(w, tilt)| w * tilt).collect()
-            }
-        };
-        let (of_pool, factor) = sums(&weights)?;
-        Some((weights, of_pool, factor))
     }
 
     /// Weighted mean of a function of the samples.
@@ -372,149 +140,11 @@ impl Estimator {
 mod tests {
     use super::*;
 
-    /// 64 samples in 4 sub-nets, one with a third of all weight, and integrals of 1 and x that their sums miss.
-    fn held(spread: Spread) -> Option<(Vec<f64>, Vec<f64>, Vec<f64>)> {
-        let (n, r) = (64, 4);
-        let mut weights = vec![0.03; n];
-        weights[5] = 1.0;
-        let features: Vec<f64> = (0..n)
-            .flat_map(|i| [1.0, (1.7 * i as f64).sin() + f64::from(u8::from(i == 5))])
-            .collect();
-        let known = [2.0, 0.3].map(|sum| sum / n as f64);
-        let (of_sub_nets, shares) = (known.repeat(r), vec![1.0; 2]);
-        let integrals = Integrals { of_sub_nets, features: features.clone(), shares };
-        let label = (0..n).map(|i| (i % r) as u32).collect();
-        let (weights, _, _) = Estimator::of(label, weights, 0.0, r).held(spread, &integrals)?;
-        let sum = |a: usize| -> f64 {
-            weights.iter().zip(features.chunks_exact(2)).map(|(w, f)| w * f[a]).sum()
-        };
-        let sums = vec![sum(0), sum(1)];
-        Some((weights, sums, vec![2.0, 0.3]))
-    }
-
-    #[test]
-    fn a_single_large_weight_does_not_keep_weights_from_being_held() {
-        // By the weight itself the large one would have to become negative.
-        assert!(held(Spread::Weight).is_none());
-        let (weights, sums, known) = held(Spread::Root).expect("spread");
-        assert!(weights.iter().all(|w| *w > 0.0));
-        for (sum, known) in sums.iter().zip(known) {
-            assert!((sum - known).abs() < 1e-12, "{sum} {known}");
-        }
-    }
-
-    /// 64 equal weights and integrals of 1, x and x^2 that are 1.1, 0.2 and another; the means of 1, x and x^2 by the held weights.
-    fn far(square: f64, shares: [f64; 3]) -> Option<[f64; 3]> {
-        let (n, r) = (64, 4);
-        let x: Vec<f64> = (0..n).map(|i| (1.7 * f64::from(i)).sin()).collect();
-        let features: Vec<f64> = x.iter().flat_map(|x| [1.0, *x, x * x]).collect();
-        let of_sub_nets = [1.1, 0.2, square].repeat(r);
-        let integrals = Integrals { of_sub_nets, features, shares: shares.to_vec() };
-        let label = (0..n as u32).map(|i| i % r as u32).collect();
-        let mut estimator = Estimator::of(label, vec![1.0; n as usize], 0.0, r);
-        estimator.hold_to(integrals, 1, true).then(|| {
-            [0, 1, 2].map(|power| {
-                let terms = estimator.weights.iter().zip(&x).map(|(w, x)| w * x.powi(power));
-                terms.sum::<f64>() / f64::from(n)
-            })
-        })
-    }
-
-    /// The same by equal weights of the same sum.
-    fn by_samples() -> [f64; 3] {
-        let x = (0..64).map(|i| (1.7 * f64::from(i)).sin());
-        let sums = x.fold([0.0; 3], |s, x| [s[0] + 1.0, s[1] + x, s[2] + x * x]);
-        sums.map(|sum| 1.1 * sum / 64.0)
-    }
-
-    fn assert_close(a: f64, b: f64) {
-        assert!((a - b).abs() < 1e-9, "{a} {b}");
-    }
-
-    #[test]
-    fn weights_are_held_to_the_share_of_each_integral_that_is_taken() {
-        let samples = by_samples();
-        for shares in [[1.0; 3], [1.0, 1.0, 0.5], [1.0, 0.3, 1.0], [0.7, 0.0, 0.6]] {
-            let held = far(0.4, shares).expect("held");
-            assert_close(held[0], 1.1);
-            for (a, known) in [(1, 0.2), (2, 0.4)] {
-                assert_close(held[a], shares[a] * known + (1.0 - shares[a]) * samples[a]);
-            }
-        }
-    }
-
-    #[test]
-    fn an_integral_that_samples_know_as_well_is_left_to_them() {
-        // An x^2 of 40 where no sample is beyond 1 is the error of a surrogate far out.
-        let held = far(40.0, [1.0, 1.0, 0.0]).expect("held to evidence and mean");
-        assert_close(held[1], 0.2);
-        assert_close(held[2], by_samples()[2]);
-    }
-
-    #[test]
-    fn moments_that_no_weights_have_are_met_in_part_and_else_the_evidence_alone_is() {
-        let samples = by_samples();
-        // No x^2 is above 1: weights of sum 1.1 cannot have a mean square of 1.2, but have part of the way there.
-        let part = |square: f64, value: f64, a: usize| {
-            (value - samples[a]) / ([0.2, square][a - 1] - samples[a])
-        };
-        let held = far(1.2, [1.0; 3]).expect("held");
-        let reached = part(1.2, held[2], 2);
-        assert!(PARTS[1..].iter().any(|p| (p - reached).abs() < 1e-9), "{reached}");
-        assert_close(part(1.2, held[1], 1), reached);
-        // A fifth of the way to 40 is too far.
-        let held = far(40.0, [1.0; 3]).expect("held to the evidence");
-        (0..3).for_each(|a| assert_close(held[a], samples[a]));
-    }
-
-    #[test]
-    fn without_a_better_evidence_weights_stay_as_they_are() {
-        assert!(far(0.4, [0.6, 1.0, 1.0]).is_none());
-    }
-
     #[test]
     fn sub_nets_of_unequal_numbers_of_samples_are_no_error_of_the_evidence() {
         // Equal weights: the evidence is known without error, however the samples are dealt.
         let label = [0, 1, 2, 0, 1, 2, 0, 1].to_vec();
         let (value, se) = Estimator::of(label, vec![1.0; 8], 0.0, 3).log_evidence();
         assert!(value.abs() < 1e-15 && se < 1e-15, "{value} {se}");
-    }
-
-    #[test]
-    fn tilted_weights_stay_positive_where_moments_change_by_a_fifth() {
-        // Fifteen moments of forty samples in four dimensions, as a hundred runs leave them.
-        let (n, d) = (40, 4);
-        let x = |i: usize, j: usize| {
-            4.0 * ((i + 1) as f64 * [2.0, 3.0, 5.0, 7.0f64][j].sqrt()).fract() - 2.0
-        };
-        let weights: Vec<f64> = (0..n).map(|i| (-0.1 * i as f64).exp()).collect();
-        let features: Vec<f64> = (0..n)
-            .flat_map(|i| {
-                let mut row = vec![1.0];
-                row.extend((0..d).map(|j| x(i, j)));
-                row.extend((0..d).flat_map(|a| (0..=a).map(move |b| x(i, a) * x(i, b))));
-                row
-            })
-            .collect();
-        let p = 15;
-        let sum = |weights: &[f64], a: usize| -> f64 {
-            weights.iter().zip(features.chunks_exact(p)).map(|(w, row)| w * row[a]).sum()
-        };
-        let others: Vec<f64> = weights
-            .iter()
-            .enumerate()
-            .map(|(i, w)| w * (1.0 + 0.6 * (1.9 * i as f64).sin()))
-            .collect();
-        let wished: Vec<f64> = (0..p).map(|a| sum(&others, a)).collect();
-        let tilts =
-            tilts(&weights, &features, &wished, &TILTS).expect("positive weights with these sums");
-        let tilted: Vec<f64> = weights.iter().zip(&tilts).map(|(w, t)| w * t).collect();
-        for (a, wished) in wished.iter().enumerate() {
-            assert!((sum(&tilted, a) - wished).abs() < 1e-9, "{a}");
-        }
-        // A mean outside all samples has no such weights.
-        let mut beyond = wished.clone();
-        beyond[1] = 2.0 * beyond[0];
-        assert!(super::tilts(&weights, &features, &beyond, &TILTS).is_none());
     }
 }

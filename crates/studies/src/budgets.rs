@@ -19,9 +19,11 @@ const CLIFF: f64 = 1.25;
 const SOLVED: f64 = 1.0;
 /// Each error counts as this much at most.
 const LARGEST: f64 = 10.0;
-/// Budgets at which the code changes its ways: the first with as many as all samples of the surrogate, the first of which a
+/// Budgets at which the code changes its ways: the first that are placed in pairs, by three and by four (51, 101, 151), in half as many
+/// stages (201), and without stacked surrogates (301); from 128 on covariances are not searched at every stage; the first of which a
 /// process places a part, and the first without it.
-const THRESHOLDS: [usize; 3] = [128, Settings::PLAIN, Settings::WHOLLY_PLAIN];
+const THRESHOLDS: [usize; 8] =
+    [51, 101, 128, 151, 201, 301, Settings::PLAIN, Settings::WHOLLY_PLAIN];
 
 const QUANTITIES: [(&str, &str); 3] =
     [("error of the mean", "posterior sd"), ("error of the sd", ""), ("error of ln Z", "")];
@@ -187,8 +189,10 @@ mod tests {
     #[test]
     fn budgets_double_in_two_steps_and_hold_both_sides_of_every_threshold() {
         let budgets = budgets(4096);
-        assert!(budgets.starts_with(&[32, 48, 64, 96, 127, 128, 192]), "{budgets:?}");
-        assert!(budgets.windows(2).any(|pair| pair == [2047, 2048]));
+        assert!(budgets.starts_with(&[32, 48, 50, 51, 64, 96, 100, 101, 127, 128]), "{budgets:?}");
+        for threshold in THRESHOLDS.into_iter().filter(|n| *n <= 4096) {
+            assert!(budgets.windows(2).any(|pair| pair == [threshold - 1, threshold]));
+        }
         assert_eq!(budgets.last(), Some(&4096));
     }
 }
