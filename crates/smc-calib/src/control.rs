@@ -308,7 +308,7 @@ impl<'a> Control<'a> {
         self.add_means(|i, _| target[i], &mut by_samples);
         let share = |a: usize| {
             let (known, samples) = (scatter(&of_sub_nets, p, a), scatter(&by_samples, p, a));
-            let best = samples / (known + samples);
+            let best = if samples > 0.0 { samples / (known + samples) } else { 0.0 };
             ((best - SHARES[0]) / (SHARES[1] - SHARES[0])).clamp(0.0, 1.0)
         };
         let shares = (0..p).map(share).collect();

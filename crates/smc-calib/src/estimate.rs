@@ -15,8 +15,9 @@ use crate::pool::Pool;
 struct Known {
     /// Number of integrals.
     p: usize,
-    /// Their values, and the functions that are integrated.
-    integrals: Integrals,
+    /// Their values, and the functions that are integrated, as [`Integrals`] has them.
+    of_sub_nets: Vec<f64>,
+    features: Vec<f64>,
     /// Sums of weight times feature over the samples of every sub-net.
     of_pool: Vec<f64>,
     /// The quantity that changes of weights are proportional to.
@@ -95,7 +96,7 @@ impl Estimator {
             // What the known integrals explain of the influence has their error instead of the pool's.
             let p = known.p;
             let mut right = vec![0.0; p];
-            for (i, features) in known.integrals.features.chunks_exact(p).enumerate() {
+            for (i, features) in known.features.chunks_exact(p).enumerate() {
                 let w = self.weights[i];
                 if w > 0.0 {
                     let f = w * known.spread.of(w) * influence(i);
@@ -104,8 +105,7 @@ impl Estimator {
             }
             let slopes = solve(&known.factor, &right);
             let each = self.n as f64 / r as f64;
-            let sub_nets =
-                known.of_pool.chunks_exact(p).zip(known.integrals.of_sub_nets.chunks_exact(p));
+            let sub_nets = known.of_pool.chunks_exact(p).zip(known.of_sub_nets.chunks_exact(p));
             for (part, (pool, sub_net)) in parts.iter_mut().zip(sub_nets) {
                 for ((slope, pool), sub_net) in slopes.iter().zip(pool).zip(sub_net) {
                     *part += slope * (each * sub_net - pool);

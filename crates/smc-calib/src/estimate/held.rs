@@ -57,14 +57,6 @@ pub(crate) struct Integrals {
     pub shares: Vec<f64>,
 }
 
-impl Integrals {
-    /// The evidence alone, of p integrals.
-    fn evidence(&self, p: usize) -> Self {
-        let of = |all: &[f64]| all.iter().step_by(p).copied().collect();
-        Self { of_sub_nets: of(&self.of_sub_nets), features: of(&self.features), shares: vec![1.0] }
-    }
-}
-
 /// Sums of weight times feature over the samples of every sub-net, and the Cholesky factor of the sum of products of
 /// features weighted by weight times spread.
 fn sums(
@@ -150,63 +142,73 @@ impl Estimator {
     /// to the evidence alone than to nothing. Their heavy tail does not show in the held ones any more.
     pub(crate) fn hold_to(&mut self, integrals: Integrals, d: usize, far: bool) -> bool {
         let p = coefficients(d);
-        let by = |integrals: Integrals, spreads: &[Spread]| {
-            let held = spreads.iter().find_map(|s| Some((*s, self.held(*s, &integrals)?)))?;
-            Some((integrals, held))
+        let by = |known: &[f64], features: &[f64], spreads: &[Spread]| {
+            spreads.iter().find_map(|s| Some((*s, self.held(*s, known, features)?)))
         };
+        let Integrals { of_sub_nets, features, shares } = integrals;
         let found = if !far {
-            by(integrals, &[Spread::Weight, Spread::Root])
-        } else if integrals.shares[0] < LEAST_SHARE {
+            by(&of_sub_nets, &features, &[Spread::Weight, Spread::Root])
+                .map(|held| (of_sub_nets, features, held))
+        } else if shares[0] < LEAST_SHARE {
             None
         } else {
-            let parts = PARTS.iter();
-            let mut found = parts
-                .map(|part| by(self.partly(&integrals, p, *part), &[Spread::Weight, Spread::Far]));
-            found.find_map(|found| found).or_else(|| by(integrals.evidence(p), &[Spread::One]))
+            let partly = PARTS.iter().find_map(|part| {
+                let known = self.partly(&of_sub_nets, &features, &shares, *part);
+                Some((by(&known, &features, &[Spread::Weight, Spread::Far])?, known))
+            });
+            if let Some((held, known)) = partly {
+                Some((known, features, held))
+            } else {
+                let evidence =
+                    |all: &[f64]| -> Vec<f64> { all.iter().step_by(p).copied().collect() };
+                let (known, features) = (evidence(&of_sub_nets), evidence(&features));
+                by(&known, &features, &[Spread::One]).map(|held| (known, features, held))
+            }
         };
-        let Some((integrals, (spread, (weights, of_pool, factor)))) = found else { return false };
-        let p = integrals.shares.len();
+        let Some((of_sub_nets, features, (spread, (weights, of_pool, factor)))) = found else {
+            return false;
+        };
+        let p = features.len() / self.n;
         self.total = weights.iter().sum();
         self.weights = weights;
-        self.known = Some(Known { p, integrals, of_pool, spread, factor, far });
+        self.known = Some(Known { p, of_sub_nets, features, of_pool, spread, factor, far });
         true
     }
 
-    /// The evidence as it is known, and of the other p integrals a part of their shares, the rest by the samples at this evidence.
-    fn partly(&self, integrals: &Integrals, p: usize, part: f64) -> Integrals {
-        let Integrals { of_sub_nets, features, shares } = integrals;
-        let mut by_samples = vec![0.0; of_sub_nets.len()];
+    /// The evidence as it is known, and of the other integrals a part of their shares, the rest by the samples at this evidence.
+    fn partly(&self, known: &[f64], features: &[f64], shares: &[f64], part: f64) -> Vec<f64> {
+        let p = shares.len();
+        let mut mixed = vec![0.0; known.len()];
         for ((w, label), features) in
             self.weights.iter().zip(&self.label).zip(features.chunks_exact(p))
         {
-            let sums = &mut by_samples[*label as usize * p..][..p];
+            let sums = &mut mixed[*label as usize * p..][..p];
             sums.iter_mut().zip(features).for_each(|(s, f)| *s += w * f);
         }
         let evidence = |of: &[f64]| of.iter().step_by(p).sum::<f64>();
-        let factor = evidence(of_sub_nets) / evidence(&by_samples);
-        for (known, by_samples) in of_sub_nets.chunks_exact(p).zip(by_samples.chunks_exact_mut(p)) {
-            for (a, (known, of)) in known.iter().zip(by_samples).enumerate() {
+        let factor = evidence(known) / evidence(&mixed);
+        for (known, mixed) in known.chunks_exact(p).zip(mixed.chunks_exact_mut(p)) {
+            for (a, (known, mixed)) in known.iter().zip(mixed).enumerate() {
                 let share = if a == 0 { 1.0 } else { part * shares[a] };
-                *of = share * known + (1.0 - share) * factor * *of;
+                *mixed = share * known + (1.0 - share) * factor * *mixed;
             }
         }
-        Integrals { of_sub_nets: by_samples, features: features.clone(), shares: shares.clone() }
+        mixed
     }
 
     /// Weights held to integrals, and their [`sums`]; none where a weight would change by too much.
     fn held(
         &self,
         spread: Spread,
-        integrals: &Integrals,
+        of_sub_nets: &[f64],
+        features: &[f64],
     ) -> Option<(Vec<f64>, Vec<f64>, Vec<f64>)> {
-        let p = integrals.of_sub_nets.len() / self.replicates;
-        let sums = |weights: &[f64]| {
-            sums(spread, weights, &self.label, self.replicates, p, &integrals.features)
-        };
+        let p = of_sub_nets.len() / self.replicates;
+        let sums =
+            |weights: &[f64]| sums(spread, weights, &self.label, self.replicates, p, features);
         let each = self.n as f64 / self.replicates as f64;
-        let wished: Vec<f64> = (0..p)
-            .map(|a| each * integrals.of_sub_nets.iter().skip(a).step_by(p).sum::<f64>())
-            .collect();
+        let wished: Vec<f64> =
+            (0..p).map(|a| each * of_sub_nets.iter().skip(a).step_by(p).sum::<f64>()).collect();
         let weights = match spread {
             Spread::Weight | Spread::One => {
                 let (of_pool, factor) = sums(&self.weights)?;
@@ -214,11 +216,11 @@ impl Estimator {
                 let gap: Vec<f64> = wished.iter().enumerate().map(|(a, w)| w - sum(a)).collect();
                 let lambda = solve(&factor, &gap);
                 let mut weights = self.weights.clone();
-                for (w, features) in weights.iter_mut().zip(integrals.features.chunks_exact(p)) {
+                for (w, row) in weights.iter_mut().zip(features.chunks_exact(p)) {
                     if *w <= 0.0 {
                         continue;
                     }
-                    let inner: f64 = features.iter().zip(&lambda).map(|(f, l)| f * l).sum();
+                    let inner: f64 = row.iter().zip(&lambda).map(|(f, l)| f * l).sum();
                     let change = spread.of(*w) * inner;
                     if !CHANGES.contains(&change) {
                         return None;
@@ -233,7 +235,7 @@ impl Estimator {
                 } else {
                     1.0 + CHANGES.start()..=1.0 + CHANGES.end()
                 };
-                let tilts = tilts(&self.weights, &integrals.features, &wished, &allowed)?;
+                let tilts = tilts(&self.weights, features, &wished, &allowed)?;
                 self.weights.iter().zip(tilts).map(|(w, tilt)| w * tilt).collect()
             }
         };
@@ -255,10 +257,9 @@ mod tests {
             .flat_map(|i| [1.0, (1.7 * i as f64).sin() + f64::from(u8::from(i == 5))])
             .collect();
         let known = [2.0, 0.3].map(|sum| sum / n as f64);
-        let (of_sub_nets, shares) = (known.repeat(r), vec![1.0; 2]);
-        let integrals = Integrals { of_sub_nets, features: features.clone(), shares };
         let label = (0..n).map(|i| (i % r) as u32).collect();
-        let (weights, _, _) = Estimator::of(label, weights, 0.0, r).held(spread, &integrals)?;
+        let (weights, _, _) =
+            Estimator::of(label, weights, 0.0, r).held(spread, &known.repeat(r), &features)?;
         let sum = |a: usize| -> f64 {
             weights.iter().zip(features.chunks_exact(2)).map(|(w, f)| w * f[a]).sum()
         };
