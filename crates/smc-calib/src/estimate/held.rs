@@ -138,8 +138,9 @@ fn tilts(
 impl Estimator {
     /// Holds the weights to integrals over `d` coordinates; false, and nothing is changed, where that would change a weight by too
     /// much. With `far`, where importance weights are few, weights may change as far as [`TILTS`]. Where they would change further,
-    /// moments are held to a mean of what is known and of what the samples say, the first of [`PARTS`] that weights have, and rather
-    /// to the evidence alone than to nothing. Their heavy tail does not show in the held ones any more.
+    /// moments, or those of each coordinate without their products, are held to a mean of what is known and of what the samples say,
+    /// the first of [`PARTS`] that weights have, and rather to the evidence alone than to nothing. Their heavy tail does not show in
+    /// the held ones any more.
     pub(crate) fn hold_to(&mut self, integrals: Integrals, d: usize, far: bool) -> bool {
         let p = coefficients(d);
         let by = |known: &[f64], features: &[f64], spreads: &[Spread]| {
@@ -152,17 +153,29 @@ impl Estimator {
         } else if shares[0] < LEAST_SHARE {
             None
         } else {
+            let only = |all: &[f64], columns: &[usize]| -> Vec<f64> {
+                all.chunks_exact(p).flat_map(|row| columns.iter().map(|a| row[*a])).collect()
+            };
+            let squares = (0..d).map(|i| 1 + d + i * (i + 1) / 2 + i);
+            let squares: Vec<usize> = (0..=d).chain(squares).collect();
+            let of_squares = only(&features, &squares);
             let partly = PARTS.iter().find_map(|part| {
                 let known = self.partly(&of_sub_nets, &features, &shares, *part);
-                Some((by(&known, &features, &[Spread::Weight, Spread::Far])?, known))
+                let spreads = [Spread::Weight, Spread::Far];
+                if let Some(held) = by(&known, &features, &spreads) {
+                    return Some((known, true, held));
+                }
+                let known = only(&known, &squares);
+                let held = by(&known, &of_squares, &spreads)?;
+                Some((known, false, held))
             });
-            if let Some((held, known)) = partly {
-                Some((known, features, held))
-            } else {
-                let evidence =
-                    |all: &[f64]| -> Vec<f64> { all.iter().step_by(p).copied().collect() };
-                let (known, features) = (evidence(&of_sub_nets), evidence(&features));
-                by(&known, &features, &[Spread::One]).map(|held| (known, features, held))
+            match partly {
+                Some((known, true, held)) => Some((known, features, held)),
+                Some((known, false, held)) => Some((known, of_squares, held)),
+                None => {
+                    let (known, features) = (only(&of_sub_nets, &[0]), only(&features, &[0]));
+                    by(&known, &features, &[Spread::One]).map(|held| (known, features, held))
+                }
             }
         };
         let Some((of_sub_nets, features, (spread, (weights, of_pool, factor)))) = found else {
@@ -340,6 +353,31 @@ mod tests {
         // A fifth of the way to 40 is too far.
         let held = far(40.0, [1.0; 3]).expect("held to the evidence");
         (0..3).for_each(|a| assert_close(held[a], samples[a]));
+    }
+
+    #[test]
+    fn a_product_that_no_weights_have_leaves_the_moments_of_each_coordinate_held() {
+        let (n, r) = (64, 4);
+        let x = |i: usize, by: f64| (by * i as f64).sin();
+        let features: Vec<f64> = (0..n)
+            .flat_map(|i| {
+                let (x, y) = (x(i, 1.7), x(i, 2.3));
+                [1.0, x, y, x * x, x * y, y * y]
+            })
+            .collect();
+        let known = [1.0, 0.1, -0.05, 0.4, 40.0, 0.6];
+        let integrals = Integrals {
+            of_sub_nets: known.repeat(r),
+            features: features.clone(),
+            shares: vec![1.0; 6],
+        };
+        let label = (0..n).map(|i| (i % r) as u32).collect();
+        let mut estimator = Estimator::of(label, vec![1.0; n], 0.0, r);
+        assert!(estimator.hold_to(integrals, 2, true));
+        for (a, known) in known.into_iter().enumerate().filter(|(a, _)| *a != 4) {
+            let terms = estimator.weights.iter().zip(features.chunks_exact(6));
+            assert_close(terms.map(|(w, row)| w * row[a]).sum::<f64>() / n as f64, known);
+        }
     }
 
     #[test]
