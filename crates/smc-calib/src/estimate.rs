@@ -7,26 +7,9 @@ mod held;
 
 pub(crate) use self::held::Integrals;
 
-use self::held::Spread;
+use self::held::{Known, Samples};
 use crate::cholesky::solve;
 use crate::pool::Pool;
-
-/// Integrals that the weights are held to.
-struct Known {
-    /// Number of integrals.
-    p: usize,
-    /// Their values, and the functions that are integrated, as [`Integrals`] has them.
-    of_sub_nets: Vec<f64>,
-    features: Vec<f64>,
-    /// Sums of weight times feature over the samples of every sub-net.
-    of_pool: Vec<f64>,
-    /// The quantity that changes of weights are proportional to.
-    spread: Spread,
-    /// Cholesky factor of the sum of products of features, weighted by weight times spread.
-    factor: Vec<f64>,
-    /// Whether weights might change as far as it takes.
-    far: bool,
-}
 
 /// Weights of all samples for estimation, and what is needed for error bars.
 pub(crate) struct Estimator {
@@ -52,6 +35,21 @@ impl Estimator {
     pub(crate) fn of(label: Vec<u32>, weights: Vec<f64>, ln_scale: f64, replicates: usize) -> Self {
         let total = weights.iter().sum();
         Self { n: weights.len(), replicates, label, total, weights, ln_scale, known: None }
+    }
+
+    /// Holds the weights to integrals over `d` coordinates; false, and nothing is changed, where that would change a weight by too
+    /// much. With `far`, where importance weights are few, weights may change as far as [`TILTS`]. Where they would change further,
+    /// moments, or those of each coordinate without their products, are held to a mean of what is known and of what the samples say,
+    /// the first of [`PARTS`] that weights have, and rather to the evidence alone than to nothing. Their heavy tail does not show in
+    /// the held ones any more.
+    pub(crate) fn hold_to(&mut self, integrals: Integrals, d: usize, far: bool) -> bool {
+        let Self { weights, label, replicates, .. } = &*self;
+        let samples = Samples { weights, label, replicates: *replicates };
+        let Some((weights, known)) = samples.held_to(integrals, d, far) else { return false };
+        self.total = weights.iter().sum();
+        self.weights = weights;
+        self.known = Some(known);
+        true
     }
 
     /// The weights that tails are judged by, of the importance weights and those of the estimates: weights that were tilted as far

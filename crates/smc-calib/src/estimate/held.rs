@@ -7,7 +7,6 @@
 //! weights least; where that would take a single large weight most of the change, `w exp(w^a lambda phi)` with a = 1/2
 //! spreads it, and keeps every weight positive.
 
-use super::{Estimator, Known};
 use crate::cholesky::{cholesky, solve};
 use crate::surrogate::coefficients;
 use std::ops::RangeInclusive;
@@ -55,6 +54,30 @@ pub(crate) struct Integrals {
     pub features: Vec<f64>,
     /// Share of each that is taken from here, the rest from sums over the samples: the less these know it, the more.
     pub shares: Vec<f64>,
+}
+
+/// Integrals that the weights are held to.
+pub(super) struct Known {
+    /// Number of integrals.
+    pub p: usize,
+    /// Their values, and the functions that are integrated, as [`Integrals`] has them.
+    pub of_sub_nets: Vec<f64>,
+    pub features: Vec<f64>,
+    /// Sums of weight times feature over the samples of every sub-net.
+    pub of_pool: Vec<f64>,
+    /// The quantity that changes of weights are proportional to.
+    pub spread: Spread,
+    /// Cholesky factor of the sum of products of features, weighted by weight times spread.
+    pub factor: Vec<f64>,
+    /// Whether weights might change as far as it takes.
+    pub far: bool,
+}
+
+/// Weights of all samples, and the sub-net of each.
+pub(super) struct Samples<'a> {
+    pub weights: &'a [f64],
+    pub label: &'a [u32],
+    pub replicates: usize,
 }
 
 /// Sums of weight times feature over the samples of every sub-net, and the Cholesky factor of the sum of products of
@@ -135,13 +158,14 @@ fn tilts(
     None
 }
 
-impl Estimator {
-    /// Holds the weights to integrals over `d` coordinates; false, and nothing is changed, where that would change a weight by too
-    /// much. With `far`, where importance weights are few, weights may change as far as [`TILTS`]. Where they would change further,
-    /// moments, or those of each coordinate without their products, are held to a mean of what is known and of what the samples say,
-    /// the first of [`PARTS`] that weights have, and rather to the evidence alone than to nothing. Their heavy tail does not show in
-    /// the held ones any more.
-    pub(crate) fn hold_to(&mut self, integrals: Integrals, d: usize, far: bool) -> bool {
+impl Samples<'_> {
+    /// Their weights held to integrals over `d` coordinates: see `Estimator::hold_to`.
+    pub(super) fn held_to(
+        &self,
+        integrals: Integrals,
+        d: usize,
+        far: bool,
+    ) -> Option<(Vec<f64>, Known)> {
         let p = coefficients(d);
         let by = |known: &[f64], features: &[f64], spreads: &[Spread]| {
             spreads.iter().find_map(|s| Some((*s, self.held(*s, known, features)?)))
@@ -178,14 +202,9 @@ impl Estimator {
                 }
             }
         };
-        let Some((of_sub_nets, features, (spread, (weights, of_pool, factor)))) = found else {
-            return false;
-        };
-        let p = features.len() / self.n;
-        self.total = weights.iter().sum();
-        self.weights = weights;
-        self.known = Some(Known { p, of_sub_nets, features, of_pool, spread, factor, far });
-        true
+        let (of_sub_nets, features, (spread, (weights, of_pool, factor))) = found?;
+        let p = of_sub_nets.len() / self.replicates;
+        Some((weights, Known { p, of_sub_nets, features, of_pool, spread, factor, far }))
     }
 
     /// The evidence as it is known, and of the other integrals a part of their shares, the rest by the samples at this evidence.
@@ -193,7 +212,7 @@ impl Estimator {
         let p = shares.len();
         let mut mixed = vec![0.0; known.len()];
         for ((w, label), features) in
-            self.weights.iter().zip(&self.label).zip(features.chunks_exact(p))
+            self.weights.iter().zip(self.label).zip(features.chunks_exact(p))
         {
             let sums = &mut mixed[*label as usize * p..][..p];
             sums.iter_mut().zip(features).for_each(|(s, f)| *s += w * f);
@@ -218,17 +237,17 @@ impl Estimator {
     ) -> Option<(Vec<f64>, Vec<f64>, Vec<f64>)> {
         let p = of_sub_nets.len() / self.replicates;
         let sums =
-            |weights: &[f64]| sums(spread, weights, &self.label, self.replicates, p, features);
-        let each = self.n as f64 / self.replicates as f64;
+            |weights: &[f64]| sums(spread, weights, self.label, self.replicates, p, features);
+        let each = self.weights.len() as f64 / self.replicates as f64;
         let wished: Vec<f64> =
             (0..p).map(|a| each * of_sub_nets.iter().skip(a).step_by(p).sum::<f64>()).collect();
         let weights = match spread {
             Spread::Weight | Spread::One => {
-                let (of_pool, factor) = sums(&self.weights)?;
+                let (of_pool, factor) = sums(self.weights)?;
                 let sum = |a: usize| of_pool.iter().skip(a).step_by(p).sum::<f64>();
                 let gap: Vec<f64> = wished.iter().enumerate().map(|(a, w)| w - sum(a)).collect();
                 let lambda = solve(&factor, &gap);
-                let mut weights = self.weights.clone();
+                let mut weights = self.weights.to_vec();
                 for (w, row) in weights.iter_mut().zip(features.chunks_exact(p)) {
                     if *w <= 0.0 {
                         continue;
@@ -248,7 +267,7 @@ impl Estimator {
                 } else {
                     1.0 + CHANGES.start()..=1.0 + CHANGES.end()
                 };
-                let tilts = tilts(&self.weights, features, &wished, &allowed)?;
+                let tilts = tilts(self.weights, features, &wished, &allowed)?;
                 self.weights.iter().zip(tilts).map(|(w, tilt)| w * tilt).collect()
             }
         };
@@ -270,9 +289,9 @@ mod tests {
             .flat_map(|i| [1.0, (1.7 * i as f64).sin() + f64::from(u8::from(i == 5))])
             .collect();
         let known = [2.0, 0.3].map(|sum| sum / n as f64);
-        let label = (0..n).map(|i| (i % r) as u32).collect();
-        let (weights, _, _) =
-            Estimator::of(label, weights, 0.0, r).held(spread, &known.repeat(r), &features)?;
+        let label: Vec<u32> = (0..n).map(|i| (i % r) as u32).collect();
+        let samples = Samples { weights: &weights, label: &label, replicates: r };
+        let (weights, _, _) = samples.held(spread, &known.repeat(r), &features)?;
         let sum = |a: usize| -> f64 {
             weights.iter().zip(features.chunks_exact(2)).map(|(w, f)| w * f[a]).sum()
         };
@@ -298,14 +317,13 @@ mod tests {
         let features: Vec<f64> = x.iter().flat_map(|x| [1.0, *x, x * x]).collect();
         let of_sub_nets = [1.1, 0.2, square].repeat(r);
         let integrals = Integrals { of_sub_nets, features, shares: shares.to_vec() };
-        let label = (0..n as u32).map(|i| i % r as u32).collect();
-        let mut estimator = Estimator::of(label, vec![1.0; n as usize], 0.0, r);
-        estimator.hold_to(integrals, 1, true).then(|| {
-            [0, 1, 2].map(|power| {
-                let terms = estimator.weights.iter().zip(&x).map(|(w, x)| w * x.powi(power));
-                terms.sum::<f64>() / f64::from(n)
-            })
-        })
+        let label: Vec<u32> = (0..n as u32).map(|i| i % r as u32).collect();
+        let samples = Samples { weights: &vec![1.0; n as usize], label: &label, replicates: r };
+        let (weights, _) = samples.held_to(integrals, 1, true)?;
+        Some([0, 1, 2].map(|power| {
+            let terms = weights.iter().zip(&x).map(|(w, x)| w * x.powi(power));
+            terms.sum::<f64>() / f64::from(n)
+        }))
     }
 
     /// The same by equal weights of the same sum.
@@ -371,11 +389,11 @@ mod tests {
             features: features.clone(),
             shares: vec![1.0; 6],
         };
-        let label = (0..n).map(|i| (i % r) as u32).collect();
-        let mut estimator = Estimator::of(label, vec![1.0; n], 0.0, r);
-        assert!(estimator.hold_to(integrals, 2, true));
+        let label: Vec<u32> = (0..n).map(|i| (i % r) as u32).collect();
+        let samples = Samples { weights: &vec![1.0; n], label: &label, replicates: r };
+        let (weights, _) = samples.held_to(integrals, 2, true).expect("held");
         for (a, known) in known.into_iter().enumerate().filter(|(a, _)| *a != 4) {
-            let terms = estimator.weights.iter().zip(features.chunks_exact(6));
+            let terms = weights.iter().zip(features.chunks_exact(6));
             assert_close(terms.map(|(w, row)| w * row[a]).sum::<f64>() / n as f64, known);
         }
     }
