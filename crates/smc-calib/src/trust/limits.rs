@@ -43,8 +43,9 @@ pub const FEWEST_EFFECTIVE_SAMPLES: f64 = 40.0;
 pub const FEWEST_OF_SMALL_BUDGET: f64 = 7.0;
 
 /// The same where the process through the samples has the same log evidence: within [`PROCESS_AGREES`] by the likelihood that it
-/// predicts, and within [`PROCESS_KNOWS`] by its mean over what the process does not know. Of 50 runs each of 50 simulations about
-/// 7 of PEEK, 8 of PS and 10 of PA12 that are right (within one posterior sd) are called unsolved, and one or two that are off are not.
+/// predicts, and within [`PROCESS_KNOWS`] by its mean over what the process does not know. Of 50 runs each of 50 simulations
+/// 7 of PS, 8 of PEEK and 11 of PA12 that are right (within one posterior sd) are called unsolved; 2 of PS and 1 of PEEK that are off
+/// are not.
 pub const FEWEST_BESIDE_PROCESS: f64 = 3.0;
 
 /// Difference of the log evidences of process and samples up to which they agree.
