@@ -15,8 +15,8 @@
 //! for the final stage: each sub-net's are held against a g through all others. That g is, for each phi, the sum of several processes
 //! and of local quadratics, with the shares that leave the least of f phi / q where they were left out (stacking: L. Breiman,
 //! Mach. Learn. 24 (1996) 49); of more than [`STACKED`] samples it is the one that leaves the least. The better the sub-nets know an
-//! integral with it than without, the larger the part of it that is taken with it ([`SHARES`]). As samples are placed by what earlier ones gave, and covariances
-//! and shares are those of all, this is without bias only up to terms that fall with the square of its error.
+//! integral with it than without, the larger the part of it that is taken with it ([`SHARES`]). As samples are placed by what earlier
+//! ones gave, and covariances and shares are those of all, this is without bias only up to terms that fall with the square of its error.
 //!
 //! Every sub-net of the stage has its own net for the second term, so that it is a replicate of the whole, and the
 //! spread of the sub-nets is an error bar of both terms together. With a process the first term is one of pairs of samples,

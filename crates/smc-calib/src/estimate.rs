@@ -37,11 +37,8 @@ impl Estimator {
         Self { n: weights.len(), replicates, label, total, weights, ln_scale, known: None }
     }
 
-    /// Holds the weights to integrals over `d` coordinates; false, and nothing is changed, where that would change a weight by too
-    /// much. With `far`, where importance weights are few, weights may change as far as [`TILTS`]. Where they would change further,
-    /// moments, or those of each coordinate without their products, are held to a mean of what is known and of what the samples say,
-    /// the first of [`PARTS`] that weights have, and rather to the evidence alone than to nothing. Their heavy tail does not show in
-    /// the held ones any more.
+    /// Holds the weights to integrals over `d` coordinates, with `far` as far as it takes ([`Samples::held_to`]); false, and nothing is
+    /// changed, where that would change a weight by too much.
     pub(crate) fn hold_to(&mut self, integrals: Integrals, d: usize, far: bool) -> bool {
         let Self { weights, label, replicates, .. } = &*self;
         let samples = Samples { weights, label, replicates: *replicates };

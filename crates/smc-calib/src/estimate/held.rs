@@ -8,7 +8,6 @@
 //! spreads it, and keeps every weight positive.
 
 use crate::cholesky::{cholesky, solve};
-use crate::surrogate::coefficients;
 use std::ops::RangeInclusive;
 
 /// Least and largest relative change of a weight.
@@ -80,34 +79,54 @@ pub(super) struct Samples<'a> {
     pub replicates: usize,
 }
 
-/// Sums of weight times feature over the samples of every sub-net, and the Cholesky factor of the sum of products of
-/// features weighted by weight times spread.
-fn sums(
+/// Weights that are held to integrals.
+struct Held {
     spread: Spread,
-    weights: &[f64],
-    label: &[u32],
-    replicates: usize,
-    p: usize,
-    features: &[f64],
-) -> Option<(Vec<f64>, Vec<f64>)> {
+    weights: Vec<f64>,
+    /// Of these weights, as [`Known`] has them.
+    of_pool: Vec<f64>,
+    factor: Vec<f64>,
+}
+
+impl Held {
+    /// The weights, and what they are held to.
+    fn to(self, of_sub_nets: Vec<f64>, features: Vec<f64>, far: bool) -> (Vec<f64>, Known) {
+        let Self { spread, weights, of_pool, factor } = self;
+        let p = features.len() / weights.len();
+        (weights, Known { p, of_sub_nets, features, of_pool, spread, factor, far })
+    }
+}
+
+/// Those of every p numbers that stand in these columns.
+fn only(all: &[f64], p: usize, columns: &[usize]) -> Vec<f64> {
+    all.chunks_exact(p).flat_map(|row| columns.iter().map(|a| row[*a])).collect()
+}
+
+/// The evidence as it is known, and of the other integrals a part of their shares, the rest by the samples at this evidence.
+fn partly(known: &[f64], by_samples: &[f64], shares: &[f64], part: f64) -> Vec<f64> {
+    let p = shares.len();
+    let evidence = |of: &[f64]| of.iter().step_by(p).sum::<f64>();
+    let factor = evidence(known) / evidence(by_samples);
+    let mixed = |(k, (known, of)): (usize, (&f64, &f64))| {
+        let share = if k % p == 0 { 1.0 } else { part * shares[k % p] };
+        share * known + (1.0 - share) * factor * of
+    };
+    known.iter().zip(by_samples).enumerate().map(mixed).collect()
+}
+
+/// Cholesky factor of the sum of products of p features, weighted by weight times spread.
+fn factor(spread: Spread, weights: &[f64], features: &[f64], p: usize) -> Option<Vec<f64>> {
     let mut gram = vec![0.0; p * p];
-    let mut of_pool = vec![0.0; replicates * p];
-    let mut terms = vec![0.0; p];
-    let alive = |(w, _): &((&f64, &u32), &[f64])| *w.0 > 0.0;
-    for ((w, label), features) in
-        weights.iter().zip(label).zip(features.chunks_exact(p)).filter(alive)
-    {
-        terms.iter_mut().zip(features).for_each(|(t, f)| *t = f * w);
+    for (w, row) in weights.iter().zip(features.chunks_exact(p)).filter(|(w, _)| **w > 0.0) {
         let change = spread.of(*w);
-        let sums = &mut of_pool[*label as usize * p..][..p];
-        sums.iter_mut().zip(&terms).for_each(|(s, t)| *s += t);
         for a in 0..p {
+            let term = row[a] * w;
             for b in 0..=a {
-                gram[a * p + b] += terms[a] * features[b] * change;
+                gram[a * p + b] += term * row[b] * change;
             }
         }
     }
-    Some((of_pool, cholesky(&gram, p)?))
+    cholesky(&gram, p)
 }
 
 /// Factors `f = exp(sqrt(w) lambda phi)` for which the sums of `w f phi` are the wished ones: the minimum of
@@ -159,91 +178,74 @@ fn tilts(
 }
 
 impl Samples<'_> {
-    /// Their weights held to integrals over `d` coordinates: see `Estimator::hold_to`.
+    /// Their weights held to integrals over `d` coordinates, and what they are held to; none where that would change a weight by too
+    /// much. With `far`, where importance weights are few, weights may change as far as [`TILTS`]. Where they would change further,
+    /// moments, or those of each coordinate without their products, are held to a mean of what is known and of what the samples say,
+    /// the first of [`PARTS`] that weights have, and rather to the evidence alone than to nothing. Their heavy tail does not show in
+    /// the held ones any more.
     pub(super) fn held_to(
         &self,
         integrals: Integrals,
         d: usize,
         far: bool,
     ) -> Option<(Vec<f64>, Known)> {
-        let p = coefficients(d);
-        let by = |known: &[f64], features: &[f64], spreads: &[Spread]| {
-            spreads.iter().find_map(|s| Some((*s, self.held(*s, known, features)?)))
-        };
         let Integrals { of_sub_nets, features, shares } = integrals;
-        let found = if !far {
-            by(&of_sub_nets, &features, &[Spread::Weight, Spread::Root])
-                .map(|held| (of_sub_nets, features, held))
-        } else if shares[0] < LEAST_SHARE {
-            None
-        } else {
-            let only = |all: &[f64], columns: &[usize]| -> Vec<f64> {
-                all.chunks_exact(p).flat_map(|row| columns.iter().map(|a| row[*a])).collect()
-            };
-            let squares = (0..d).map(|i| 1 + d + i * (i + 1) / 2 + i);
-            let squares: Vec<usize> = (0..=d).chain(squares).collect();
-            let of_squares = only(&features, &squares);
-            let partly = PARTS.iter().find_map(|part| {
-                let known = self.partly(&of_sub_nets, &features, &shares, *part);
-                let spreads = [Spread::Weight, Spread::Far];
-                if let Some(held) = by(&known, &features, &spreads) {
-                    return Some((known, true, held));
-                }
-                let known = only(&known, &squares);
-                let held = by(&known, &of_squares, &spreads)?;
-                Some((known, false, held))
-            });
-            match partly {
-                Some((known, true, held)) => Some((known, features, held)),
-                Some((known, false, held)) => Some((known, of_squares, held)),
-                None => {
-                    let (known, features) = (only(&of_sub_nets, &[0]), only(&features, &[0]));
-                    by(&known, &features, &[Spread::One]).map(|held| (known, features, held))
-                }
-            }
-        };
-        let (of_sub_nets, features, (spread, (weights, of_pool, factor))) = found?;
-        let p = of_sub_nets.len() / self.replicates;
-        Some((weights, Known { p, of_sub_nets, features, of_pool, spread, factor, far }))
-    }
-
-    /// The evidence as it is known, and of the other integrals a part of their shares, the rest by the samples at this evidence.
-    fn partly(&self, known: &[f64], features: &[f64], shares: &[f64], part: f64) -> Vec<f64> {
+        if !far {
+            let held = self.held(&[Spread::Weight, Spread::Root], &of_sub_nets, &features)?;
+            return Some(held.to(of_sub_nets, features, far));
+        }
+        if shares[0] < LEAST_SHARE {
+            return None;
+        }
         let p = shares.len();
-        let mut mixed = vec![0.0; known.len()];
-        for ((w, label), features) in
-            self.weights.iter().zip(self.label).zip(features.chunks_exact(p))
-        {
-            let sums = &mut mixed[*label as usize * p..][..p];
-            sums.iter_mut().zip(features).for_each(|(s, f)| *s += w * f);
-        }
-        let evidence = |of: &[f64]| of.iter().step_by(p).sum::<f64>();
-        let factor = evidence(known) / evidence(&mixed);
-        for (known, mixed) in known.chunks_exact(p).zip(mixed.chunks_exact_mut(p)) {
-            for (a, (known, mixed)) in known.iter().zip(mixed).enumerate() {
-                let share = if a == 0 { 1.0 } else { part * shares[a] };
-                *mixed = share * known + (1.0 - share) * factor * *mixed;
+        let by_samples = self.sums(self.weights, &features, p);
+        let squares = (0..d).map(|i| 1 + d + i * (i + 1) / 2 + i);
+        let squares: Vec<usize> = (0..=d).chain(squares).collect();
+        let spreads = [Spread::Weight, Spread::Far];
+        // A copy only where fewer are held: those of all samples are many.
+        let mut of_squares = None;
+        for part in PARTS {
+            let known = partly(&of_sub_nets, &by_samples, &shares, part);
+            if let Some(held) = self.held(&spreads, &known, &features) {
+                return Some(held.to(known, features, far));
+            }
+            let known = only(&known, p, &squares);
+            let of_squares = of_squares.get_or_insert_with(|| only(&features, p, &squares));
+            if let Some(held) = self.held(&spreads, &known, of_squares) {
+                return Some(held.to(known, std::mem::take(of_squares), far));
             }
         }
-        mixed
+        let (known, features) = (only(&of_sub_nets, p, &[0]), only(&features, p, &[0]));
+        let held = self.held(&[Spread::One], &known, &features)?;
+        Some(held.to(known, features, far))
     }
 
-    /// Weights held to integrals, and their [`sums`]; none where a weight would change by too much.
-    fn held(
-        &self,
-        spread: Spread,
-        of_sub_nets: &[f64],
-        features: &[f64],
-    ) -> Option<(Vec<f64>, Vec<f64>, Vec<f64>)> {
+    /// Sums of weight times feature over the samples of every sub-net, of p features.
+    fn sums(&self, weights: &[f64], features: &[f64], p: usize) -> Vec<f64> {
+        let mut sums = vec![0.0; self.replicates * p];
+        for ((w, label), row) in weights.iter().zip(self.label).zip(features.chunks_exact(p)) {
+            if *w > 0.0 {
+                let sums = &mut sums[*label as usize * p..][..p];
+                sums.iter_mut().zip(row).for_each(|(s, f)| *s += w * f);
+            }
+        }
+        sums
+    }
+
+    /// Weights held to integrals by the first of these spreads by which none would change by too much.
+    fn held(&self, spreads: &[Spread], of_sub_nets: &[f64], features: &[f64]) -> Option<Held> {
+        spreads.iter().find_map(|spread| self.held_by(*spread, of_sub_nets, features))
+    }
+
+    fn held_by(&self, spread: Spread, of_sub_nets: &[f64], features: &[f64]) -> Option<Held> {
         let p = of_sub_nets.len() / self.replicates;
-        let sums =
-            |weights: &[f64]| sums(spread, weights, self.label, self.replicates, p, features);
         let each = self.weights.len() as f64 / self.replicates as f64;
         let wished: Vec<f64> =
             (0..p).map(|a| each * of_sub_nets.iter().skip(a).step_by(p).sum::<f64>()).collect();
         let weights = match spread {
             Spread::Weight | Spread::One => {
-                let (of_pool, factor) = sums(self.weights)?;
+                let factor = factor(spread, self.weights, features, p)?;
+                let of_pool = self.sums(self.weights, features, p);
                 let sum = |a: usize| of_pool.iter().skip(a).step_by(p).sum::<f64>();
                 let gap: Vec<f64> = wished.iter().enumerate().map(|(a, w)| w - sum(a)).collect();
                 let lambda = solve(&factor, &gap);
@@ -271,8 +273,9 @@ impl Samples<'_> {
                 self.weights.iter().zip(tilts).map(|(w, tilt)| w * tilt).collect()
             }
         };
-        let (of_pool, factor) = sums(&weights)?;
-        Some((weights, of_pool, factor))
+        let factor = factor(spread, &weights, features, p)?;
+        let of_pool = self.sums(&weights, features, p);
+        Some(Held { spread, weights, of_pool, factor })
     }
 }
 
@@ -291,7 +294,7 @@ mod tests {
         let known = [2.0, 0.3].map(|sum| sum / n as f64);
         let label: Vec<u32> = (0..n).map(|i| (i % r) as u32).collect();
         let samples = Samples { weights: &weights, label: &label, replicates: r };
-        let (weights, _, _) = samples.held(spread, &known.repeat(r), &features)?;
+        let weights = samples.held(&[spread], &known.repeat(r), &features)?.weights;
         let sum = |a: usize| -> f64 {
             weights.iter().zip(features.chunks_exact(2)).map(|(w, f)| w * f[a]).sum()
         };
