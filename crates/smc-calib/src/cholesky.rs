@@ -15,6 +15,24 @@ pub(crate) fn large_cholesky(matrix: &[f64], n: usize) -> Option<Vec<f64>> {
     factor(matrix, n, dot)
 }
 
+/// Lower factor of a large positive semidefinite matrix. A row whose rest by those above is `known` or less depends on them alone:
+/// rounding can have made that rest anything down to below zero.
+pub(crate) fn semidefinite_cholesky(matrix: &[f64], n: usize, known: f64) -> Vec<f64> {
+    let mut l = vec![0.0; n * n];
+    for i in 0..n {
+        let (above, row) = l.split_at_mut(i * n);
+        for j in 0..i {
+            let pivot = above[j * n + j];
+            if pivot > 0.0 {
+                row[j] = (matrix[i * n + j] - dot(&row[..j], &above[j * n..j * n + j])) / pivot;
+            }
+        }
+        let rest = matrix[i * n + i] - dot(&row[..i], &row[..i]);
+        row[i] = if rest > known { rest.sqrt() } else { 0.0 };
+    }
+    l
+}
+
 /// Product of two vectors of equal length, summed in [`LANES`] lanes.
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let (a_blocks, a_rest) = a.as_chunks::<LANES>();

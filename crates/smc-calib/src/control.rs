@@ -23,6 +23,7 @@
 //! and the spread alone would say no more than half of its variance ([`count_pairs_twice`]).
 
 mod frozen;
+mod unknown;
 mod variate;
 
 pub(crate) use self::frozen::Frozen;
@@ -315,7 +316,18 @@ impl<'a> Control<'a> {
         if !local {
             count_pairs_twice(&mut of_sub_nets, &of_nets, p);
         }
-        Some(Integrals { of_sub_nets, features: self.features, shares })
+        Some(Integrals { of_sub_nets, features: self.features, shares, errors: Vec::new() })
+    }
+
+    /// Errors of the integrals by what a process does not know.
+    fn unknown_to(&self, process: &StandIn<'_>) -> Vec<f64> {
+        let Self { sampler, proposal, standard, coordinate, ln_scale, .. } = self;
+        let p = coefficients(sampler.pool.d);
+        let features = |z: &[f64], row: &mut [f64]| {
+            standard.features(z.iter().enumerate().map(|(j, z)| coordinate(j, *z)), row);
+        };
+        let (density, seed) = ((*proposal, *ln_scale), sampler.settings.seed);
+        unknown::errors(process, &sampler.pool, density, p, &features, seed)
     }
 
     /// Adds a part's share of the integrals of g phi, by nets of its own for every sub-net; its g at the samples, each where it is
@@ -397,7 +409,12 @@ fn of_all_samples(
     let drawn = Drawn { first: 0, proposal: &mixture, ln_q, ln_w: &ln_w };
     let control = Control::new(sampler, (raw, ln_scale), &drawn, coordinate);
     let stack = control.stacked(ways);
-    if stack.is_empty() { None } else { control.integrals(&stack, finishing) }
+    if stack.is_empty() {
+        return None;
+    }
+    let process = process.filter(|process| process.runs_through_all(&sampler.pool));
+    let errors = process.map(|process| control.unknown_to(process)).unwrap_or_default();
+    control.integrals(&stack, finishing).map(|integrals| Integrals { errors, ..integrals })
 }
 
 /// All samples with the weights of the result, and the evidence. `raw` are the importance weights over

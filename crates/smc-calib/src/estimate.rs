@@ -87,6 +87,7 @@ impl Estimator {
             let f = self.weights[i] * influence(i);
             parts[self.label[i] as usize] += f;
         }
+        let mut unknown = 0.0;
         if let Some(known) = &self.known {
             // What the known integrals explain of the influence has their error instead of the pool's.
             let p = known.p;
@@ -99,6 +100,7 @@ impl Estimator {
                 }
             }
             let slopes = solve(&known.factor, &right);
+            unknown = known.square_of_errors(&slopes) * (self.n as f64 / self.total).powi(2);
             let each = self.n as f64 / r as f64;
             let sub_nets = known.of_pool.chunks_exact(p).zip(known.of_sub_nets.chunks_exact(p));
             for (part, (pool, sub_net)) in parts.iter_mut().zip(sub_nets) {
@@ -110,7 +112,8 @@ impl Estimator {
         let scale = r as f64 / self.total;
         let mean = parts.iter().sum::<f64>() * scale / r as f64;
         let squares: f64 = parts.iter().map(|p| (p * scale - mean).powi(2)).sum();
-        (squares / (r * (r - 1)) as f64).sqrt()
+        // Sub-nets share what no sample has shown: the process knows of it, and their spread does not.
+        (squares / (r * (r - 1)) as f64).max(unknown).sqrt()
     }
 
     /// Whether the sub-nets have unequal numbers of samples.

@@ -1,5 +1,6 @@
 //! Budgets of 30 to two thousand simulations: more and smaller stages, placed by a stand-in for the likelihood.
 
+mod draws;
 mod failing;
 mod unknown;
 

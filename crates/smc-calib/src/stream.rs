@@ -31,6 +31,8 @@ pub(crate) enum Purpose {
     Surrogate = 8,
     /// The next member of a population.
     NextMember = 20,
+    /// Errors of a Gaussian process.
+    Errors = 22,
     /// Data that are made by draws of the posterior.
     Replicated = 21,
 }

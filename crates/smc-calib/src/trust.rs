@@ -305,7 +305,12 @@ impl Posterior {
             if !self.tails_hold() && !agrees {
                 signs.push("the importance weights have a heavy tail");
             }
-            if beside.is_some_and(|beside| beside.abs() * ess.sqrt() > EVIDENCE_ERRORS) {
+            // What many weights say counts, not what a process says that has yet to learn.
+            let few = ess * MOST_PER_SAMPLE < self.counters.simulations as f64;
+            let differs = |beside: f64| {
+                beside.abs() > PROCESS_DIFFERS || few && beside.abs() * ess.sqrt() > EVIDENCE_ERRORS
+            };
+            if beside.is_some_and(differs) {
                 signs.push("the process through the samples has another evidence");
             }
             if mean.is_some_and(|mean| mean < PROCESS_KNOWS.start) {
@@ -315,7 +320,7 @@ impl Posterior {
                 signs.push("the evidence of the last samples is not that of all");
             }
             // Given sets are all there at once: nothing is placed.
-            if flattened && self.stages.len() > 1 {
+            if few && flattened && self.stages.len() > 1 {
                 signs
                     .push("the likelihood was not yet known well enough to place the last samples");
             }

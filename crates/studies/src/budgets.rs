@@ -72,16 +72,18 @@ pub(crate) fn run(args: &BudgetsArgs, out: &Path) -> Result<(), Failure> {
             points.push(point);
         }
         curves.push((name, points));
+        // The study takes hours: what is done is there if it is ended.
+        report.table(&table)?;
+        report.figure("figure", &figure(&curves))?;
+        let found = if cliffs.is_empty() {
+            format!("No error grows by more than {CLIFF}.\n")
+        } else {
+            format!("Errors that grow by more than {CLIFF}:\n\n{cliffs}")
+        };
+        let text = format!("{} seeds. {TEXT}\n{found}\n{}", args.seeds, table.markdown());
+        report.page("Error over the number of simulations", &text)?;
     }
-    report.table(&table)?;
-    report.figure("figure", &figure(&curves))?;
-    let found = if cliffs.is_empty() {
-        format!("No error grows by more than {CLIFF}.\n")
-    } else {
-        format!("Errors that grow by more than {CLIFF}:\n\n{cliffs}")
-    };
-    let text = format!("{} seeds. {TEXT}\n{found}\n{}", args.seeds, table.markdown());
-    Ok(report.page("Error over the number of simulations", &text)?)
+    Ok(())
 }
 
 /// 32, 48, 64, 96, ... up to `most`, and one less than every threshold.

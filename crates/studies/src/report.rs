@@ -53,7 +53,9 @@ impl Report {
     /// Writes a figure as `NAME.svg`, for the width of a page.
     pub(crate) fn figure(&mut self, name: &str, figure: &dyn Figure) -> Result<(), RunError> {
         let picture = figure.render(Width::Full).map_err(RunError::new)?;
-        self.figures.push(name.to_owned());
+        if !self.figures.iter().any(|known| known == name) {
+            self.figures.push(name.to_owned());
+        }
         self.write(&format!("{name}.svg"), &picture.svg)
     }
 

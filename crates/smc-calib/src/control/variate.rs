@@ -38,7 +38,7 @@ impl Standard {
         standard
     }
 
-    fn features(&self, x: impl Iterator<Item = f64>, out: &mut [f64]) {
+    pub(super) fn features(&self, x: impl Iterator<Item = f64>, out: &mut [f64]) {
         let mut standard = [0.0; MOST_PARAMETERS];
         let d = self.mean.len();
         for (j, x) in x.enumerate().take(d) {

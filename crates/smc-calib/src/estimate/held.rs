@@ -53,6 +53,8 @@ pub(crate) struct Integrals {
     pub features: Vec<f64>,
     /// Share of each that is taken from here, the rest from sums over the samples: the less these know it, the more.
     pub shares: Vec<f64>,
+    /// Errors of all of them by draws of what is not known of the surrogate, draw by draw; empty where that is not asked.
+    pub errors: Vec<f64>,
 }
 
 /// Integrals that the weights are held to.
@@ -62,6 +64,8 @@ pub(super) struct Known {
     /// Their values, and the functions that are integrated, as [`Integrals`] has them.
     pub of_sub_nets: Vec<f64>,
     pub features: Vec<f64>,
+    /// Errors of their mean over the sub-nets, as [`Integrals`] has them.
+    pub errors: Vec<f64>,
     /// Sums of weight times feature over the samples of every sub-net.
     pub of_pool: Vec<f64>,
     /// The quantity that changes of weights are proportional to.
@@ -70,6 +74,18 @@ pub(super) struct Known {
     pub factor: Vec<f64>,
     /// Whether weights might change as far as it takes.
     pub far: bool,
+}
+
+impl Known {
+    /// Mean square over the draws of the errors of the sum of integrals with these factors.
+    pub(super) fn square_of_errors(&self, factors: &[f64]) -> f64 {
+        let squares = self.errors.chunks_exact(self.p).map(|errors| {
+            let sum: f64 = errors.iter().zip(factors).map(|(e, f)| e * f).sum();
+            sum * sum
+        });
+        let draws = self.errors.len() / self.p;
+        if draws == 0 { 0.0 } else { squares.sum::<f64>() / draws as f64 }
+    }
 }
 
 /// Weights of all samples, and the sub-net of each.
@@ -89,11 +105,16 @@ struct Held {
 }
 
 impl Held {
-    /// The weights, and what they are held to.
-    fn to(self, of_sub_nets: Vec<f64>, features: Vec<f64>, far: bool) -> (Vec<f64>, Known) {
+    /// The weights, and what they are held to: values and errors of the integrals, and what is integrated.
+    fn to(
+        self,
+        [of_sub_nets, errors]: [Vec<f64>; 2],
+        features: Vec<f64>,
+        far: bool,
+    ) -> (Vec<f64>, Known) {
         let Self { spread, weights, of_pool, factor } = self;
         let p = features.len() / weights.len();
-        (weights, Known { p, of_sub_nets, features, of_pool, spread, factor, far })
+        (weights, Known { p, of_sub_nets, features, errors, of_pool, spread, factor, far })
     }
 }
 
@@ -112,6 +133,13 @@ fn partly(known: &[f64], by_samples: &[f64], shares: &[f64], part: f64) -> Vec<f
         share * known + (1.0 - share) * factor * of
     };
     known.iter().zip(by_samples).enumerate().map(mixed).collect()
+}
+
+/// Errors of the evidence, and of the other integrals that part of their shares.
+fn partly_off(errors: &[f64], shares: &[f64], part: f64) -> Vec<f64> {
+    let p = shares.len();
+    let scaled = |(k, e): (usize, &f64)| if k % p == 0 { *e } else { part * shares[k % p] * e };
+    errors.iter().enumerate().map(scaled).collect()
 }
 
 /// Cholesky factor of the sum of products of p features, weighted by weight times spread.
@@ -189,10 +217,10 @@ impl Samples<'_> {
         d: usize,
         far: bool,
     ) -> Option<(Vec<f64>, Known)> {
-        let Integrals { of_sub_nets, features, shares } = integrals;
+        let Integrals { of_sub_nets, features, shares, errors } = integrals;
         if !far {
             let held = self.held(&[Spread::Weight, Spread::Root], &of_sub_nets, &features)?;
-            return Some(held.to(of_sub_nets, features, far));
+            return Some(held.to([of_sub_nets, errors], features, far));
         }
         if shares[0] < LEAST_SHARE {
             return None;
@@ -206,18 +234,20 @@ impl Samples<'_> {
         let mut of_squares = None;
         for part in PARTS {
             let known = partly(&of_sub_nets, &by_samples, &shares, part);
+            let errors = partly_off(&errors, &shares, part);
             if let Some(held) = self.held(&spreads, &known, &features) {
-                return Some(held.to(known, features, far));
+                return Some(held.to([known, errors], features, far));
             }
-            let known = only(&known, p, &squares);
+            let [known, errors] = [known, errors].map(|all| only(&all, p, &squares));
             let of_squares = of_squares.get_or_insert_with(|| only(&features, p, &squares));
             if let Some(held) = self.held(&spreads, &known, of_squares) {
-                return Some(held.to(known, std::mem::take(of_squares), far));
+                return Some(held.to([known, errors], std::mem::take(of_squares), far));
             }
         }
-        let (known, features) = (only(&of_sub_nets, p, &[0]), only(&features, p, &[0]));
+        let [known, errors, features] =
+            [of_sub_nets, errors, features].map(|all| only(&all, p, &[0]));
         let held = self.held(&[Spread::One], &known, &features)?;
-        Some(held.to(known, features, far))
+        Some(held.to([known, errors], features, far))
     }
 
     /// Sums of weight times feature over the samples of every sub-net, of p features.
@@ -319,7 +349,8 @@ mod tests {
         let x: Vec<f64> = (0..n).map(|i| (1.7 * f64::from(i)).sin()).collect();
         let features: Vec<f64> = x.iter().flat_map(|x| [1.0, *x, x * x]).collect();
         let of_sub_nets = [1.1, 0.2, square].repeat(r);
-        let integrals = Integrals { of_sub_nets, features, shares: shares.to_vec() };
+        let integrals =
+            Integrals { of_sub_nets, features, shares: shares.to_vec(), errors: Vec::new() };
         let label: Vec<u32> = (0..n as u32).map(|i| i % r as u32).collect();
         let samples = Samples { weights: &vec![1.0; n as usize], label: &label, replicates: r };
         let (weights, _) = samples.held_to(integrals, 1, true)?;
@@ -391,6 +422,7 @@ mod tests {
             of_sub_nets: known.repeat(r),
             features: features.clone(),
             shares: vec![1.0; 6],
+            errors: Vec::new(),
         };
         let label: Vec<u32> = (0..n).map(|i| (i % r) as u32).collect();
         let samples = Samples { weights: &vec![1.0; n], label: &label, replicates: r };

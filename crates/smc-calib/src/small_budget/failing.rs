@@ -9,7 +9,7 @@ use crate::pool::Pool;
 const NUGGET_OF_FAILING: f64 = 0.1;
 /// Width of the edge between them: where it is known, and per standard deviation of the process. From errors and error bars on
 /// a ridge that a bound cuts.
-const EDGE: [f64; 2] = [0.2, 0.6];
+pub(super) const EDGE: [f64; 2] = [0.2, 0.6];
 
 /// A process through 1 at samples that finished and -1 at those that failed or have no likelihood: it knows edges that run
 /// straight through the prior far better than neighbours do.
@@ -59,11 +59,26 @@ impl Failing {
         &self.process.covariance
     }
 
-    /// Probability that a simulation finishes: that the process is above zero, for an edge that is not sharper than is known.
-    pub(super) fn finished(&self, z: &[f64]) -> f64 {
+    /// Lower factor of the covariance of its errors at points z.
+    pub(super) fn factor_of_errors(&self, z: &[f64]) -> Vec<f64> {
+        self.process.factor_of_errors(z)
+    }
+
+    /// Mean and variance of the process at z.
+    pub(super) fn mean_and_variance(&self, z: &[f64]) -> [f64; 2] {
         let mut mean = [0.0];
         self.process.predict(z, &mut mean);
-        let sd = self.process.variance(z).sqrt();
-        normal::cdf(mean[0] / (EDGE[0] + EDGE[1] * sd))
+        [mean[0], self.process.variance(z)]
+    }
+
+    /// Probability that a simulation finishes where the process has this value.
+    pub(super) fn finished_at(value: f64) -> f64 {
+        normal::cdf(value / EDGE[0])
+    }
+
+    /// Probability that a simulation finishes: that the process is above zero, for an edge that is not sharper than is known.
+    pub(super) fn finished(&self, z: &[f64]) -> f64 {
+        let [mean, variance] = self.mean_and_variance(z);
+        normal::cdf(mean / (EDGE[0] + EDGE[1] * variance.sqrt()))
     }
 }

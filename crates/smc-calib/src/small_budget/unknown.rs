@@ -44,6 +44,16 @@ pub(super) struct Component {
 }
 
 impl Unknown {
+    /// Directions of the errors of what is predicted, in its units, and the standard deviation along each per that of the process.
+    pub(super) fn directions(&self) -> Vec<(&[f64], f64)> {
+        match self {
+            Self::OfLikelihoods => vec![(&[1.0], 1.0)],
+            Self::OfCurves { components, .. } => {
+                components.iter().map(|c| (&c.direction[..], c.variance.sqrt())).collect()
+            }
+        }
+    }
+
     /// Of a process through these rows of outputs, from which the target's log likelihood follows.
     pub(super) fn of_curves<'v>(
         target: &dyn Target,
@@ -117,7 +127,7 @@ impl Unknown {
 }
 
 /// Outputs moved along a direction, in their units.
-fn moved(outputs: &[f64], units: &[f64], direction: &[f64], by: f64) -> Vec<f64> {
+pub(super) fn moved(outputs: &[f64], units: &[f64], direction: &[f64], by: f64) -> Vec<f64> {
     let parts = outputs.iter().zip(units).zip(direction);
     parts.map(|((o, unit), b)| o + by * unit * b).collect()
 }

@@ -283,10 +283,12 @@ fn a_flattened_last_stage_with_few_samples_means_too_small_a_budget() {
 }
 
 #[test]
-fn a_small_budget_is_too_small_with_fewer_than_seven_samples_or_a_flattened_likelihood() {
+fn a_small_budget_is_too_small_with_fewer_than_seven_samples_or_with_few_and_a_flattened_likelihood()
+ {
     let reason = |ess, beta| {
         let trust = after(|p| {
             p.settings = Settings::for_budget(1000);
+            p.counters.simulations = 1000;
             p.ess.importance = ess;
             p.stages[1].beta = beta;
         });
@@ -297,7 +299,8 @@ fn a_small_budget_is_too_small_with_fewer_than_seven_samples_or_a_flattened_like
     };
     assert_eq!(reason(7.0, 1.0), None);
     assert_eq!(reason(6.9, 1.0).as_deref(), Some("fewer than seven effective samples"));
-    assert!(reason(5000.0, 0.99).is_some_and(|r| r.contains("not yet known well enough")));
+    assert!(reason(142.0, 0.99).is_some_and(|r| r.contains("not yet known well enough")));
+    assert_eq!(reason(143.0, 0.5), None);
 }
 
 #[test]
@@ -305,6 +308,7 @@ fn few_samples_are_enough_where_the_process_says_the_same_and_more_are_not_where
     let signs = |ess, khat, [process, mean]: [f64; 2]| {
         let trust = after(|p| {
             p.settings = Settings::for_budget(100);
+            p.counters.simulations = 100;
             (p.ess.importance, p.khat) = (ess, khat);
             p.parameters.iter_mut().for_each(|of| (of.khat, of.tail_share) = (khat, 0.5));
             let value = p.log_evidence.value;
@@ -322,9 +326,12 @@ fn few_samples_are_enough_where_the_process_says_the_same_and_more_are_not_where
         assert!(signs(6.9, 0.2, apart).is_some_and(|r| r.contains("fewer than seven")));
         assert!(signs(20.0, 0.8, apart).is_some_and(|r| r.contains("heavy tail")));
     }
-    // Three standard errors of the evidence by sixteen samples are three quarters.
-    assert!(signs(16.0, 0.2, [0.76, 0.0]).is_some_and(|r| r.contains("another evidence")));
-    assert_eq!(signs(16.0, 0.2, [-0.74, 0.0]), None);
+    // Three standard errors of the evidence by nine samples are one.
+    assert!(signs(9.0, 0.2, [1.01, 0.0]).is_some_and(|r| r.contains("another evidence")));
+    assert_eq!(signs(9.0, 0.2, [-0.99, 0.0]), None);
+    // Of a hundred simulations fifteen effective samples are many.
+    assert_eq!(signs(15.0, 0.2, [2.9, 0.0]), None);
+    assert!(signs(15.0, 0.2, [-3.1, 0.0]).is_some_and(|r| r.contains("another evidence")));
     assert!(signs(29.0, 0.2, [0.0, -2.1]).is_some_and(|r| r.contains("a good fit needs")));
 }
 
@@ -333,7 +340,8 @@ fn an_extended_run_is_judged_as_its_last_part_was_placed() {
     let reason = |samples| {
         let trust = after(|p| {
             p.settings = Settings::for_budget(1000).extended(samples).expect("more");
-            (p.ess.importance, p.stages[1].beta) = (300.0, 0.99);
+            p.counters.simulations = samples;
+            (p.ess.importance, p.stages[1].beta) = (285.0, 0.99);
         });
         trust.concerns.into_iter().find_map(|c| match c {
             Concern::BudgetTooSmall { reason, .. } => Some(reason),

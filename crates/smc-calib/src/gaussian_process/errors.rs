@@ -1,0 +1,122 @@
+//! Errors of a process: from column to column, and at many points together.
+
+use super::GaussianProcess;
+use crate::cholesky::{dot, semidefinite_cholesky};
+
+/// Variance, over the largest that the process had before any sample, up to which its value is known.
+const KNOWN: f64 = 1e-10;
+
+impl GaussianProcess {
+    /// Principal components of the columns' covariance `V^T K^-1 V / n`, in their units: direction and variance of each, the largest
+    /// first. `values` are the n rows that the process runs through (section 9.1 of the same; subspace iteration: G. H. Golub,
+    /// C. F. Van Loan, Matrix Computations (2013), section 8.2.4).
+    pub(crate) fn principal<'v>(
+        &self,
+        values: impl Iterator<Item = &'v [f64]>,
+        count: usize,
+    ) -> Vec<(Vec<f64>, f64)> {
+        const STEPS: usize = 12;
+        let m = self.units.len();
+        let rows: Vec<f64> = values
+            .flat_map(|row| row.iter().zip(self.offsets.iter().zip(&self.units)))
+            .map(|(v, (offset, unit))| (v - offset) / unit)
+            .collect();
+        let n = (rows.len() / m) as f64;
+        let multiplied = |x: &[f64]| {
+            let mut sum = vec![0.0; m];
+            for (row, c) in rows.chunks_exact(m).zip(self.coefficients.chunks_exact(m)) {
+                let along = dot(c, x) / n;
+                sum.iter_mut().zip(row).for_each(|(s, v)| *s += along * v);
+            }
+            sum
+        };
+        // Any directions that are not alike.
+        let wave = |k: usize| (0..m).map(move |j| (1.0 + 0.618 * (j * (k + 1)) as f64).sin());
+        let mut found: Vec<(Vec<f64>, f64)> =
+            (0..count).map(|k| (wave(k).collect(), 0.0)).collect();
+        for _ in 0..STEPS {
+            for k in 0..count {
+                let mut x = multiplied(&found[k].0);
+                for (before, _) in &found[..k] {
+                    let along = dot(before, &x);
+                    x.iter_mut().zip(before).for_each(|(x, b)| *x -= along * b);
+                }
+                let length = dot(&x, &x).sqrt();
+                if length > 0.0 {
+                    x.iter_mut().for_each(|x| *x /= length);
+                }
+                found[k] = (x, length);
+            }
+        }
+        found
+    }
+
+    /// Lower factor L of the covariance of its errors at points z, row by row, in squared units of the columns: with independent
+    /// standard normal numbers x the errors of a column are `L x` (C. E. Rasmussen, C. K. I. Williams (2006), section 2.2 and A.2).
+    pub(crate) fn factor_of_errors(&self, z: &[f64]) -> Vec<f64> {
+        let d = self.d;
+        let m = z.len() / d;
+        let mut x = vec![0.0; z.len()];
+        for (x, z) in x.chunks_exact_mut(d).zip(z.chunks_exact(d)) {
+            self.covariance.place.of(z, x);
+        }
+        let solved: Vec<Vec<f64>> = x.chunks_exact(d).map(|x| self.solved(x)).collect();
+        let mut covariance = vec![0.0; m * m];
+        let mut largest = 0.0f64;
+        for (a, row) in covariance.chunks_exact_mut(m).enumerate() {
+            let points = &x[..(a + 1) * d];
+            self.covariance.kernel.row(&points[a * d..], points, &mut row[..=a]);
+            largest = largest.max(row[a]);
+            for (c, solved_b) in row.iter_mut().zip(&solved[..=a]) {
+                *c -= dot(&solved[a], solved_b);
+            }
+        }
+        semidefinite_cholesky(&covariance, m, KNOWN * largest)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gaussian_process::{Covariance, Data};
+
+    #[test]
+    fn errors_at_many_points_have_the_variance_of_each_and_the_covariance_that_a_further_sample_shows()
+     {
+        let z: Vec<f64> = (0..7).map(|i| 0.6 * f64::from(i) - 1.8).collect();
+        let through = |z: &[f64], covariance| {
+            let n = z.len();
+            GaussianProcess::new(Data {
+                d: 1,
+                z,
+                weights: &vec![1.0; n],
+                chosen: &(0..n).collect::<Vec<_>>(),
+                values: &z.iter().map(|z| (3.0 * z).sin()).collect::<Vec<_>>(),
+                nuggets: &vec![1e-3; n],
+                offsets: vec![0.0],
+                units: vec![1.0],
+                covariance,
+            })
+            .expect("has spread")
+        };
+        let process = through(&z, Covariance::Search);
+        // The last is a point once more: its error is that of the first.
+        let points = [-2.5, -1.5, 0.3, 2.4, -2.5];
+        let l = process.factor_of_errors(&points);
+        let covariance = |a: usize, b: usize| dot(&l[a * 5..(a + 1) * 5], &l[b * 5..(b + 1) * 5]);
+        for (a, z) in points.iter().enumerate() {
+            let variance = process.variance(&[*z]);
+            assert!((covariance(a, a) - variance).abs() < 1e-6 + 1e-6 * variance, "{z}");
+        }
+        assert!((covariance(0, 4) - covariance(0, 0)).abs() < 1e-6 * covariance(0, 0));
+        // With a sample at one of them the variance at another falls by their covariance squared over the variance and nugget there.
+        let more = through(&[&z[..], &points[..1]].concat(), Covariance::Like(&process.covariance));
+        for b in 1..4 {
+            let nugget = 1e-3 * process.covariance.kernel.nugget();
+            let explained = covariance(0, b).powi(2) / (covariance(0, 0) + nugget * nugget);
+            let left = covariance(b, b) - explained;
+            let exact = more.variance(&points[b..=b]);
+            assert!((left - exact).abs() < 1e-6 + 1e-4 * exact, "{b}: {left} {exact}");
+        }
+    }
+}
