@@ -15,9 +15,9 @@ pub(crate) fn large_cholesky(matrix: &[f64], n: usize) -> Option<Vec<f64>> {
     factor(matrix, n, dot)
 }
 
-/// Lower factor of a large positive semidefinite matrix. A row whose rest by those above is `known` or less depends on them alone:
-/// rounding can have made that rest anything down to below zero.
-pub(crate) fn semidefinite_cholesky(matrix: &[f64], n: usize, known: f64) -> Vec<f64> {
+/// Lower factor of a large positive semidefinite matrix. A row whose rest by those above is no more than its `rounding` depends on
+/// them alone.
+pub(crate) fn semidefinite_cholesky(matrix: &[f64], n: usize, rounding: &[f64]) -> Vec<f64> {
     let mut l = vec![0.0; n * n];
     for i in 0..n {
         let (above, row) = l.split_at_mut(i * n);
@@ -28,7 +28,7 @@ pub(crate) fn semidefinite_cholesky(matrix: &[f64], n: usize, known: f64) -> Vec
             }
         }
         let rest = matrix[i * n + i] - dot(&row[..i], &row[..i]);
-        row[i] = if rest > known { rest.sqrt() } else { 0.0 };
+        row[i] = if rest > rounding[i] { rest.sqrt() } else { 0.0 };
     }
     l
 }

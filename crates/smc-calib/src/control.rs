@@ -20,14 +20,16 @@
 //!
 //! Every sub-net of the stage has its own net for the second term, so that it is a replicate of the whole, and the
 //! spread of the sub-nets is an error bar of both terms together. With a process the first term is one of pairs of samples,
-//! and the spread alone would say no more than half of its variance ([`count_pairs_twice`]).
+//! and the spread alone would say no more than half of its variance ([`count_pairs_twice`]). What no sample has shown all sub-nets
+//! miss alike: a process that runs through all samples says how much that can be ([`errors`]), and the larger error counts.
 
+mod errors;
 mod frozen;
-mod unknown;
 mod variate;
 
 pub(crate) use self::frozen::Frozen;
 
+use self::errors::Over;
 use self::variate::{
     Model, Standard, Variate, cap, closest, count_pairs_twice, features, left, metric, scatter,
     stacked, surrogate,
@@ -326,8 +328,9 @@ impl<'a> Control<'a> {
         let features = |z: &[f64], row: &mut [f64]| {
             standard.features(z.iter().enumerate().map(|(j, z)| coordinate(j, *z)), row);
         };
-        let (density, seed) = ((*proposal, *ln_scale), sampler.settings.seed);
-        unknown::errors(process, &sampler.pool, density, p, &features, seed)
+        let cap = cap(self.target.iter().copied(), self.first == 0);
+        let over = Over { proposal, ln_scale: *ln_scale, cap };
+        errors::errors(process, &sampler.pool, over, p, &features, sampler.settings.seed)
     }
 
     /// Adds a part's share of the integrals of g phi, by nets of its own for every sub-net; its g at the samples, each where it is

@@ -100,7 +100,7 @@ impl Estimator {
                 }
             }
             let slopes = solve(&known.factor, &right);
-            unknown = known.square_of_errors(&slopes) * (self.n as f64 / self.total).powi(2);
+            unknown = known.variance_unknown(&slopes) * (self.n as f64 / self.total).powi(2);
             let each = self.n as f64 / r as f64;
             let sub_nets = known.of_pool.chunks_exact(p).zip(known.of_sub_nets.chunks_exact(p));
             for (part, (pool, sub_net)) in parts.iter_mut().zip(sub_nets) {
@@ -144,5 +144,31 @@ mod tests {
         let label = [0, 1, 2, 0, 1, 2, 0, 1].to_vec();
         let (value, se) = Estimator::of(label, vec![1.0; 8], 0.0, 3).log_evidence();
         assert!(value.abs() < 1e-15 && se < 1e-15, "{value} {se}");
+    }
+
+    #[test]
+    fn the_larger_of_what_sub_nets_and_draws_say_is_the_standard_error() {
+        // Every sub-net has the same samples, and integrals that their sums are: their spread is zero.
+        let x = [-1.5, -0.5, 0.5, 1.5];
+        let label: Vec<u32> = (0..3).flat_map(|k| [k; 4]).collect();
+        let features: Vec<f64> = x.repeat(3).iter().flat_map(|x| [1.0, *x, x * x]).collect();
+        let evidence_se = |spread: f64, error: f64| {
+            let of_sub_nets: Vec<f64> = [-spread, 0.0, spread]
+                .iter()
+                .flat_map(|off| [1.0 + off, 0.0, 1.25 * (1.0 + off)])
+                .collect();
+            // Two draws, of variance 2 error^2.
+            let errors = vec![error, 0.0, 0.0, -error, 0.0, 0.0];
+            let shares = vec![1.0; 3];
+            let integrals = Integrals { of_sub_nets, features: features.clone(), shares, errors };
+            let mut estimator = Estimator::of(label.clone(), vec![1.0; 12], 0.0, 3);
+            assert!(estimator.hold_to(integrals, 1, true));
+            estimator.log_evidence().1
+        };
+        let of_sub_nets = 0.1 / 3f64.sqrt();
+        assert!((evidence_se(0.1, 0.0) - of_sub_nets).abs() < 1e-12);
+        assert!((evidence_se(0.1, 0.03) - of_sub_nets).abs() < 1e-12);
+        assert!((evidence_se(0.1, 0.2) - 0.2 * 2f64.sqrt()).abs() < 1e-12);
+        assert!((evidence_se(0.0, 0.2) - 0.2 * 2f64.sqrt()).abs() < 1e-12);
     }
 }

@@ -22,6 +22,11 @@ pub fn ln_density(z: f64) -> f64 {
     -0.5 * z * z - LN_SQRT_2PI
 }
 
+/// Log density of independent standard normals: of the prior at normal scores.
+pub(crate) fn ln_prior(z: &[f64]) -> f64 {
+    -z.iter().map(|z| 0.5 * z * z + LN_SQRT_2PI).sum::<f64>()
+}
+
 /// Phi(z), to full relative precision for z down to -37.5 (below it the result is subnormal).
 ///
 /// # Formula

@@ -4,7 +4,7 @@
 //! proposal joins, so that no simulation is thrown away and no weight stays frozen at its stage.
 
 use crate::mixture::{Proposal, ln_sum};
-use crate::normal::LN_SQRT_2PI;
+use crate::normal::ln_prior;
 use crate::target::Target;
 use crate::{Failure, SimError};
 use rayon::prelude::*;
@@ -85,9 +85,7 @@ impl Pool {
         self.stage.resize(old + n, stage as u32);
         self.ln_l.resize(old + n, f64::NEG_INFINITY);
         self.kept.resize((old + n) * kept_width, 0.0);
-        self.ln_prior.extend(
-            z.chunks_exact(d).map(|z| -z.iter().map(|z| 0.5 * z * z + LN_SQRT_2PI).sum::<f64>()),
-        );
+        self.ln_prior.extend(z.chunks_exact(d).map(ln_prior));
         self.student.resize(old + n, 0.0);
 
         let kept = &mut self.kept[old * kept_width..];

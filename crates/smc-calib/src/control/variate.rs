@@ -2,7 +2,7 @@
 
 use crate::cholesky::{cholesky, gram, packed_inverse};
 use crate::mixture::Proposal;
-use crate::normal::LN_SQRT_2PI;
+use crate::normal::ln_prior;
 use crate::pool::Pool;
 use crate::sampler::Sampler;
 use crate::small_budget::StandIn;
@@ -127,8 +127,7 @@ impl Variate<'_> {
         let mut found = Vec::new();
         for u in net.chunks_exact(width) {
             proposal.draw(u, &mut z);
-            let ln_prior = -z.iter().map(|z| 0.5 * z * z + LN_SQRT_2PI).sum::<f64>();
-            let g = self.at(&z, proposal.ln_over_prior(&z, ln_prior), &mut found);
+            let g = self.at(&z, proposal.ln_over_prior(&z, ln_prior(&z)), &mut found);
             if g > 0.0 {
                 standard.features(z.iter().enumerate().map(|(j, z)| coordinate(j, *z)), &mut row);
                 sums.iter_mut().zip(&row).for_each(|(s, f)| *s += g * f / points);

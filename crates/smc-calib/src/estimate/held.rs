@@ -77,14 +77,15 @@ pub(super) struct Known {
 }
 
 impl Known {
-    /// Mean square over the draws of the errors of the sum of integrals with these factors.
-    pub(super) fn square_of_errors(&self, factors: &[f64]) -> f64 {
+    /// Variance over the draws of the sum of integrals with these factors.
+    pub(super) fn variance_unknown(&self, factors: &[f64]) -> f64 {
         let squares = self.errors.chunks_exact(self.p).map(|errors| {
             let sum: f64 = errors.iter().zip(factors).map(|(e, f)| e * f).sum();
             sum * sum
         });
+        // The mean of the draws is taken out of them.
         let draws = self.errors.len() / self.p;
-        if draws == 0 { 0.0 } else { squares.sum::<f64>() / draws as f64 }
+        if draws < 2 { 0.0 } else { squares.sum::<f64>() / (draws - 1) as f64 }
     }
 }
 
@@ -135,11 +136,19 @@ fn partly(known: &[f64], by_samples: &[f64], shares: &[f64], part: f64) -> Vec<f
     known.iter().zip(by_samples).enumerate().map(mixed).collect()
 }
 
-/// Errors of the evidence, and of the other integrals that part of their shares.
-fn partly_off(errors: &[f64], shares: &[f64], part: f64) -> Vec<f64> {
+/// Errors of what [`partly`] gives: the other integrals have their part of their own, and with the rest they move with the evidence.
+fn partly_off(errors: &[f64], by_samples: &[f64], shares: &[f64], part: f64) -> Vec<f64> {
     let p = shares.len();
-    let scaled = |(k, e): (usize, &f64)| if k % p == 0 { *e } else { part * shares[k % p] * e };
-    errors.iter().enumerate().map(scaled).collect()
+    let sum = |a: usize| by_samples.iter().skip(a).step_by(p).sum::<f64>();
+    let of_evidence: Vec<f64> = (0..p).map(|a| sum(a) / sum(0)).collect();
+    let mixed = |draw: &[f64]| -> Vec<f64> {
+        let one = |a: usize| {
+            let share = if a == 0 { 1.0 } else { part * shares[a] };
+            share * draw[a] + (1.0 - share) * of_evidence[a] * draw[0]
+        };
+        (0..p).map(one).collect()
+    };
+    errors.chunks_exact(p).flat_map(mixed).collect()
 }
 
 /// Cholesky factor of the sum of products of p features, weighted by weight times spread.
@@ -234,7 +243,7 @@ impl Samples<'_> {
         let mut of_squares = None;
         for part in PARTS {
             let known = partly(&of_sub_nets, &by_samples, &shares, part);
-            let errors = partly_off(&errors, &shares, part);
+            let errors = partly_off(&errors, &by_samples, &shares, part);
             if let Some(held) = self.held(&spreads, &known, &features) {
                 return Some(held.to([known, errors], features, far));
             }
@@ -381,6 +390,24 @@ mod tests {
                 assert_close(held[a], shares[a] * known + (1.0 - shares[a]) * samples[a]);
             }
         }
+    }
+
+    #[test]
+    fn errors_of_what_is_held_are_those_of_what_is_taken_and_of_the_evidence_in_the_rest() {
+        // Against a difference: errors that move the known integrals.
+        let (known, by_samples) = ([2.0, 0.3, 0.9, 1.6, 0.5, 1.1], [1.0, 0.2, 0.7, 1.2, 0.1, 0.4]);
+        let (shares, error) = ([1.0, 0.0, 0.6], [0.01, -0.02, 0.03]);
+        let moved: Vec<f64> = known.iter().zip(error.iter().cycle()).map(|(k, e)| k + e).collect();
+        for part in PARTS {
+            let [before, after] =
+                [&known[..], &moved].map(|known| partly(known, &by_samples, &shares, part));
+            let found = partly_off(&error, &by_samples, &shares, part);
+            for (a, found) in found.iter().enumerate() {
+                let mean = |of: &[f64]| (of[a] + of[a + 3]) / 2.0;
+                assert_close(*found, mean(&after) - mean(&before));
+            }
+        }
+        assert!(partly_off(&[], &by_samples, &shares, 1.0).is_empty());
     }
 
     #[test]

@@ -3,8 +3,8 @@
 use super::GaussianProcess;
 use crate::cholesky::{dot, semidefinite_cholesky};
 
-/// Variance, over the largest that the process had before any sample, up to which its value is known.
-const KNOWN: f64 = 1e-10;
+/// Variance, over that of the process at the same point before any sample, up to which rounding can have made it.
+const ROUNDING: f64 = 1e-12;
 
 impl GaussianProcess {
     /// Principal components of the columns' covariance `V^T K^-1 V / n`, in their units: direction and variance of each, the largest
@@ -62,16 +62,16 @@ impl GaussianProcess {
         }
         let solved: Vec<Vec<f64>> = x.chunks_exact(d).map(|x| self.solved(x)).collect();
         let mut covariance = vec![0.0; m * m];
-        let mut largest = 0.0f64;
+        let mut rounding = vec![0.0; m];
         for (a, row) in covariance.chunks_exact_mut(m).enumerate() {
             let points = &x[..(a + 1) * d];
             self.covariance.kernel.row(&points[a * d..], points, &mut row[..=a]);
-            largest = largest.max(row[a]);
+            rounding[a] = ROUNDING * row[a];
             for (c, solved_b) in row.iter_mut().zip(&solved[..=a]) {
                 *c -= dot(&solved[a], solved_b);
             }
         }
-        semidefinite_cholesky(&covariance, m, KNOWN * largest)
+        semidefinite_cholesky(&covariance, m, &rounding)
     }
 }
 

@@ -133,14 +133,14 @@ pub(super) fn moved(outputs: &[f64], units: &[f64], direction: &[f64], by: f64) 
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::SimError;
     use crate::gaussian_process::{Covariance, Data};
     use crate::normal::ln_density;
 
     /// Three values of one parameter, measured with known errors.
-    struct Three;
+    pub(in crate::small_budget) struct Three;
 
     const MEASURED: [f64; 3] = [0.4, 0.1, 0.9];
     const SIGMA: f64 = 0.3;

@@ -1,8 +1,8 @@
 //! What a process does not know of the integrals.
 
 use crate::mixture::Proposal;
-use crate::normal::LN_SQRT_2PI;
-use crate::pool::{Pool, exponentiate};
+use crate::normal::ln_prior;
+use crate::pool::Pool;
 use crate::small_budget::StandIn;
 use crate::sobol::scrambled_net;
 use crate::stream::{Purpose, stream};
@@ -16,11 +16,18 @@ const DRAWS: usize = 48;
 /// Log of the largest ratio of a draw to g: beyond it nothing is known, and errors stay numbers.
 const LARGEST: f64 = 20.0;
 
-/// Points that are drawn from g, row by row, and its integral over `exp(ln_scale)`; none where g is zero. `random` gives numbers in
-/// 0 to 1.
+/// A proposal q, and the scale and the largest value of g/q.
+#[derive(Clone, Copy)]
+pub(super) struct Over<'a> {
+    pub proposal: &'a Proposal,
+    pub ln_scale: f64,
+    pub cap: f64,
+}
+
+/// Points that are drawn from g, row by row, and its integral; none where g is zero. `random` gives numbers in 0 to 1.
 fn drawn_from(
     process: &StandIn<'_>,
-    (proposal, ln_scale): (&Proposal, f64),
+    Over { proposal, ln_scale, cap }: Over<'_>,
     net: &[f64],
     mut random: impl FnMut() -> f64,
 ) -> Option<(Vec<f64>, f64)> {
@@ -28,12 +35,12 @@ fn drawn_from(
     let points = net.len() / width;
     let mut z = vec![0.0; points * d];
     net.chunks_exact(width).zip(z.chunks_exact_mut(d)).for_each(|(u, z)| proposal.draw(u, z));
-    let ln_ratio = |z: &[f64]| {
-        let ln_prior = -z.iter().map(|z| 0.5 * z * z + LN_SQRT_2PI).sum::<f64>();
-        process.ln_likelihood_at(z) - proposal.ln_over_prior(z, ln_prior)
+    let ratio = |z: &[f64]| {
+        let ln_ratio = process.ln_likelihood_at(z) - proposal.ln_over_prior(z, ln_prior(z));
+        let ratio = (ln_ratio - ln_scale).exp();
+        if ratio.is_nan() { 0.0 } else { ratio.min(cap) }
     };
-    let ln: Vec<f64> = z.par_chunks(d).with_min_len(64).map(ln_ratio).collect();
-    let (weights, largest) = exponentiate(&ln);
+    let weights: Vec<f64> = z.par_chunks(d).with_min_len(64).map(ratio).collect();
     let total: f64 = weights.iter().sum();
     let mut drawn = Vec::with_capacity(DRAWN * d);
     // One of every so much weight, at random: one in so many points of a net would be a corner of it.
@@ -46,24 +53,23 @@ fn drawn_from(
             next = count + random();
         }
     }
-    let integral = (largest - ln_scale).exp() * total / points as f64;
-    (!drawn.is_empty()).then_some((drawn, integral))
+    (!drawn.is_empty()).then_some((drawn, total / points as f64))
 }
 
-/// Errors of the integrals of g phi by draws of g from the process that made it, p numbers for every draw, in units of g/q over
-/// `exp(ln_scale)`: at points that are drawn from g each draw has a weight, its likelihood over that of g. `features` writes the p
-/// phi of a point z.
+/// Errors of the integrals of g phi by draws of the likelihood from the process that made g, p numbers for every draw: at points
+/// that are drawn from g each draw has a weight, its likelihood over the predicted one. Where g is lowered because the process knows
+/// too little, draws are lowered as much. `features` writes the p phi of a point z.
 pub(super) fn errors(
     process: &StandIn<'_>,
     pool: &Pool,
-    density: (&Proposal, f64),
+    over: Over<'_>,
     p: usize,
     features: &dyn Fn(&[f64], &mut [f64]),
     seed: u64,
 ) -> Vec<f64> {
     let mut rng = stream(seed, Purpose::Errors, 1, 0);
-    let net = scrambled_net(density.0.uniforms(), POINTS, &mut rng);
-    let drawn = drawn_from(process, density, &net, || rng.random());
+    let net = scrambled_net(over.proposal.uniforms(), POINTS, &mut rng);
+    let drawn = drawn_from(process, over, &net, || rng.random());
     let Some((drawn, integral)) = drawn else { return Vec::new() };
     let m = drawn.len() / pool.d;
     let mut rows = vec![0.0; m * p];
@@ -73,7 +79,9 @@ pub(super) fn errors(
     let draws = process.ln_ratios(pool, &drawn, DRAWS, seed);
     for (ratios, own) in draws.iter().zip(errors.chunks_exact_mut(p)) {
         for (ratio, row) in ratios.iter().zip(rows.chunks_exact(p)) {
-            let weight = integral / m as f64 * ratio.min(LARGEST).exp();
+            // A ratio that is not a number is none.
+            let ratio = if ratio.is_nan() { 0.0 } else { ratio.min(LARGEST).exp() };
+            let weight = integral / m as f64 * ratio;
             own.iter_mut().zip(row).for_each(|(sum, phi)| *sum += weight * phi);
         }
     }
@@ -115,8 +123,9 @@ mod tests {
             StandIn::new(&Bumpy, pool, &[1.0; 10], 0..10, Covariance::Search).expect("has spread");
         assert!(process.runs_through_all(pool));
         let prior = Proposal::prior(1);
+        let over = Over { proposal: &prior, ln_scale: 0.7, cap: 1e9 };
         let features = |z: &[f64], row: &mut [f64]| row.copy_from_slice(&[1.0, z[0]]);
-        let found = errors(&process, pool, (&prior, 0.7), 2, &features, 1);
+        let found = errors(&process, pool, over, 2, &features, 1);
 
         // integral integral g g' (e^C - 1) phi phi', with g the mean of the log-normal process.
         let n = 61;
@@ -128,9 +137,8 @@ mod tests {
         };
         let g: Vec<f64> = (0..n)
             .map(|i| {
-                let ln_prior = -0.5 * z[i] * z[i] - LN_SQRT_2PI;
                 let ln_g = process.ln_likelihood_at(&z[i..=i]) + 0.5 * covariance(i, i);
-                0.05 * (ln_g + ln_prior - 0.7).exp()
+                0.05 * (ln_g + ln_prior(&z[i..=i]) - 0.7).exp()
             })
             .collect();
         for power in 0..2 {
