@@ -1,0 +1,178 @@
+use super::*;
+
+/// 64 samples in 4 sub-nets, one with a third of all weight, and integrals of 1 and x that their sums miss.
+fn held(spread: Spread) -> Option<(Vec<f64>, Vec<f64>, Vec<f64>)> {
+    let (n, r) = (64, 4);
+    let mut weights = vec![0.03; n];
+    weights[5] = 1.0;
+    let features: Vec<f64> =
+        (0..n).flat_map(|i| [1.0, (1.7 * i as f64).sin() + f64::from(u8::from(i == 5))]).collect();
+    let known = [2.0, 0.3].map(|sum| sum / n as f64);
+    let label: Vec<u32> = (0..n).map(|i| (i % r) as u32).collect();
+    let samples = Samples { weights: &weights, label: &label, replicates: r };
+    let weights = samples.held(&[spread], &known.repeat(r), &features)?.weights;
+    let sum = |a: usize| -> f64 {
+        weights.iter().zip(features.chunks_exact(2)).map(|(w, f)| w * f[a]).sum()
+    };
+    let sums = vec![sum(0), sum(1)];
+    Some((weights, sums, vec![2.0, 0.3]))
+}
+
+#[test]
+fn a_single_large_weight_does_not_keep_weights_from_being_held() {
+    // By the weight itself the large one would have to become negative.
+    assert!(held(Spread::Weight).is_none());
+    let (weights, sums, known) = held(Spread::Root).expect("spread");
+    assert!(weights.iter().all(|w| *w > 0.0));
+    for (sum, known) in sums.iter().zip(known) {
+        assert!((sum - known).abs() < 1e-12, "{sum} {known}");
+    }
+}
+
+/// 64 equal weights and integrals of 1, x and x^2 that are 1.1, 0.2 and another; the means of 1, x and x^2 by the held weights.
+fn far(square: f64, shares: [f64; 3]) -> Option<[f64; 3]> {
+    let (n, r) = (64, 4);
+    let x: Vec<f64> = (0..n).map(|i| (1.7 * f64::from(i)).sin()).collect();
+    let features: Vec<f64> = x.iter().flat_map(|x| [1.0, *x, x * x]).collect();
+    let of_sub_nets = [1.1, 0.2, square].repeat(r);
+    let integrals =
+        Integrals { of_sub_nets, features, shares: shares.to_vec(), errors: Vec::new() };
+    let label: Vec<u32> = (0..n as u32).map(|i| i % r as u32).collect();
+    let samples = Samples { weights: &vec![1.0; n as usize], label: &label, replicates: r };
+    let (weights, _) = samples.held_to(integrals, 1, true)?;
+    Some([0, 1, 2].map(|power| {
+        let terms = weights.iter().zip(&x).map(|(w, x)| w * x.powi(power));
+        terms.sum::<f64>() / f64::from(n)
+    }))
+}
+
+/// The same by equal weights of the same sum.
+fn by_samples() -> [f64; 3] {
+    let x = (0..64).map(|i| (1.7 * f64::from(i)).sin());
+    let sums = x.fold([0.0; 3], |s, x| [s[0] + 1.0, s[1] + x, s[2] + x * x]);
+    sums.map(|sum| 1.1 * sum / 64.0)
+}
+
+fn assert_close(a: f64, b: f64) {
+    assert!((a - b).abs() < 1e-9, "{a} {b}");
+}
+
+#[test]
+fn weights_are_held_to_the_share_of_each_integral_that_is_taken() {
+    let samples = by_samples();
+    for shares in [[1.0; 3], [1.0, 1.0, 0.5], [1.0, 0.3, 1.0], [0.7, 0.0, 0.6]] {
+        let held = far(0.4, shares).expect("held");
+        assert_close(held[0], 1.1);
+        for (a, known) in [(1, 0.2), (2, 0.4)] {
+            assert_close(held[a], shares[a] * known + (1.0 - shares[a]) * samples[a]);
+        }
+    }
+}
+
+#[test]
+fn errors_of_what_is_held_are_those_of_what_is_taken_and_of_the_evidence_in_the_rest() {
+    // Against a difference: errors that move the known integrals.
+    let (known, by_samples) = ([2.0, 0.3, 0.9, 1.6, 0.5, 1.1], [1.0, 0.2, 0.7, 1.2, 0.1, 0.4]);
+    let (shares, error) = ([1.0, 0.0, 0.6], [0.01, -0.02, 0.03]);
+    let moved: Vec<f64> = known.iter().zip(error.iter().cycle()).map(|(k, e)| k + e).collect();
+    for part in PARTS {
+        let [before, after] =
+            [&known[..], &moved].map(|known| partly(known, &by_samples, &shares, part));
+        let found = partly_off(&error, &by_samples, &shares, part);
+        for (a, found) in found.iter().enumerate() {
+            let mean = |of: &[f64]| (of[a] + of[a + 3]) / 2.0;
+            assert_close(*found, mean(&after) - mean(&before));
+        }
+    }
+    assert!(partly_off(&[], &by_samples, &shares, 1.0).is_empty());
+}
+
+#[test]
+fn an_integral_that_samples_know_as_well_is_left_to_them() {
+    // An x^2 of 40 where no sample is beyond 1 is the error of a surrogate far out.
+    let held = far(40.0, [1.0, 1.0, 0.0]).expect("held to evidence and mean");
+    assert_close(held[1], 0.2);
+    assert_close(held[2], by_samples()[2]);
+}
+
+#[test]
+fn moments_that_no_weights_have_are_met_in_part_and_else_the_evidence_alone_is() {
+    let samples = by_samples();
+    // No x^2 is above 1: weights of sum 1.1 cannot have a mean square of 1.2, but have part of the way there.
+    let part = |square: f64, value: f64, a: usize| {
+        (value - samples[a]) / ([0.2, square][a - 1] - samples[a])
+    };
+    let held = far(1.2, [1.0; 3]).expect("held");
+    let reached = part(1.2, held[2], 2);
+    assert!(PARTS[1..].iter().any(|p| (p - reached).abs() < 1e-9), "{reached}");
+    assert_close(part(1.2, held[1], 1), reached);
+    // A fifth of the way to 40 is too far.
+    let held = far(40.0, [1.0; 3]).expect("held to the evidence");
+    (0..3).for_each(|a| assert_close(held[a], samples[a]));
+}
+
+#[test]
+fn a_product_that_no_weights_have_leaves_the_moments_of_each_coordinate_held() {
+    let (n, r) = (64, 4);
+    let x = |i: usize, by: f64| (by * i as f64).sin();
+    let features: Vec<f64> = (0..n)
+        .flat_map(|i| {
+            let (x, y) = (x(i, 1.7), x(i, 2.3));
+            [1.0, x, y, x * x, x * y, y * y]
+        })
+        .collect();
+    let known = [1.0, 0.1, -0.05, 0.4, 40.0, 0.6];
+    let integrals = Integrals {
+        of_sub_nets: known.repeat(r),
+        features: features.clone(),
+        shares: vec![1.0; 6],
+        errors: Vec::new(),
+    };
+    let label: Vec<u32> = (0..n).map(|i| (i % r) as u32).collect();
+    let samples = Samples { weights: &vec![1.0; n], label: &label, replicates: r };
+    let (weights, _) = samples.held_to(integrals, 2, true).expect("held");
+    for (a, known) in known.into_iter().enumerate().filter(|(a, _)| *a != 4) {
+        let terms = weights.iter().zip(features.chunks_exact(6));
+        assert_close(terms.map(|(w, row)| w * row[a]).sum::<f64>() / n as f64, known);
+    }
+}
+
+#[test]
+fn without_a_better_evidence_weights_stay_as_they_are() {
+    assert!(far(0.4, [0.6, 1.0, 1.0]).is_none());
+}
+
+#[test]
+fn tilted_weights_stay_positive_where_moments_change_by_a_fifth() {
+    // Fifteen moments of forty samples in four dimensions, as a hundred runs leave them.
+    let (n, d) = (40, 4);
+    let x = |i: usize, j: usize| {
+        4.0 * ((i + 1) as f64 * [2.0, 3.0, 5.0, 7.0f64][j].sqrt()).fract() - 2.0
+    };
+    let weights: Vec<f64> = (0..n).map(|i| (-0.1 * i as f64).exp()).collect();
+    let features: Vec<f64> = (0..n)
+        .flat_map(|i| {
+            let mut row = vec![1.0];
+            row.extend((0..d).map(|j| x(i, j)));
+            row.extend((0..d).flat_map(|a| (0..=a).map(move |b| x(i, a) * x(i, b))));
+            row
+        })
+        .collect();
+    let p = 15;
+    let sum = |weights: &[f64], a: usize| -> f64 {
+        weights.iter().zip(features.chunks_exact(p)).map(|(w, row)| w * row[a]).sum()
+    };
+    let others: Vec<f64> =
+        weights.iter().enumerate().map(|(i, w)| w * (1.0 + 0.6 * (1.9 * i as f64).sin())).collect();
+    let wished: Vec<f64> = (0..p).map(|a| sum(&others, a)).collect();
+    let tilts =
+        tilts(&weights, &features, &wished, &TILTS).expect("positive weights with these sums");
+    let tilted: Vec<f64> = weights.iter().zip(&tilts).map(|(w, t)| w * t).collect();
+    for (a, wished) in wished.iter().enumerate() {
+        assert!((sum(&tilted, a) - wished).abs() < 1e-9, "{a}");
+    }
+    // A mean outside all samples has no such weights.
+    let mut beyond = wished.clone();
+    beyond[1] = 2.0 * beyond[0];
+    assert!(super::tilts(&weights, &features, &beyond, &TILTS).is_none());
+}
