@@ -7,30 +7,24 @@ use crate::lanes::LANES;
 
 /// Lower Cholesky factor of a symmetric matrix (row by row), or none where it is not positive definite.
 pub(crate) fn cholesky(matrix: &[f64], d: usize) -> Option<Vec<f64>> {
-    factor(matrix, d, |a, b| a.iter().zip(b).map(|(a, b)| a * b).sum())
+    factor(matrix, d, |a, b| a.iter().zip(b).map(|(a, b)| a * b).sum(), positive_root)
 }
 
 /// The same of a large matrix, with sums in several lanes.
 pub(crate) fn large_cholesky(matrix: &[f64], n: usize) -> Option<Vec<f64>> {
-    factor(matrix, n, dot)
+    factor(matrix, n, dot, positive_root)
 }
 
 /// Lower factor of a large positive semidefinite matrix. A row whose rest by those above is no more than its `rounding` depends on
 /// them alone.
 pub(crate) fn semidefinite_cholesky(matrix: &[f64], n: usize, rounding: &[f64]) -> Vec<f64> {
-    let mut l = vec![0.0; n * n];
-    for i in 0..n {
-        let (above, row) = l.split_at_mut(i * n);
-        for j in 0..i {
-            let pivot = above[j * n + j];
-            if pivot > 0.0 {
-                row[j] = (matrix[i * n + j] - dot(&row[..j], &above[j * n..j * n + j])) / pivot;
-            }
-        }
-        let rest = matrix[i * n + i] - dot(&row[..i], &row[..i]);
-        row[i] = if rest > rounding[i] { rest.sqrt() } else { 0.0 };
-    }
-    l
+    let root = |i: usize, rest: f64| Some(if rest > rounding[i] { rest.sqrt() } else { 0.0 });
+    factor(matrix, n, dot, root).unwrap_or_default()
+}
+
+/// Square root of what is left of a diagonal element; none where it is not positive.
+fn positive_root(_: usize, rest: f64) -> Option<f64> {
+    (rest > 0.0 && rest.is_finite()).then(|| rest.sqrt())
 }
 
 /// Product of two vectors of equal length, summed in [`LANES`] lanes.
@@ -47,19 +41,23 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     sums.iter().sum::<f64>() + rest
 }
 
-fn factor(matrix: &[f64], d: usize, dot: impl Fn(&[f64], &[f64]) -> f64) -> Option<Vec<f64>> {
+/// Lower factor whose diagonal elements are the `root`s of what is left of the matrix there; a row of root zero has no part in others.
+fn factor(
+    matrix: &[f64],
+    d: usize,
+    dot: impl Fn(&[f64], &[f64]) -> f64,
+    root: impl Fn(usize, f64) -> Option<f64>,
+) -> Option<Vec<f64>> {
     let mut l = vec![0.0; d * d];
     for i in 0..d {
         let (above, row) = l.split_at_mut(i * d);
         for j in 0..i {
-            let rest = matrix[i * d + j] - dot(&row[..j], &above[j * d..j * d + j]);
-            row[j] = rest / above[j * d + j];
+            let pivot = above[j * d + j];
+            if pivot > 0.0 {
+                row[j] = (matrix[i * d + j] - dot(&row[..j], &above[j * d..j * d + j])) / pivot;
+            }
         }
-        let rest = matrix[i * d + i] - dot(&row[..i], &row[..i]);
-        if !(rest > 0.0 && rest.is_finite()) {
-            return None;
-        }
-        row[i] = rest.sqrt();
+        row[i] = root(i, matrix[i * d + i] - dot(&row[..i], &row[..i]))?;
     }
     Some(l)
 }

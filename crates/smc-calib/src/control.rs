@@ -274,8 +274,13 @@ impl<'a> Control<'a> {
         parts.filter(|part| part.shares.iter().any(|share| *share > 0.0)).collect()
     }
 
-    /// The integrals, where the surrogate is good enough to be of use.
-    fn integrals(self, stack: &[Part<'a>], finishing: &mut Finishing<'_>) -> Option<Integrals> {
+    /// The integrals, where the surrogate is good enough to be of use, with their errors by what a process does not know.
+    fn integrals(
+        self,
+        stack: &[Part<'a>],
+        process: Option<&StandIn<'_>>,
+        finishing: &mut Finishing<'_>,
+    ) -> Option<Integrals> {
         let Self { sampler, target, .. } = &self;
         let (r, p) = (sampler.replicates, coefficients(sampler.pool.d));
         let local = stack.iter().all(|part| matches!(part.made_of, MadeOf::Quadratics { .. }));
@@ -318,7 +323,8 @@ impl<'a> Control<'a> {
         if !local {
             count_pairs_twice(&mut of_sub_nets, &of_nets, p);
         }
-        Some(Integrals { of_sub_nets, features: self.features, shares, errors: Vec::new() })
+        let errors = process.map_or_else(Vec::new, |process| self.unknown_to(process));
+        Some(Integrals { of_sub_nets, features: self.features, shares, errors })
     }
 
     /// Errors of the integrals by what a process does not know.
@@ -326,7 +332,7 @@ impl<'a> Control<'a> {
         let Self { sampler, proposal, standard, coordinate, ln_scale, .. } = self;
         let p = coefficients(sampler.pool.d);
         let features = |z: &[f64], row: &mut [f64]| {
-            standard.features(z.iter().enumerate().map(|(j, z)| coordinate(j, *z)), row);
+            standard.features_at(z, coordinate, row);
         };
         let cap = cap(self.target.iter().copied(), self.first == 0);
         let over = Over { proposal, ln_scale: *ln_scale, cap };
@@ -416,8 +422,7 @@ fn of_all_samples(
         return None;
     }
     let process = process.filter(|process| process.runs_through_all(&sampler.pool));
-    let errors = process.map(|process| control.unknown_to(process)).unwrap_or_default();
-    control.integrals(&stack, finishing).map(|integrals| Integrals { errors, ..integrals })
+    control.integrals(&stack, process, finishing)
 }
 
 /// All samples with the weights of the result, and the evidence. `raw` are the importance weights over
@@ -444,7 +449,7 @@ pub(crate) fn estimate(
             let ways = vec![MadeOf::quadratics(drawn.proposal)?];
             let control = Control::new(sampler, (raw, ln_scale), &drawn, coordinate);
             let stack = control.stacked(ways);
-            control.integrals(&stack, finishing)
+            control.integrals(&stack, None, finishing)
         })
     };
     let held = known.is_some_and(|known| estimator.hold_to(known, sampler.pool.d, far));

@@ -4,7 +4,7 @@
 //! Each is a log likelihood over normal scores, to be sampled by [`crate::sample_density`]; the prior is the
 //! standard normal in every coordinate, so `evidence = integral of likelihood times prior`.
 
-use crate::normal::{self, LN_SQRT_2PI};
+use crate::normal::{self, LN_SQRT_2PI, ln_prior};
 use crate::{SimError, Target};
 use std::f64::consts::PI;
 
@@ -35,11 +35,6 @@ impl Target for Reference {
     fn ln_likelihood(&self, z: &[f64], _: &mut [f64]) -> Result<f64, SimError> {
         Ok((self.ln_likelihood)(z))
     }
-}
-
-/// Log of the standard normal prior.
-fn ln_prior(z: &[f64]) -> f64 {
-    z.iter().map(|z| normal::ln_density(*z)).sum()
 }
 
 /// A Gaussian likelihood in any dimension: every coordinate measured as `y` with noise `sigma`.

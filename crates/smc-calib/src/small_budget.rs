@@ -243,9 +243,13 @@ impl<'a> StandIn<'a> {
 
     /// Log of the probability that a simulation finishes and has a likelihood above zero.
     fn ln_finished(&self, z: &[f64]) -> f64 {
-        let finished = self.failing.as_ref().map_or(1.0, |failing| failing.finished(z));
-        finished.max((-DEAD).exp()).ln()
+        ln_alive(self.failing.as_ref().map_or(1.0, |failing| failing.finished(z)))
     }
+}
+
+/// Log of a probability that a simulation finishes, [`DEAD`] below zero at most.
+fn ln_alive(finished: f64) -> f64 {
+    finished.max((-DEAD).exp()).ln()
 }
 
 /// A process through the log likelihoods of the chosen samples.

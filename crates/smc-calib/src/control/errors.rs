@@ -1,5 +1,6 @@
 //! What a process does not know of the integrals.
 
+use super::variate::{capped, mean};
 use crate::mixture::Proposal;
 use crate::normal::ln_prior;
 use crate::pool::Pool;
@@ -13,8 +14,8 @@ use rayon::prelude::*;
 const POINTS: usize = 4096;
 const DRAWN: usize = 256;
 const DRAWS: usize = 48;
-/// Log of the largest ratio of a draw to g: beyond it nothing is known, and errors stay numbers.
-const LARGEST: f64 = 20.0;
+/// Largest ratio of a draw to g, e^20: beyond it nothing is known, and errors stay numbers.
+const LARGEST: f64 = 485_165_195.0;
 
 /// A proposal q, and the scale and the largest value of g/q.
 #[derive(Clone, Copy)]
@@ -37,8 +38,7 @@ fn drawn_from(
     net.chunks_exact(width).zip(z.chunks_exact_mut(d)).for_each(|(u, z)| proposal.draw(u, z));
     let ratio = |z: &[f64]| {
         let ln_ratio = process.ln_likelihood_at(z) - proposal.ln_over_prior(z, ln_prior(z));
-        let ratio = (ln_ratio - ln_scale).exp();
-        if ratio.is_nan() { 0.0 } else { ratio.min(cap) }
+        capped(ln_ratio - ln_scale, cap)
     };
     let weights: Vec<f64> = z.par_chunks(d).with_min_len(64).map(ratio).collect();
     let total: f64 = weights.iter().sum();
@@ -79,14 +79,12 @@ pub(super) fn errors(
     let draws = process.ln_ratios(pool, &drawn, DRAWS, seed);
     for (ratios, own) in draws.iter().zip(errors.chunks_exact_mut(p)) {
         for (ratio, row) in ratios.iter().zip(rows.chunks_exact(p)) {
-            // A ratio that is not a number is none.
-            let ratio = if ratio.is_nan() { 0.0 } else { ratio.min(LARGEST).exp() };
-            let weight = integral / m as f64 * ratio;
+            let weight = integral / m as f64 * capped(*ratio, LARGEST);
             own.iter_mut().zip(row).for_each(|(sum, phi)| *sum += weight * phi);
         }
     }
     for a in 0..p {
-        let mean = errors.iter().skip(a).step_by(p).sum::<f64>() / DRAWS as f64;
+        let mean = mean(&errors, p, a);
         errors.iter_mut().skip(a).step_by(p).for_each(|e| *e -= mean);
     }
     errors

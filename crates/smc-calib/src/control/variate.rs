@@ -38,7 +38,17 @@ impl Standard {
         standard
     }
 
-    pub(super) fn features(&self, x: impl Iterator<Item = f64>, out: &mut [f64]) {
+    /// 1, x_j and x_i x_j of the coordinates of z.
+    pub(super) fn features_at(
+        &self,
+        z: &[f64],
+        coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
+        out: &mut [f64],
+    ) {
+        self.features(z.iter().enumerate().map(|(j, z)| coordinate(j, *z)), out);
+    }
+
+    fn features(&self, x: impl Iterator<Item = f64>, out: &mut [f64]) {
         let mut standard = [0.0; MOST_PARAMETERS];
         let d = self.mean.len();
         for (j, x) in x.enumerate().take(d) {
@@ -94,6 +104,12 @@ impl Model<'_> {
     }
 }
 
+/// g/q from its logarithm, up to its largest value; zero where that is not a number.
+pub(super) fn capped(ln_ratio: f64, cap: f64) -> f64 {
+    let ratio = ln_ratio.exp();
+    if ratio.is_nan() { 0.0 } else { ratio.min(cap) }
+}
+
 /// The control variate g/q over the scale of the weights.
 pub(super) struct Variate<'a> {
     pub model: Model<'a>,
@@ -105,11 +121,8 @@ pub(super) struct Variate<'a> {
 impl Variate<'_> {
     /// At z, where `ln_q` is the log of proposal over prior.
     pub(super) fn at(&self, z: &[f64], ln_q: f64, found: &mut Vec<(f64, u32)>) -> f64 {
-        self.model
-            .ln_ratio(z, ln_q, found)
-            .map(|ratio| (ratio - self.ln_scale).exp())
-            .filter(|ratio| !ratio.is_nan())
-            .map_or(0.0, |ratio| ratio.min(self.cap))
+        let ratio = self.model.ln_ratio(z, ln_q, found);
+        ratio.map_or(0.0, |ratio| capped(ratio - self.ln_scale, self.cap))
     }
 
     /// Adds the integral of g phi by the points of a net, taken to the proposal.
@@ -129,7 +142,7 @@ impl Variate<'_> {
             proposal.draw(u, &mut z);
             let g = self.at(&z, proposal.ln_over_prior(&z, ln_prior(&z)), &mut found);
             if g > 0.0 {
-                standard.features(z.iter().enumerate().map(|(j, z)| coordinate(j, *z)), &mut row);
+                standard.features_at(&z, coordinate, &mut row);
                 sums.iter_mut().zip(&row).for_each(|(s, f)| *s += g * f / points);
             }
         }
@@ -246,7 +259,7 @@ fn least_squares_shares(controls: &[Vec<f64>], target: &[f64], weights: &[f64]) 
 }
 
 /// Mean of the sub-nets' values of integral a, of p.
-fn mean(of_sub_nets: &[f64], p: usize, a: usize) -> f64 {
+pub(super) fn mean(of_sub_nets: &[f64], p: usize, a: usize) -> f64 {
     of_sub_nets.iter().skip(a).step_by(p).sum::<f64>() / (of_sub_nets.len() / p) as f64
 }
 

@@ -139,19 +139,11 @@ fn partly(known: &[f64], by_samples: &[f64], shares: &[f64], part: f64) -> Vec<f
     known.iter().zip(by_samples).enumerate().map(mixed).collect()
 }
 
-/// Errors of what [`partly`] gives: the other integrals have their part of their own, and with the rest they move with the evidence.
+/// Errors of what [`partly`] gives, by draws of those of the known integrals: it is linear in these.
 fn partly_off(errors: &[f64], by_samples: &[f64], shares: &[f64], part: f64) -> Vec<f64> {
     let p = shares.len();
-    let sum = |a: usize| by_samples.iter().skip(a).step_by(p).sum::<f64>();
-    let of_evidence: Vec<f64> = (0..p).map(|a| sum(a) / sum(0)).collect();
-    let mixed = |draw: &[f64]| -> Vec<f64> {
-        let one = |a: usize| {
-            let share = if a == 0 { 1.0 } else { part * shares[a] };
-            share * draw[a] + (1.0 - share) * of_evidence[a] * draw[0]
-        };
-        (0..p).map(one).collect()
-    };
-    errors.chunks_exact(p).flat_map(mixed).collect()
+    let all: Vec<f64> = (0..p).map(|a| by_samples.iter().skip(a).step_by(p).sum()).collect();
+    errors.chunks_exact(p).flat_map(|draw| partly(draw, &all, shares, part)).collect()
 }
 
 /// Cholesky factor of the sum of products of p features, weighted by weight times spread.

@@ -231,7 +231,7 @@ mod tests {
                 let jacobian = a[0] * (b[1] * c[2] - b[2] * c[1])
                     - b[0] * (a[1] * c[2] - a[2] * c[1])
                     + c[0] * (a[1] * b[2] - a[2] * b[1]);
-                let scores: f64 = z.iter().map(|z| normal::ln_density(*z)).sum();
+                let scores: f64 = normal::ln_prior(&z);
                 scores - jacobian.abs().ln() - (eta - 1.0) * determinant(&at(z)).ln()
             };
             let first = ln_density_over_power([0.2, -0.4, 0.6]);

@@ -97,9 +97,7 @@ impl Frame {
         let ln_jacobian = self.place(v, z);
         match target.ln_likelihood(z, kept) {
             Ok(l) if l.is_nan() => Ok(f64::NEG_INFINITY),
-            Ok(l) => {
-                Ok(ln_jacobian + l + z.iter().map(|z| crate::normal::ln_density(*z)).sum::<f64>())
-            }
+            Ok(l) => Ok(ln_jacobian + l + crate::normal::ln_prior(z)),
             Err(e) if e.is_recoverable() => Ok(f64::NEG_INFINITY),
             Err(e) => Err(e),
         }

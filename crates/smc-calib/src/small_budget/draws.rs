@@ -1,7 +1,7 @@
 //! Draws of what a stand-in does not know of the likelihood.
 
 use super::unknown::moved;
-use super::{DEAD, Failing, StandIn};
+use super::{Failing, StandIn, ln_alive};
 use crate::pool::Pool;
 use crate::stream::{Purpose, stream};
 use rand_distr::{Distribution as _, StandardNormal};
@@ -27,11 +27,10 @@ impl StandIn<'_> {
         let predicted: Vec<Vec<f64>> = z.chunks_exact(d).map(|z| self.predicted(z)).collect();
         let plain: Vec<f64> =
             predicted.iter().map(|values| self.ln_likelihood_of_predicted(values)).collect();
-        let finished: Vec<f64> = z.chunks_exact(d).map(|z| self.ln_finished(z)).collect();
         let factor = self.process.factor_of_errors(z);
         let edge = self.failing.as_ref().map(|failing| {
-            let means = z.chunks_exact(d).map(|z| failing.mean_and_variance(z)[0]);
-            (means.collect::<Vec<f64>>(), failing.factor_of_errors(z))
+            let points = z.chunks_exact(d).map(|z| [failing.mean(z), self.ln_finished(z)]);
+            (points.collect::<Vec<_>>(), failing.process.factor_of_errors(z))
         });
         let unknown = self.unknown(pool);
         let directions = unknown.directions();
@@ -51,10 +50,10 @@ impl StandIn<'_> {
                 self.ln_likelihood_of_predicted(&values) - plain[i]
             };
             let mut ratios: Vec<f64> = (0..m).map(ratio).collect();
-            if let Some((means, factor)) = &edge {
-                let points = means.iter().zip(&finished).zip(errors(factor));
-                for (ratio, ((mean, finished), by)) in ratios.iter_mut().zip(points) {
-                    *ratio += Failing::finished_at(mean + by).max((-DEAD).exp()).ln() - finished;
+            if let Some((points, factor)) = &edge {
+                let moved = points.iter().zip(errors(factor));
+                for (ratio, ([mean, ln_finished], by)) in ratios.iter_mut().zip(moved) {
+                    *ratio += ln_alive(Failing::finished_at(mean + by)) - ln_finished;
                 }
             }
             ratios
@@ -133,8 +132,8 @@ mod tests {
             let finished = stand_in.ln_finished(&[*z]);
             let drawn = |draw: &Vec<f64>| (draw[i] + finished).exp();
             let mean = ratios.iter().map(drawn).sum::<f64>() / DRAWS as f64;
-            let [at, variance] = failing.mean_and_variance(&[*z]);
-            let exact = normal::cdf(at / (EDGE[0] * EDGE[0] + variance).sqrt());
+            let variance = failing.process.variance(&[*z]);
+            let exact = normal::cdf(failing.mean(&[*z]) / (EDGE[0] * EDGE[0] + variance).sqrt());
             assert!((mean - exact).abs() < 0.03, "{z}: {mean} {exact}");
             moved += usize::from(variance.sqrt() > 0.5 * EDGE[0]);
         }

@@ -14,7 +14,7 @@ pub(super) const EDGE: [f64; 2] = [0.2, 0.6];
 /// A process through 1 at samples that finished and -1 at those that failed or have no likelihood: it knows edges that run
 /// straight through the prior far better than neighbours do.
 pub(super) struct Failing {
-    process: GaussianProcess,
+    pub process: GaussianProcess,
 }
 
 impl Failing {
@@ -59,16 +59,11 @@ impl Failing {
         &self.process.covariance
     }
 
-    /// Lower factor of the covariance of its errors at points z.
-    pub(super) fn factor_of_errors(&self, z: &[f64]) -> Vec<f64> {
-        self.process.factor_of_errors(z)
-    }
-
-    /// Mean and variance of the process at z.
-    pub(super) fn mean_and_variance(&self, z: &[f64]) -> [f64; 2] {
+    /// What the process predicts at z.
+    pub(super) fn mean(&self, z: &[f64]) -> f64 {
         let mut mean = [0.0];
         self.process.predict(z, &mut mean);
-        [mean[0], self.process.variance(z)]
+        mean[0]
     }
 
     /// Probability that a simulation finishes where the process has this value.
@@ -78,7 +73,7 @@ impl Failing {
 
     /// Probability that a simulation finishes: that the process is above zero, for an edge that is not sharper than is known.
     pub(super) fn finished(&self, z: &[f64]) -> f64 {
-        let [mean, variance] = self.mean_and_variance(z);
-        normal::cdf(mean / (EDGE[0] + EDGE[1] * variance.sqrt()))
+        let sd = self.process.variance(z).sqrt();
+        normal::cdf(self.mean(z) / (EDGE[0] + EDGE[1] * sd))
     }
 }
