@@ -41,6 +41,12 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     sums.iter().sum::<f64>() + rest
 }
 
+/// Product `L x` of a lower factor, row by row.
+pub(crate) fn lower_times(factor: &[f64], x: &[f64]) -> Vec<f64> {
+    let rows = factor.chunks_exact(x.len()).enumerate();
+    rows.map(|(i, row)| dot(&row[..=i], &x[..=i])).collect()
+}
+
 /// Lower factor whose diagonal elements are the `root`s of what is left of the matrix there; a row of root zero has no part in others.
 fn factor(
     matrix: &[f64],

@@ -23,6 +23,7 @@
 
 mod errors;
 mod kernel;
+mod signs;
 
 use self::kernel::Kernel;
 use self::kernel::{Fit, Samples, Shape};

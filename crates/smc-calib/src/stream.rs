@@ -1,7 +1,8 @@
 //! Keyed random streams: the same key gives the same numbers, whatever thread asks.
 
-use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
+use rand::{Rng, SeedableRng};
+use rand_distr::{Distribution as _, StandardNormal};
 
 /// Purpose of a stream; streams of different purposes are independent.
 #[derive(Clone, Copy, Debug)]
@@ -46,4 +47,9 @@ pub(crate) fn stream(seed: u64, purpose: Purpose, stage: usize, index: usize) ->
             | ((index as u64) & 0xff_ffff_ffff),
     );
     rng
+}
+
+/// Independent standard normal numbers.
+pub(crate) fn normals(count: usize, rng: &mut impl Rng) -> Vec<f64> {
+    (0..count).map(|_| StandardNormal.sample(rng)).collect()
 }

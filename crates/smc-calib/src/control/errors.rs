@@ -25,7 +25,8 @@ pub(super) struct Over<'a> {
     pub cap: f64,
 }
 
-/// Points that are drawn from g, row by row, and its integral; none where g is zero. `random` gives numbers in 0 to 1.
+/// Points that are drawn from g with a wide edge of failures, row by row, and its integral; none where it is zero. `random` gives
+/// numbers in 0 to 1.
 fn drawn_from(
     process: &StandIn<'_>,
     Over { proposal, ln_scale, cap }: Over<'_>,
@@ -37,7 +38,7 @@ fn drawn_from(
     let mut z = vec![0.0; points * d];
     net.chunks_exact(width).zip(z.chunks_exact_mut(d)).for_each(|(u, z)| proposal.draw(u, z));
     let ratio = |z: &[f64]| {
-        let ln_ratio = process.ln_likelihood_at(z) - proposal.ln_over_prior(z, ln_prior(z));
+        let ln_ratio = process.ln_widely_at(z) - proposal.ln_over_prior(z, ln_prior(z));
         capped(ln_ratio - ln_scale, cap)
     };
     let weights: Vec<f64> = z.par_chunks(d).with_min_len(64).map(ratio).collect();

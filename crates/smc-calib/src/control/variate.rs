@@ -102,6 +102,14 @@ impl Model<'_> {
             Self::Process(process) => Some(process.ln_likelihood_at(z) - ln_q),
         }
     }
+
+    /// Log of the probability that a simulation finishes, by which g is lowered.
+    pub(super) fn ln_finished(&self, z: &[f64]) -> f64 {
+        match self {
+            Self::Local(_) => 0.0,
+            Self::Process(process) => process.ln_finished(z),
+        }
+    }
 }
 
 /// g/q from its logarithm, up to its largest value; zero where that is not a number.

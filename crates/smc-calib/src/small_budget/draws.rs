@@ -1,10 +1,10 @@
 //! Draws of what a stand-in does not know of the likelihood.
 
 use super::unknown::moved;
-use super::{Failing, StandIn, ln_alive};
+use super::{StandIn, ln_alive};
+use crate::cholesky::lower_times;
 use crate::pool::Pool;
-use crate::stream::{Purpose, stream};
-use rand_distr::{Distribution as _, StandardNormal};
+use crate::stream::{Purpose, normals, stream};
 use rayon::prelude::*;
 
 impl StandIn<'_> {
@@ -13,8 +13,8 @@ impl StandIn<'_> {
         self.chosen.len() == pool.ln_l.iter().filter(|ln_l| ln_l.is_finite()).count()
     }
 
-    /// Draws of the log likelihood at points z, less what is predicted there: errors of the process at all of them together, along
-    /// each principal component of curves, and where simulations fail an edge that errors of its process move.
+    /// Draws of the log likelihood at points z, less what [`Self::ln_widely_at`] says there: errors of the process at all of them
+    /// together, along each principal component of curves, and where simulations fail an edge anywhere between samples.
     pub(crate) fn ln_ratios(
         &self,
         pool: &Pool,
@@ -29,19 +29,17 @@ impl StandIn<'_> {
             predicted.iter().map(|values| self.ln_likelihood_of_predicted(values)).collect();
         let factor = self.process.factor_of_errors(z);
         let edge = self.failing.as_ref().map(|failing| {
-            let points = z.chunks_exact(d).map(|z| [failing.mean(z), self.ln_finished(z)]);
-            (points.collect::<Vec<_>>(), failing.process.factor_of_errors(z))
+            let ln_finished: Vec<f64> =
+                z.chunks_exact(d).map(|z| self.ln_widely_finished(z)).collect();
+            let mut rng = stream(seed, Purpose::Errors, 2, 0);
+            (ln_finished, failing.draws(z, draws, &mut rng))
         });
         let unknown = self.unknown(pool);
         let directions = unknown.directions();
         let draw = |k: usize| -> Vec<f64> {
             let mut rng = stream(seed, Purpose::Errors, 0, k);
-            let mut errors = |factor: &[f64]| -> Vec<f64> {
-                let x: Vec<f64> = (0..m).map(|_| StandardNormal.sample(&mut rng)).collect();
-                let of = |row: &[f64]| row.iter().zip(&x).map(|(l, x)| l * x).sum();
-                factor.chunks_exact(m).map(of).collect()
-            };
-            let along: Vec<Vec<f64>> = directions.iter().map(|_| errors(&factor)).collect();
+            let mut errors = || lower_times(&factor, &normals(m, &mut rng));
+            let along: Vec<Vec<f64>> = directions.iter().map(|_| errors()).collect();
             let ratio = |i: usize| {
                 let mut values = predicted[i].clone();
                 for ((direction, sd), errors) in directions.iter().zip(&along) {
@@ -50,10 +48,9 @@ impl StandIn<'_> {
                 self.ln_likelihood_of_predicted(&values) - plain[i]
             };
             let mut ratios: Vec<f64> = (0..m).map(ratio).collect();
-            if let Some((points, factor)) = &edge {
-                let moved = points.iter().zip(errors(factor));
-                for (ratio, ([mean, ln_finished], by)) in ratios.iter_mut().zip(moved) {
-                    *ratio += ln_alive(Failing::finished_at(mean + by)) - ln_finished;
+            if let Some((ln_finished, drawn)) = &edge {
+                for ((ratio, ln), finished) in ratios.iter_mut().zip(ln_finished).zip(&drawn[k]) {
+                    *ratio += ln_alive(f64::from(u8::from(*finished))) - ln;
                 }
             }
             ratios
@@ -67,10 +64,9 @@ mod tests {
     use super::*;
     use crate::gaussian_process::Covariance;
     use crate::sampler::Sampler;
-    use crate::small_budget::failing::EDGE;
     use crate::small_budget::unknown::tests::Three;
     use crate::target::Target;
-    use crate::{Settings, SimError, normal};
+    use crate::{Settings, SimError};
 
     /// A parabola that is cut off below zero.
     struct Cut;
@@ -113,30 +109,27 @@ mod tests {
         assert!(unsure > 0, "nothing is unknown");
     }
 
-    /// The mean of `Phi((m + x)/e)` over normal x of variance v is `Phi(m / sqrt(e^2 + v))`.
     #[test]
-    fn an_edge_that_errors_move_is_as_wide_in_the_mean_as_the_errors() {
-        const DRAWS: usize = 4000;
+    fn an_edge_is_anywhere_between_finished_and_failed_samples() {
+        const DRAWS: usize = 2000;
         let settings = Settings { samples: 14, replicates: 1, ..Settings::default() };
         let mut sampler = Sampler::new(&Cut, &settings);
         sampler.run().expect("never fails");
         let pool = &sampler.pool;
         let stand_in =
             StandIn::new(&Cut, pool, &[1.0; 14], 0..14, Covariance::Search).expect("has spread");
-        let z = [-0.3, -0.1, 0.0, 0.05, 0.2];
-        let ratios = stand_in.ln_ratios(pool, &z, DRAWS, 3);
-        let failing = stand_in.failing.as_ref().expect("some failed");
-        let mut moved = 0;
-        for (i, z) in z.iter().enumerate() {
-            // The parabola itself is known: what is drawn is the edge.
-            let finished = stand_in.ln_finished(&[*z]);
-            let drawn = |draw: &Vec<f64>| (draw[i] + finished).exp();
-            let mean = ratios.iter().map(drawn).sum::<f64>() / DRAWS as f64;
-            let variance = failing.process.variance(&[*z]);
-            let exact = normal::cdf(failing.mean(&[*z]) / (EDGE[0] * EDGE[0] + variance).sqrt());
-            assert!((mean - exact).abs() < 0.03, "{z}: {mean} {exact}");
-            moved += usize::from(variance.sqrt() > 0.5 * EDGE[0]);
+        let failed = pool.z.iter().copied().filter(|z| *z < 0.0).fold(-9.0, f64::max);
+        let finished = pool.z.iter().copied().filter(|z| *z >= 0.0).fold(9.0, f64::min);
+        // The parabola itself is known: what is drawn is the edge.
+        let share_at = |z: f64| {
+            let ratios = stand_in.ln_ratios(pool, &[z], DRAWS, 3);
+            let widely = stand_in.ln_widely_finished(&[z]);
+            ratios.iter().filter(|draw| draw[0] + widely > -0.5).count() as f64 / DRAWS as f64
+        };
+        let at = |part: f64| share_at(failed + part * (finished - failed));
+        for part in [0.2, 0.5, 0.8] {
+            assert!((at(part) - part).abs() < 0.1, "{part}: {}", at(part));
         }
-        assert!(moved > 0, "the edge is known everywhere");
+        assert!(at(-0.1) < 0.1 && at(1.1) > 0.9, "{} {}", at(-0.1), at(1.1));
     }
 }

@@ -4,17 +4,24 @@ use crate::cholesky::{whiten, whitening};
 use crate::gaussian_process::{Covariance, Data, Found, GaussianProcess};
 use crate::normal;
 use crate::pool::Pool;
+use rand::Rng;
 
 /// Nugget of what tells finished samples, 1, from failed ones, -1.
 const NUGGET_OF_FAILING: f64 = 0.1;
 /// Width of the edge between them: where it is known, and per standard deviation of the process. From errors and error bars on
 /// a ridge that a bound cuts.
-pub(super) const EDGE: [f64; 2] = [0.2, 0.6];
+const EDGE: [f64; 2] = [0.2, 0.6];
+/// The same for points at which draws of the edge can differ.
+const WIDE: [f64; 2] = [0.7, 0.7];
+/// Lengths of a process whose signs tell finished from failed, over those of one that jumps from -1 to 1. From error bars on the ridge.
+const LONGER: f64 = 4.0;
 
 /// A process through 1 at samples that finished and -1 at those that failed or have no likelihood: it knows edges that run
 /// straight through the prior far better than neighbours do.
 pub(super) struct Failing {
-    pub process: GaussianProcess,
+    process: GaussianProcess,
+    /// Number of samples that it runs through.
+    samples: usize,
 }
 
 impl Failing {
@@ -51,7 +58,7 @@ impl Failing {
             units: vec![1.0],
             covariance,
         })?;
-        Some(Self { process })
+        Some(Self { process, samples: values.len() })
     }
 
     /// Its covariance.
@@ -59,21 +66,28 @@ impl Failing {
         &self.process.covariance
     }
 
-    /// What the process predicts at z.
-    pub(super) fn mean(&self, z: &[f64]) -> f64 {
-        let mut mean = [0.0];
-        self.process.predict(z, &mut mean);
-        mean[0]
-    }
-
-    /// Probability that a simulation finishes where the process has this value.
-    pub(super) fn finished_at(value: f64) -> f64 {
-        normal::cdf(value / EDGE[0])
-    }
-
     /// Probability that a simulation finishes: that the process is above zero, for an edge that is not sharper than is known.
     pub(super) fn finished(&self, z: &[f64]) -> f64 {
-        let sd = self.process.variance(z).sqrt();
-        normal::cdf(self.mean(z) / (EDGE[0] + EDGE[1] * sd))
+        self.finished_by(z, EDGE)
+    }
+
+    /// The same for a wider edge.
+    pub(super) fn widely_finished(&self, z: &[f64]) -> f64 {
+        self.finished_by(z, WIDE)
+    }
+
+    fn finished_by(&self, z: &[f64], edge: [f64; 2]) -> f64 {
+        let mut mean = [0.0];
+        self.process.predict(z, &mut mean);
+        normal::cdf(mean[0] / (edge[0] + edge[1] * self.process.variance(z).sqrt()))
+    }
+
+    /// Draws of whether simulations finish at points z: the edge is anywhere between finished and failed samples.
+    pub(super) fn draws(&self, z: &[f64], draws: usize, rng: &mut impl Rng) -> Vec<Vec<bool>> {
+        let nuggets = vec![NUGGET_OF_FAILING; self.samples];
+        let longer = self.process.longer(LONGER, &nuggets);
+        let process = longer.as_ref().unwrap_or(&self.process);
+        let drawn = process.draws_of_signs(z, draws, rng).into_iter();
+        drawn.map(|draw| draw.into_iter().map(|value| value > 0.0).collect()).collect()
     }
 }

@@ -46,6 +46,20 @@ fn a_hundred_simulations_find_narrow_posteriors_that_the_default_sampler_misses(
     }
 }
 
+/// Root mean square of errors over standard errors, each counted as ten at most, of all means.
+#[test]
+#[ignore = "long: run by .ci/run"]
+fn error_bars_of_a_posterior_that_failures_cut_are_honest_after_fifty_simulations() {
+    let reference = reference::bounded_ridge();
+    let z = (1..=16).flat_map(|seed| {
+        let settings = Settings { seed, ..Settings::for_budget(50) };
+        let run = sample_density(&reference, &settings).unwrap();
+        (0..2).map(|j| (run.mean[j] - reference.mean[j]) / run.mean_se[j]).collect::<Vec<_>>()
+    });
+    let z = rms(z.map(|z| z.clamp(-10.0, 10.0)));
+    assert!((0.6..1.5).contains(&z), "{z}");
+}
+
 /// The first example of PyVBMC: `ln L = -(x^2 - y)^2 - (x - 1)^2 / 100` under N(0, 3^2) in x and y. Log evidence -2.259 847 by
 /// quadrature.
 struct Valley;
