@@ -16,6 +16,8 @@ use crate::{Settings, SimError};
 /// Share of the budget that the first stage draws from the prior: enough for the stand-in to tell where the likelihood
 /// is negligible.
 const FIRST: f64 = 0.24;
+/// Stages after it at most, where no batch is set: of 50 runs that is one by one.
+const STAGES: usize = 38;
 /// Share of each proposal that is fitted to the samples themselves, without the stand-in, so that a stand-in that is sure
 /// of the wrong place is found out: of few samples and of more than [`Points::FEW`].
 const OWN: [f64; 2] = [0.05, 0.15];
@@ -374,8 +376,17 @@ impl Target for Whole<'_, '_> {
 }
 
 impl Settings {
-    /// Sizes of the stages where they are to be multiples of the batch.
+    /// Sizes of the stages where a Gaussian process places samples: multiples of the batch where it is set, else as equal as they can be,
+    /// so that no further sample makes any of them much larger.
     pub(crate) fn batches(&self, n: usize, adaptive: usize) -> Vec<usize> {
+        if self.batch == 0 {
+            let first = (n as f64 * FIRST) as usize;
+            let first = if first == 0 { n } else { first };
+            let left = n - first;
+            let stages = STAGES.min(self.iterations).min(left);
+            let size = |k: usize| left / stages + usize::from(k < left % stages);
+            return [first].into_iter().chain((0..stages).map(size)).collect();
+        }
         let batch = self.batch;
         let stages = self.iterations.max(1);
         let each = (adaptive / stages).max(1).next_multiple_of(batch);
