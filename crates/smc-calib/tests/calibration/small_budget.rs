@@ -140,6 +140,24 @@ fn stages_are_multiples_of_the_batch_and_spend_the_budget() {
 }
 
 #[test]
+fn one_simulation_more_makes_no_stage_of_a_small_budget_larger_by_more_than_one() {
+    let simulator = line();
+    let problem = line_problem(&simulator, Noise::default());
+    let sizes = |samples: usize| -> Vec<usize> {
+        let settings = Settings { max_components: 1, path: false, ..Settings::for_budget(samples) };
+        let p = calibrate(&problem, &settings, &mut ()).unwrap();
+        assert_eq!(p.samples.len(), samples);
+        p.stages.iter().map(|s| s.simulations).collect()
+    };
+    for samples in [30, 49, 50, 51, 73, 99, 100, 101, 150, 151, 199] {
+        let (fewer, more) = (sizes(samples), sizes(samples + 1));
+        assert!(fewer.len() <= more.len(), "{samples}: {fewer:?} {more:?}");
+        let mut pairs = fewer.iter().zip(&more);
+        assert!(pairs.all(|(a, b)| a.abs_diff(*b) <= 1), "{fewer:?} {more:?}");
+    }
+}
+
+#[test]
 fn small_budgets_give_the_same_bits_for_any_number_of_threads() {
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
