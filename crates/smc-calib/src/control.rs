@@ -232,14 +232,15 @@ impl<'a> Control<'a> {
     /// Values of g where it is left out, at all samples of the sub-nets that judge, and zero at others: as if no simulation failed. All
     /// processes have the same edge of failures, and by chance the one that is wrongest inside is closest to samples at it.
     fn left_out(&self, made_of: &MadeOf<'a>) -> Option<Vec<f64>> {
+        let pool = &self.sampler.pool;
         let folds = 0..made_of.folds(self.sampler).min(self.judges());
         let folds: Option<Vec<Fold<'_>>> =
             folds.into_par_iter().map(|fold| self.fold(made_of, fold)).collect();
         let mut values = vec![0.0; self.target.len()];
         for Fold { own, control, variate } in folds? {
             for (i, control) in own.iter().zip(&control) {
-                let finished = variate.model.ln_finished(self.sampler.pool.point(*i)).exp();
-                values[i - self.first] = control / finished;
+                let failed = !pool.ln_l[*i].is_finite();
+                values[i - self.first] = variate.without_edge(*control, pool.point(*i), failed);
             }
         }
         values.iter().all(|value| value.is_finite()).then_some(values)
@@ -261,12 +262,12 @@ impl<'a> Control<'a> {
         let judged = ways.into_iter().filter_map(|way| self.left_out(&way).map(|v| (way, v)));
         let (ways, values): (Vec<_>, Vec<_>) = judged.unzip();
         let judges = self.judges() as u32;
-        let pool = &self.sampler.pool;
-        let judging = |i: usize| pool.replicate[i] < judges && pool.ln_l[i].is_finite();
+        let labels = &self.sampler.pool.replicate[self.first..];
         let squares: Vec<Vec<f64>> = (0..p)
             .map(|a| {
-                let phi = self.features.iter().skip(a).step_by(p).enumerate().skip(self.first);
-                phi.map(|(i, phi)| if judging(i) { phi * phi } else { 0.0 }).collect()
+                let phi = self.features[self.first * p + a..].iter().step_by(p);
+                let judged = labels.iter().zip(phi);
+                judged.map(|(k, phi)| if *k < judges { phi * phi } else { 0.0 }).collect()
             })
             .collect();
         let shares = if self.target.len() <= STACKED { stacked } else { closest };

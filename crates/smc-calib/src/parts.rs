@@ -41,12 +41,12 @@ impl Settings {
         parts.rev().find(|part| self.of_part(*part).surrogate).unwrap_or(0)
     }
 
-    /// Largest number of samples that a Gaussian process places at a time: no more simulations can go on at once, unless stages
-    /// [`overlap`](Self::overlap). None where no process places.
+    /// Number of samples that a Gaussian process places at a time: no more simulations can go on at once before the last stage, unless
+    /// stages [`overlap`](Self::overlap). None where no process places, or batches are not set.
     pub fn placed_at_a_time(&self) -> Option<usize> {
         let placed = self.placed_by_process();
         let own = self.of_part(placed);
-        if placed == 0 {
+        if placed == 0 || own.batch == 0 {
             return None;
         }
         own.batches(placed, own.adaptive(placed)).get(1).copied()

@@ -98,7 +98,7 @@ impl<'a> Sampler<'a> {
         let r = self.replicates;
         let adaptive = placing.adaptive(n);
         let stages = placing.iterations.max(1);
-        if placing.batch > 0 || placing.surrogate {
+        if placing.batch > 0 {
             return placing.batches(n, adaptive);
         }
         let each = adaptive / stages / r * r;

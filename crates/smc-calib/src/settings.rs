@@ -49,9 +49,8 @@ pub struct Settings {
     /// Most simulations of the local search for the MAP; with 0 the MAP is the sample of highest density, and the
     /// simulator is called for nothing but the samples.
     pub map_simulations: usize,
-    /// Sizes of stages are multiples of this where the budget allows: the number of runs that go on at a time. With 0 they are
-    /// multiples of the number of sub-nets, and where a Gaussian process places the samples those after the first are at most 38, as
-    /// equal as can be.
+    /// Sizes of stages are multiples of this where the budget allows: the number of runs that go on at a time. With
+    /// 0 they are multiples of the number of sub-nets.
     #[serde(skip_serializing_if = "is_default")]
     pub batch: usize,
     /// A stage is placed from all stages that end so many samples or more before its first one, and from no other. With 0 it
@@ -76,9 +75,8 @@ pub struct Settings {
     pub path: bool,
 }
 
-/// Most samples of which stages have no batch: of 50 runs placed four, two and one at a time the RMS error of PS is 2.9, 1.9 and 1.3
-/// posterior sds, of PEEK 4.9, 3.9 and 3.0, and of 50 seeds two lose PEEK at 101 to 112 runs placed three at a time.
-const FEW: usize = 200;
+/// Most samples of which the stages after the first are as equal as they can be.
+pub(crate) const FEW_RUNS: usize = 200;
 
 /// Fields added later are written only where they say something, so that older readers understand the rest.
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
@@ -135,13 +133,13 @@ impl Settings {
             return Self { surrogate: samples < Self::WHOLLY_PLAIN, ..default };
         }
         Self {
-            iterations: if samples <= FEW { 40 } else { 20 },
+            iterations: if samples <= FEW_RUNS { 40 } else { 20 },
             final_share: 0.3,
             max_components: 3,
             patches: 1,
             defensive_share: 0.05,
             tempering_share: 0.3,
-            batch: if samples <= FEW { 0 } else { 4 },
+            batch: if samples <= FEW_RUNS { 1 } else { 4 },
             surrogate: true,
             ..default
         }

@@ -19,7 +19,7 @@ const CLIFF: f64 = 1.25;
 const SOLVED: f64 = 1.0;
 /// Each error counts as this much at most.
 const LARGEST: f64 = 10.0;
-/// Budgets at which the code changes its ways: the first placed in pairs, by three and by four (51, 101, 151), with covariances not
+/// Budgets at which the code changes its ways: the first with stages of two, three and four (51, 101, 151), with covariances not
 /// searched at every stage (128), in half as many stages (201), without stacked surrogates (301), only in part by a process, and
 /// without one.
 const THRESHOLDS: [usize; 8] =

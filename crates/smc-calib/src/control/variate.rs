@@ -103,11 +103,11 @@ impl Model<'_> {
         }
     }
 
-    /// Log of the probability that a simulation finishes, by which g is lowered.
-    pub(super) fn ln_finished(&self, z: &[f64]) -> f64 {
+    /// Probability that a simulation finishes, by which a process lowers g.
+    fn finished(&self, z: &[f64]) -> Option<f64> {
         match self {
-            Self::Local(_) => 0.0,
-            Self::Process(process) => process.ln_finished(z),
+            Self::Local(_) => None,
+            Self::Process(process) => Some(process.ln_finished(z).exp()),
         }
     }
 }
@@ -131,6 +131,16 @@ impl Variate<'_> {
     pub(super) fn at(&self, z: &[f64], ln_q: f64, found: &mut Vec<(f64, u32)>) -> f64 {
         let ratio = self.model.ln_ratio(z, ln_q, found);
         ratio.map_or(0.0, |ratio| capped(ratio - self.ln_scale, self.cap))
+    }
+
+    /// What `control` at z would be for simulations that never fail, as its sample there did or not: for local quadratics, which know
+    /// nothing of failures, the control itself.
+    pub(super) fn without_edge(&self, control: f64, z: &[f64], failed: bool) -> f64 {
+        match self.model.finished(z) {
+            Some(_) if failed => 0.0,
+            Some(finished) => (control / finished).min(self.cap),
+            None => control,
+        }
     }
 
     /// Adds the integral of g phi by the points of a net, taken to the proposal.

@@ -48,8 +48,9 @@ impl State {
 }
 
 impl GaussianProcess {
-    /// The same samples and values, in units of the columns, by a covariance whose lengths are this many times as long.
-    pub(crate) fn longer(&self, times_as_long: f64, nuggets: &[f64]) -> Option<Self> {
+    /// The same samples and values, in units of the columns, by a covariance whose lengths are this many times as long, with one
+    /// nugget.
+    pub(crate) fn longer(&self, times_as_long: f64, nugget: f64) -> Option<Self> {
         let mut longer = self.clone();
         match &mut longer.covariance.kernel {
             Kernel::Smooth { length, .. } => *length *= times_as_long,
@@ -58,7 +59,9 @@ impl GaussianProcess {
             }
         }
         let values = lower_times(&self.factor, &self.solved_values());
-        let samples = Samples { d: self.d, points: &self.points, values: &values, nuggets };
+        let nuggets = vec![nugget; values.len()];
+        let samples =
+            Samples { d: self.d, points: &self.points, values: &values, nuggets: &nuggets };
         let fit = Fit::new(&samples, &longer.covariance.kernel)?;
         (longer.coefficients, longer.factor) = (fit.coefficients, fit.factor);
         Some(longer)
@@ -128,8 +131,7 @@ mod tests {
         const DRAWS: usize = 4000;
         let found = through(&[-1.2, -0.4, 0.2, 0.7, 1.9], Covariance::Search).covariance;
         let process = through(&[-0.4, 0.7], Covariance::Like(&found));
-        let nuggets = [0.1; 2];
-        for process in [process.longer(3.0, &nuggets).expect("definite"), process] {
+        for process in [process.longer(3.0, 0.1).expect("definite"), process] {
             let place = |z: f64| {
                 let mut x = [0.0];
                 process.covariance.place.of(&[z], &mut x);
@@ -168,5 +170,7 @@ mod tests {
         let wrong = draws.iter().flat_map(|draw| draw.iter().zip(&z));
         let wrong = wrong.filter(|(value, z)| (**value > 0.0) != (**z >= 0.3)).count();
         assert!(wrong <= 50, "{wrong} of 1500");
+        let apart = draws.windows(2).filter(|pair| (pair[0][0] - pair[1][0]).abs() > 1e-3).count();
+        assert!(apart > 40, "{apart} of 49 differ from the one before");
     }
 }

@@ -20,8 +20,6 @@ const LONGER: f64 = 4.0;
 /// straight through the prior far better than neighbours do.
 pub(super) struct Failing {
     process: GaussianProcess,
-    /// Number of samples that it runs through.
-    samples: usize,
 }
 
 impl Failing {
@@ -58,7 +56,7 @@ impl Failing {
             units: vec![1.0],
             covariance,
         })?;
-        Some(Self { process, samples: values.len() })
+        Some(Self { process })
     }
 
     /// Its covariance.
@@ -84,8 +82,7 @@ impl Failing {
 
     /// Draws of whether simulations finish at points z: the edge is anywhere between finished and failed samples.
     pub(super) fn draws(&self, z: &[f64], draws: usize, rng: &mut impl Rng) -> Vec<Vec<bool>> {
-        let nuggets = vec![NUGGET_OF_FAILING; self.samples];
-        let longer = self.process.longer(LONGER, &nuggets);
+        let longer = self.process.longer(LONGER, NUGGET_OF_FAILING);
         let process = longer.as_ref().unwrap_or(&self.process);
         let drawn = process.draws_of_signs(z, draws, rng).into_iter();
         drawn.map(|draw| draw.into_iter().map(|value| value > 0.0).collect()).collect()

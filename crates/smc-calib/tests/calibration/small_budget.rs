@@ -149,11 +149,28 @@ fn one_simulation_more_makes_no_stage_of_a_small_budget_larger_by_more_than_one(
         assert_eq!(p.samples.len(), samples);
         p.stages.iter().map(|s| s.simulations).collect()
     };
-    for samples in [30, 49, 50, 51, 73, 99, 100, 101, 150, 151, 199] {
+    for samples in [4, 30, 49, 50, 51, 73, 99, 100, 101, 150, 151, 199] {
         let (fewer, more) = (sizes(samples), sizes(samples + 1));
         assert!(fewer.len() <= more.len(), "{samples}: {fewer:?} {more:?}");
         let mut pairs = fewer.iter().zip(&more);
         assert!(pairs.all(|(a, b)| a.abs_diff(*b) <= 1), "{fewer:?} {more:?}");
+    }
+}
+
+#[test]
+fn a_small_run_that_is_extended_to_thousands_goes_on_in_many_stages() {
+    let simulator = line();
+    let problem = line_problem(&simulator, Noise::default());
+    for surrogate in [true, false] {
+        let settings = Settings {
+            surrogate,
+            max_components: 1,
+            path: false,
+            ..Settings::for_budget(100).extended(3000).unwrap()
+        };
+        let p = calibrate(&problem, &settings, &mut ()).unwrap();
+        let after = p.stages.iter().filter(|s| s.simulations <= 50).count();
+        assert!(p.samples.len() == 3000 && after > 60, "{:?}", p.stages.len());
     }
 }
 

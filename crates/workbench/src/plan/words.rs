@@ -96,8 +96,10 @@ fn sampler_in_words(plan: &Plan) -> String {
         all if all == sampler.samples => Some("placed".to_owned()),
         first => Some(format!("the first {first} placed")),
     };
-    let at_a_time = sampler.placed_at_a_time().map_or_else(String::new, |n| {
-        if n == 1 { ", one by one".into() } else { format!(", at most {n} at a time") }
+    let at_a_time = sampler.placed_at_a_time().map_or_else(String::new, |n| match n {
+        1 => ", one by one".into(),
+        _ if sampler.batch == 1 => format!(", up to {n} at a time"),
+        _ => format!(", {n} at a time"),
     });
     format!(
         "sampler       {} simulations{}, {}, seed {}{}",
