@@ -10,17 +10,9 @@ use crate::gaussian_process::{Covariance, Data, Found, GaussianProcess};
 use crate::mixture::Component;
 use crate::pool::{Pool, exponentiate};
 use crate::sampler::Sampler;
-use crate::settings::FEW_RUNS;
 use crate::target::Target;
 use crate::{Settings, SimError};
 
-/// Share of the budget that the first stage draws from the prior: enough for the stand-in to tell where the likelihood
-/// is negligible.
-const FIRST: f64 = 0.24;
-/// Stages after it at most, of up to [`FEW_RUNS`]: of 50 runs that is one by one. Of runs placed four, two and one at a time the RMS error
-/// of PS at 50 is 2.9, 1.9 and 1.3 posterior sds, of PEEK 4.9, 3.9 and 3.0; of 50 seeds two lose PEEK at 101 to 112 runs placed three at a
-/// time.
-const STAGES: usize = 38;
 /// Share of each proposal that is fitted to the samples themselves, without the stand-in, so that a stand-in that is sure
 /// of the wrong place is found out: of few samples and of more than [`Points::FEW`].
 const OWN: [f64; 2] = [0.05, 0.15];
@@ -375,38 +367,6 @@ impl Target for Whole<'_, '_> {
             None => self.stand_in.ln_likelihood_of_predicted(&values),
         };
         Ok(ln_l + self.stand_in.ln_finished(z))
-    }
-}
-
-impl Settings {
-    /// Sizes of the stages where they are to be multiples of the batch. Up to [`FEW_RUNS`] they are as equal as they can be after the
-    /// first, so that no further sample makes any of them much larger.
-    pub(crate) fn batches(&self, n: usize, adaptive: usize) -> Vec<usize> {
-        let batch = self.batch;
-        let stages = self.iterations.max(1);
-        if n <= FEW_RUNS {
-            let first = ((n as f64 * FIRST) as usize / batch).max(1).saturating_mul(batch).min(n);
-            let batches = (n - first).div_ceil(batch);
-            let stages = STAGES.min(stages).min(batches);
-            let size = |k: usize| batch * (batches / stages + usize::from(k < batches % stages));
-            let mut sizes: Vec<usize> = [first].into_iter().chain((0..stages).map(size)).collect();
-            let excess = sizes.iter().sum::<usize>() - n;
-            sizes.last_mut().into_iter().for_each(|last| *last -= excess);
-            return sizes;
-        }
-        let each = (adaptive / stages).max(1).next_multiple_of(batch);
-        let first = each.max((n as f64 * FIRST) as usize / batch * batch).min(n);
-        let mut sizes = vec![first];
-        let mut left = n - first;
-        if left == 0 {
-            return sizes;
-        }
-        while sizes.len() < stages && left > each {
-            sizes.push(each);
-            left -= each;
-        }
-        sizes.push(left);
-        sizes
     }
 }
 
