@@ -169,8 +169,8 @@ fn a_small_run_that_is_extended_to_thousands_goes_on_in_many_stages() {
             ..Settings::for_budget(100).extended(3000).unwrap()
         };
         let p = calibrate(&problem, &settings, &mut ()).unwrap();
-        let after = p.stages.iter().filter(|s| s.simulations <= 50).count();
-        assert!(p.samples.len() == 3000 && after > 60, "{:?}", p.stages.len());
+        // 39 of the run that is extended, and more than a few after them.
+        assert!(p.samples.len() == 3000 && p.stages.len() > 60, "{}", p.stages.len());
     }
 }
 
