@@ -240,8 +240,7 @@ impl GaussianProcess {
 mod tests {
     use super::kernel::HalfFit;
     use super::*;
-    use crate::stream::{Purpose, stream};
-    use rand_distr::{Distribution, StandardNormal};
+    use crate::stream::{Purpose, normals, stream};
 
     /// Points of a plane, evenly spread without a pattern.
     fn points(n: usize) -> Vec<f64> {
@@ -425,9 +424,6 @@ mod tests {
     fn a_quadratic_of_eight_parameters_with_a_thin_direction_is_seen_to_be_one() {
         let d = 8;
         let mut rng = stream(1, Purpose::Draws, 0, 0);
-        let mut normals = || -> Vec<f64> {
-            (0..d).map(|_| Distribution::<f64>::sample(&StandardNormal, &mut rng)).collect()
-        };
         // Rows of a Hadamard matrix, the first one thin, in the prior's cube.
         let sign =
             |i: usize, j: usize| if (i & j).count_ones().is_multiple_of(2) { 1.0 } else { -1.0 };
@@ -437,7 +433,7 @@ mod tests {
             let along = |j: usize| (0..d).map(|i| sign(i, j) * u[i]).sum::<f64>() / 8f64.sqrt();
             -(0..d).map(|j| 0.5 * curvature(j) * along(j).powi(2)).sum::<f64>()
         };
-        let mut samples: Vec<Vec<f64>> = (0..150).map(|_| normals()).collect();
+        let mut samples: Vec<Vec<f64>> = (0..150).map(|_| normals(d, &mut rng)).collect();
         samples.sort_by(|a, b| value(b).total_cmp(&value(a)));
         let values: Vec<f64> = samples.iter().map(|z| value(z)).collect();
         let nuggets: Vec<f64> = values.iter().map(|v| 0.02 + 0.1 * (values[0] - v)).collect();

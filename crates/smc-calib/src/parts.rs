@@ -66,8 +66,9 @@ impl Settings {
     pub(crate) fn batches(&self, n: usize, adaptive: usize) -> Vec<usize> {
         let batch = self.batch;
         let stages = self.iterations.max(1);
+        let explore = (n as f64 * FIRST) as usize / batch * batch;
         if n <= FEW_RUNS {
-            let first = ((n as f64 * FIRST) as usize / batch).max(1).saturating_mul(batch).min(n);
+            let first = explore.max(batch).min(n);
             let batches = (n - first).div_ceil(batch);
             let stages = STAGES.min(stages).min(batches);
             let size = |k: usize| batch * (batches / stages + usize::from(k < batches % stages));
@@ -77,7 +78,7 @@ impl Settings {
             return sizes;
         }
         let each = (adaptive / stages).max(1).next_multiple_of(batch);
-        let first = each.max((n as f64 * FIRST) as usize / batch * batch).min(n);
+        let first = each.max(explore).min(n);
         let mut sizes = vec![first];
         let mut left = n - first;
         if left == 0 {

@@ -8,14 +8,13 @@
 //! P.-C. Bürkner, A. Vehtari, "Graphical test for discrete uniformity and its applications in goodness-of-fit
 //! evaluation and multiple sample comparison", Stat. Comput. 32 (2022) 32.
 
-use crate::stream::{Purpose, stream};
+use crate::stream::{Purpose, normals, stream};
 use crate::{
     CalibrateError, Likelihood, Noise, NoiseDraw, NoiseQuantity, NoiseShape, Observations,
     Parameter, Posterior, Problem, Settings, ShapeSummary, Simulator, calibrate,
 };
 use rand::rngs::ChaCha8Rng;
 use rand::{Rng, RngExt};
-use rand_distr::StandardNormal;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use statrs::function::gamma::ln_gamma;
@@ -124,7 +123,7 @@ fn one(study: &Study<'_>, k: usize) -> Result<Outcome, CalibrateError> {
     let simulator = study.origin.as_ref().map_or(study.simulator, |origin| origin.simulator);
     // Parameters that cannot be simulated have posterior zero, so they are no truth either.
     let (z, theta) = loop {
-        let z: Vec<f64> = (0..d).map(|_| rng.sample(StandardNormal)).collect();
+        let z = normals(d, &mut rng);
         let theta: Vec<f64> =
             study.parameters.iter().zip(&z).map(|(p, z)| p.prior.from_z(*z)).collect();
         match simulator.simulate(&theta, &mut outputs) {

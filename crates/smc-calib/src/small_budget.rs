@@ -4,6 +4,7 @@ mod draws;
 mod failing;
 mod unknown;
 
+pub(crate) use self::failing::Edge;
 use self::failing::Failing;
 use self::unknown::Unknown;
 use crate::gaussian_process::{Covariance, Data, Found, GaussianProcess};
@@ -187,17 +188,7 @@ impl<'a> StandIn<'a> {
 
     /// Log likelihood, not flattened, lowered where the process does not know it: by what half its variance exceeds [`UNSURE`] by.
     /// For outputs it is what the log likelihood loses, in the mean, one standard deviation of the process above and below them.
-    pub(crate) fn ln_likelihood_at(&self, z: &[f64]) -> f64 {
-        self.ln_finite_at(z) + self.ln_finished(z)
-    }
-
-    /// The same with an edge of failures that is wide enough for draws of it.
-    pub(crate) fn ln_widely_at(&self, z: &[f64]) -> f64 {
-        self.ln_finite_at(z) + self.ln_widely_finished(z)
-    }
-
-    /// Of simulations that finish.
-    fn ln_finite_at(&self, z: &[f64]) -> f64 {
+    pub(crate) fn ln_likelihood_at(&self, z: &[f64], edge: Edge) -> f64 {
         let variance = self.process.variance(z);
         let outputs = self.predicted(z);
         let ln_l = self.ln_likelihood_of_predicted(&outputs);
@@ -213,6 +204,7 @@ impl<'a> StandIn<'a> {
             0.5 * variance * self.process.units[0].powi(2)
         };
         ln_l - if unsure.is_nan() { f64::INFINITY } else { (unsure - UNSURE).max(0.0) }
+            + self.ln_finished(z, edge)
     }
 
     /// What the process through samples of this pool does not know.
@@ -248,12 +240,8 @@ impl<'a> StandIn<'a> {
     }
 
     /// Log of the probability that a simulation finishes and has a likelihood above zero.
-    pub(crate) fn ln_finished(&self, z: &[f64]) -> f64 {
-        ln_alive(self.failing.as_ref().map_or(1.0, |failing| failing.finished(z)))
-    }
-
-    fn ln_widely_finished(&self, z: &[f64]) -> f64 {
-        ln_alive(self.failing.as_ref().map_or(1.0, |failing| failing.widely_finished(z)))
+    pub(crate) fn ln_finished(&self, z: &[f64], edge: Edge) -> f64 {
+        ln_alive(self.failing.as_ref().map_or(1.0, |failing| failing.finished(z, edge)))
     }
 }
 
@@ -345,7 +333,7 @@ impl Target for StandIn<'_> {
             }
             Sought::Mean(unknown) => self.power * self.ln_mean(unknown, z, &values),
         };
-        Ok(sought + self.ln_finished(z))
+        Ok(sought + self.ln_finished(z, Edge::KNOWN))
     }
 }
 
@@ -366,7 +354,7 @@ impl Target for Whole<'_, '_> {
             Some(unknown) => self.stand_in.ln_mean(unknown, z, &values),
             None => self.stand_in.ln_likelihood_of_predicted(&values),
         };
-        Ok(ln_l + self.stand_in.ln_finished(z))
+        Ok(ln_l + self.stand_in.ln_finished(z, Edge::KNOWN))
     }
 }
 

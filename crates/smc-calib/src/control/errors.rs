@@ -4,7 +4,7 @@ use super::variate::{capped, mean};
 use crate::mixture::Proposal;
 use crate::normal::ln_prior;
 use crate::pool::Pool;
-use crate::small_budget::StandIn;
+use crate::small_budget::{Edge, StandIn};
 use crate::sobol::scrambled_net;
 use crate::stream::{Purpose, stream};
 use rand::RngExt as _;
@@ -38,7 +38,8 @@ fn drawn_from(
     let mut z = vec![0.0; points * d];
     net.chunks_exact(width).zip(z.chunks_exact_mut(d)).for_each(|(u, z)| proposal.draw(u, z));
     let ratio = |z: &[f64]| {
-        let ln_ratio = process.ln_widely_at(z) - proposal.ln_over_prior(z, ln_prior(z));
+        let ln_ratio =
+            process.ln_likelihood_at(z, Edge::WIDE) - proposal.ln_over_prior(z, ln_prior(z));
         capped(ln_ratio - ln_scale, cap)
     };
     let weights: Vec<f64> = z.par_chunks(d).with_min_len(64).map(ratio).collect();
@@ -136,7 +137,8 @@ mod tests {
         };
         let g: Vec<f64> = (0..n)
             .map(|i| {
-                let ln_g = process.ln_likelihood_at(&z[i..=i]) + 0.5 * covariance(i, i);
+                let ln_g =
+                    process.ln_likelihood_at(&z[i..=i], Edge::KNOWN) + 0.5 * covariance(i, i);
                 0.05 * (ln_g + ln_prior(&z[i..=i]) - 0.7).exp()
             })
             .collect();

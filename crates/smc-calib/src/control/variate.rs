@@ -5,7 +5,7 @@ use crate::mixture::Proposal;
 use crate::normal::ln_prior;
 use crate::pool::Pool;
 use crate::sampler::Sampler;
-use crate::small_budget::StandIn;
+use crate::small_budget::{Edge, StandIn};
 use crate::surrogate::{MOST_PARAMETERS, Surrogate, coefficients, monomials};
 use rayon::prelude::*;
 
@@ -99,15 +99,7 @@ impl Model<'_> {
     fn ln_ratio(&self, z: &[f64], ln_q: f64, found: &mut Vec<(f64, u32)>) -> Option<f64> {
         match self {
             Self::Local(surrogate) => surrogate.ln_ratio(z, ln_q, found),
-            Self::Process(process) => Some(process.ln_likelihood_at(z) - ln_q),
-        }
-    }
-
-    /// Probability that a simulation finishes, by which a process lowers g.
-    fn finished(&self, z: &[f64]) -> Option<f64> {
-        match self {
-            Self::Local(_) => None,
-            Self::Process(process) => Some(process.ln_finished(z).exp()),
+            Self::Process(process) => Some(process.ln_likelihood_at(z, Edge::KNOWN) - ln_q),
         }
     }
 }
@@ -136,10 +128,12 @@ impl Variate<'_> {
     /// What `control` at z would be for simulations that never fail, as its sample there did or not: for local quadratics, which know
     /// nothing of failures, the control itself.
     pub(super) fn without_edge(&self, control: f64, z: &[f64], failed: bool) -> f64 {
-        match self.model.finished(z) {
-            Some(_) if failed => 0.0,
-            Some(finished) => (control / finished).min(self.cap),
-            None => control,
+        match &self.model {
+            Model::Local(_) => control,
+            Model::Process(_) if failed => 0.0,
+            Model::Process(process) => {
+                (control / process.ln_finished(z, Edge::KNOWN).exp()).min(self.cap)
+            }
         }
     }
 

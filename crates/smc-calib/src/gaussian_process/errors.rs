@@ -54,6 +54,11 @@ impl GaussianProcess {
     /// Lower factor L of the covariance of its errors at points z, row by row, in squared units of the columns: with independent
     /// standard normal numbers x the errors of a column are `L x` (C. E. Rasmussen, C. K. I. Williams (2006), section 2.2 and A.2).
     pub(crate) fn factor_of_errors(&self, z: &[f64]) -> Vec<f64> {
+        self.errors_at(z).0
+    }
+
+    /// The same, and `L^-1 k` of every point, with the lower factor L of the covariance of the samples and covariances k with them.
+    pub(super) fn errors_at(&self, z: &[f64]) -> (Vec<f64>, Vec<Vec<f64>>) {
         let d = self.d;
         let m = z.len() / d;
         let mut x = vec![0.0; z.len()];
@@ -71,7 +76,7 @@ impl GaussianProcess {
                 *c -= dot(&solved[a], solved_b);
             }
         }
-        semidefinite_cholesky(&covariance, m, &rounding)
+        (semidefinite_cholesky(&covariance, m, &rounding), solved)
     }
 }
 

@@ -84,14 +84,7 @@ impl GaussianProcess {
         draws: usize,
         rng: &mut impl Rng,
     ) -> Vec<Vec<f64>> {
-        let d = self.d;
-        let factor_of_errors = self.factor_of_errors(z);
-        let mut at = vec![0.0; d];
-        let mut solved_at = |z: &[f64]| {
-            self.covariance.place.of(z, &mut at);
-            self.solved(&at)
-        };
-        let solved: Vec<Vec<f64>> = z.chunks_exact(d).map(&mut solved_at).collect();
+        let (factor_of_errors, solved) = self.errors_at(z);
         let x = self.solved_values();
         let mut state = State { values: lower_times(&self.factor, &x), x };
         (0..STEPS[0]).for_each(|_| state.step(&self.factor, rng));

@@ -1,7 +1,7 @@
 //! Draws of what a stand-in does not know of the likelihood.
 
 use super::unknown::moved;
-use super::{StandIn, ln_alive};
+use super::{Edge, StandIn, ln_alive};
 use crate::cholesky::lower_times;
 use crate::pool::Pool;
 use crate::stream::{Purpose, normals, stream};
@@ -13,7 +13,7 @@ impl StandIn<'_> {
         self.chosen.len() == pool.ln_l.iter().filter(|ln_l| ln_l.is_finite()).count()
     }
 
-    /// Draws of the log likelihood at points z, less what [`Self::ln_widely_at`] says there: errors of the process at all of them
+    /// Draws of the log likelihood at points z, less what [`Self::ln_likelihood_at`] says there with a wide edge: errors of the process at all of them
     /// together, along each principal component of curves, and where simulations fail an edge anywhere between samples.
     pub(crate) fn ln_ratios(
         &self,
@@ -30,7 +30,7 @@ impl StandIn<'_> {
         let factor = self.process.factor_of_errors(z);
         let edge = self.failing.as_ref().map(|failing| {
             let ln_finished: Vec<f64> =
-                z.chunks_exact(d).map(|z| self.ln_widely_finished(z)).collect();
+                z.chunks_exact(d).map(|z| self.ln_finished(z, Edge::WIDE)).collect();
             let mut rng = stream(seed, Purpose::Errors, 2, 0);
             (ln_finished, failing.draws(z, draws, &mut rng))
         });
@@ -123,7 +123,7 @@ mod tests {
         // The parabola itself is known: what is drawn is the edge.
         let share_at = |z: f64| {
             let ratios = stand_in.ln_ratios(pool, &[z], DRAWS, 3);
-            let widely = stand_in.ln_widely_finished(&[z]);
+            let widely = stand_in.ln_finished(&[z], Edge::WIDE);
             ratios.iter().filter(|draw| draw[0] + widely > -0.5).count() as f64 / DRAWS as f64
         };
         let at = |part: f64| share_at(failed + part * (finished - failed));

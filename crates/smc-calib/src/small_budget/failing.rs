@@ -10,9 +10,16 @@ use rand::Rng;
 const NUGGET_OF_FAILING: f64 = 0.1;
 /// Width of the edge between them: where it is known, and per standard deviation of the process. From errors and error bars on
 /// a ridge that a bound cuts.
-const EDGE: [f64; 2] = [0.2, 0.6];
-/// The same for points at which draws of the edge can differ.
-const WIDE: [f64; 2] = [0.7, 0.7];
+#[derive(Clone, Copy)]
+pub(crate) struct Edge([f64; 2]);
+
+impl Edge {
+    /// Of estimates: not sharper than it is known.
+    pub(crate) const KNOWN: Self = Self([0.2, 0.6]);
+    /// Of points at which draws of the edge can differ.
+    pub(crate) const WIDE: Self = Self([0.7, 0.7]);
+}
+
 /// Lengths of a process whose signs tell finished from failed, over those of one that jumps from -1 to 1. From error bars on the ridge.
 const LONGER: f64 = 4.0;
 
@@ -64,17 +71,8 @@ impl Failing {
         &self.process.covariance
     }
 
-    /// Probability that a simulation finishes: that the process is above zero, for an edge that is not sharper than is known.
-    pub(super) fn finished(&self, z: &[f64]) -> f64 {
-        self.finished_by(z, EDGE)
-    }
-
-    /// The same for a wider edge.
-    pub(super) fn widely_finished(&self, z: &[f64]) -> f64 {
-        self.finished_by(z, WIDE)
-    }
-
-    fn finished_by(&self, z: &[f64], edge: [f64; 2]) -> f64 {
+    /// Probability that a simulation finishes: that the process is above zero.
+    pub(super) fn finished(&self, z: &[f64], Edge(edge): Edge) -> f64 {
         let mut mean = [0.0];
         self.process.predict(z, &mut mean);
         normal::cdf(mean[0] / (edge[0] + edge[1] * self.process.variance(z).sqrt()))
