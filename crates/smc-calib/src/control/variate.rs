@@ -237,7 +237,7 @@ pub(super) fn closest(
     vec![one; squares.len()]
 }
 
-/// Shares c, none negative, for which `target - sum of c_k controls_k` has the least sum of weighted squares, coordinate by
+/// Shares c from 0 to 1 for which `target - sum of c_k controls_k` has the least sum of weighted squares, coordinate by
 /// coordinate (V. Franc, V. Hlavac, M. Navara, Computer Analysis of Images and Patterns (2005) 407). Controls that are all but
 /// alike take many steps to their own shares, and their sum few.
 fn least_squares_shares(controls: &[Vec<f64>], target: &[f64], weights: &[f64]) -> Vec<f64> {
@@ -259,7 +259,8 @@ fn least_squares_shares(controls: &[Vec<f64>], target: &[f64], weights: &[f64]) 
                 continue;
             }
             let explained: f64 = row.iter().zip(&shares).map(|(p, s)| p * s).sum();
-            let next = (shares[k] + (right[k] - explained) / row[k]).max(0.0);
+            // More than one of a control that is all but zero where it counts would be noise.
+            let next = (shares[k] + (right[k] - explained) / row[k]).clamp(0.0, 1.0);
             changed = changed.max((next - shares[k]).abs());
             shares[k] = next;
         }
@@ -342,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn shares_are_those_that_a_sum_was_made_with_and_none_is_negative() {
+    fn shares_are_those_that_a_sum_was_made_with_from_none_to_all() {
         let controls = [vec![1.0, 2.0, -1.0, 0.5], vec![0.0, 1.0, 3.0, 1.0]];
         let sum = |c: [f64; 2]| -> Vec<f64> {
             (0..4).map(|i| c[0] * controls[0][i] + c[1] * controls[1][i]).collect()
@@ -350,15 +351,18 @@ mod tests {
         let weights = [1.0, 0.2, 3.0, 0.7];
         let found = least_squares_shares(&controls, &sum([0.3, 0.6]), &weights);
         assert!((found[0] - 0.3).abs() < 1e-7 && (found[1] - 0.6).abs() < 1e-7, "{found:?}");
-        // Against -0.4 of the second nothing is better than none of it; the first alone has the regression of one variable.
-        let target = sum([0.8, -0.4]);
+        // Against -0.2 of the second nothing is better than none of it; the first alone has the regression of one variable.
+        let target = sum([0.4, -0.2]);
         let found = least_squares_shares(&controls, &target, &weights);
         let of = |a: &[f64], b: &[f64]| -> f64 { (0..4).map(|i| weights[i] * a[i] * b[i]).sum() };
         let alone = of(&controls[0], &target) / of(&controls[0], &controls[0]);
         assert!((found[0] - alone).abs() < 1e-12 && found[1] == 0.0, "{found:?} {alone}");
-        // The target, 0.8 of the first and -0.4 of the second, is closer to the first.
+        // The target, 0.4 of the first and -0.2 of the second, is closer to the first.
         let found = closest(&controls, &target, &[weights.to_vec(), weights.to_vec()]);
         assert_eq!(found, [[1.0, 0.0], [1.0, 0.0]]);
+        // Of one that is too small no more than all is taken.
+        let found = least_squares_shares(&[sum([1e-9, 0.0])], &sum([0.5, 0.0]), &weights);
+        assert_eq!(found, [1.0]);
         // What is zero wherever it counts has no share.
         let found = least_squares_shares(&[vec![0.0; 4]], &target, &weights);
         assert_eq!(found, [0.0]);

@@ -16,7 +16,8 @@ const STARTS: [f64; 3] = [0.5, 1.5, 4.0];
 const NUGGETS: [f64; 3] = [1.0, 0.1, 0.01];
 /// First step of the search, in logarithms.
 const STEP: f64 = 0.7;
-/// Logarithms that lengths and the scale stay between.
+/// Logarithms that lengths stay between, and the scale over the values' root mean square, which it starts from (one where that is less):
+/// log likelihoods in the prior are thousands below the best one.
 const LN_LENGTH: [f64; 2] = [-4.0, 4.0];
 const LN_SCALE: [f64; 2] = [-6.0, 6.0];
 const LN_NUGGET: [f64; 2] = [-5.0, 0.0];
@@ -138,10 +139,12 @@ impl Samples<'_> {
             _ => LN_LENGTH,
         };
         let clamped = |i: usize, x: f64| x.clamp(bounds(i)[0], bounds(i)[1]);
+        // The size of coefficients is one more than the mean square.
+        let unit = (size - 1.0).sqrt().max(1.0);
         let kernel = |x: &[f64]| Kernel::Searched {
             shape,
             size,
-            scale: clamped(0, x[0]).exp(),
+            scale: unit * clamped(0, x[0]).exp(),
             lengths: (1..=d).map(|i| clamped(i, x[i]).exp()).collect(),
             nugget: clamped(d + 1, x[d + 1]).exp(),
         };
