@@ -15,7 +15,7 @@ const START: usize = 400;
 /// Share of the budget that the first stage draws from the prior: enough for the stand-in to tell where the likelihood
 /// is negligible.
 const FIRST: f64 = 0.24;
-/// Stages after it at most, of up to [`FEW_RUNS`]: of 50 runs that is one by one. Of runs placed four, two and one at a time the RMS error
+/// Stages after it at most, of fewer than [`FEW_RUNS`]: of 50 runs that is one by one. Of runs placed four, two and one at a time the RMS error
 /// of PS at 50 is 2.9, 1.9 and 1.3 posterior sds, of PEEK 4.9, 3.9 and 3.0; of 50 seeds two lose PEEK at 101 to 112 runs placed three at a
 /// time.
 const STAGES: usize = 38;
@@ -61,13 +61,13 @@ impl Settings {
         own.batches(placed, own.adaptive(placed)).get(1).copied()
     }
 
-    /// Sizes of the stages where they are to be multiples of the batch. Up to [`FEW_RUNS`] they are as equal as they can be after the
+    /// Sizes of the stages where they are to be multiples of the batch. Below [`FEW_RUNS`] they are as equal as they can be after the
     /// first, so that no further sample makes any of them much larger.
     pub(crate) fn batches(&self, n: usize, adaptive: usize) -> Vec<usize> {
         let batch = self.batch;
         let stages = self.iterations.max(1);
         let explore = (n as f64 * FIRST) as usize / batch * batch;
-        if n <= FEW_RUNS {
+        if n < FEW_RUNS {
             let first = explore.max(batch).min(n);
             let batches = (n - first).div_ceil(batch);
             let stages = STAGES.min(stages).min(batches);
@@ -111,13 +111,17 @@ impl Settings {
             return own;
         }
         own.surrogate = budget < Self::PLAIN;
-        let meant = self.first_budget() < Self::PLAIN;
+        let first = self.first_budget();
+        let meant = first < Self::PLAIN;
         if own.surrogate == meant {
             return own;
         }
-        let (small, plain) =
-            (Self::for_budget(Self::PLAIN - 1), Self::for_budget(Self::WHOLLY_PLAIN));
-        let (old, new) = if meant { (small, plain) } else { (plain, small) };
+        let plain = Self::for_budget(Self::WHOLLY_PLAIN);
+        let (old, new) = if meant {
+            (Self::for_budget(first), plain)
+        } else {
+            (plain, Self::for_budget(Self::PLAIN - 1))
+        };
         unless_chosen(&mut own.iterations, old.iterations, new.iterations);
         unless_chosen(&mut own.max_components, old.max_components, new.max_components);
         unless_chosen(&mut own.patches, old.patches, new.patches);
@@ -238,7 +242,7 @@ mod tests {
         let of = |settings: &Settings| {
             (settings.surrogate, settings.iterations, settings.max_components, settings.batch)
         };
-        let small = of(&Settings::for_budget(300));
+        let small = of(&Settings::for_budget(400));
         let plain = of(&Settings::for_budget(10_000));
         assert!(small.0 && !plain.0);
         for run in [Settings::for_budget(3000), Settings { surrogate: true, ..Settings::default() }]
@@ -253,10 +257,13 @@ mod tests {
         let off = Settings { surrogate: false, ..Settings::for_budget(3000) };
         assert_eq!(off.parts(), [3000]);
         assert_eq!(of(&off.of_part(3000)), plain);
-        let extended = Settings::for_budget(300).extended(3000).unwrap_or_default();
-        assert_eq!(extended.parts(), [300, 3000]);
-        assert_eq!(of(&extended.of_part(300)), small);
-        assert_eq!(of(&extended.of_part(3000)), plain);
+        for first in [30, 100, 201, 300, 399, 400, 2047] {
+            let begun = Settings::for_budget(first);
+            let extended = begun.extended(3000).unwrap_or_default();
+            assert_eq!(extended.parts(), [first, 3000]);
+            assert_eq!(of(&extended.of_part(first)), of(&begun));
+            assert_eq!(of(&extended.of_part(3000)), plain);
+        }
         // What was chosen for a small run is no default of it, also where it is that of larger ones.
         let eight = Settings { iterations: plain.1, ..Settings::for_budget(300) };
         assert_eq!(eight.of_part(300).iterations, plain.1);

@@ -75,8 +75,11 @@ pub struct Settings {
     pub path: bool,
 }
 
-/// Most samples of which the stages after the first are as equal as they can be.
-pub(crate) const FEW_RUNS: usize = 200;
+/// Fewest samples whose stages after the first are not as equal as they can be, and their stages.
+pub(crate) const FEW_RUNS: usize = 400;
+const STAGES: usize = 20;
+/// Most samples that have twice as many stages; from there to [`FEW_RUNS`] these become fewer.
+const MOST_STAGES: usize = 200;
 
 /// Fields added later are written only where they say something, so that older readers understand the rest.
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
@@ -132,14 +135,15 @@ impl Settings {
         if samples >= Self::PLAIN {
             return Self { surrogate: samples < Self::WHOLLY_PLAIN, ..default };
         }
+        let (fewer, of) = (FEW_RUNS.saturating_sub(samples), FEW_RUNS - MOST_STAGES);
         Self {
-            iterations: if samples <= FEW_RUNS { 40 } else { 20 },
+            iterations: STAGES + STAGES * fewer.min(of) / of,
             final_share: 0.3,
             max_components: 3,
             patches: 1,
             defensive_share: 0.05,
             tempering_share: 0.3,
-            batch: if samples <= FEW_RUNS { 1 } else { 4 },
+            batch: if samples < FEW_RUNS { 1 } else { 4 },
             surrogate: true,
             ..default
         }
