@@ -345,6 +345,23 @@ mod tests {
     }
 
     #[test]
+    fn a_bend_in_log_likelihoods_thousands_deep_is_met() {
+        // The valley of Rosenbrock: 3600 below its bed in the corner of the prior.
+        let valley = |z: &[f64]| vec![-100.0 * (z[0] * z[0] - z[1]).powi(2) - (z[0] - 1.0).powi(2)];
+        let mut z = points(60);
+        // Half of the samples are where it matters.
+        for (k, z) in z.chunks_exact_mut(2).enumerate().filter(|(k, _)| k % 2 == 0) {
+            z[1] = z[0] * z[0] + 0.1 * ((k % 3) as f64 - 1.0);
+        }
+        let process = through(&z, 1, valley);
+        for z in [[-0.9, 0.8], [0.3, 0.1], [1.0, 1.1], [1.3, 1.7]] {
+            let mut out = [0.0];
+            process.predict(&z, &mut out);
+            assert!((out[0] - valley(&z)[0]).abs() < 0.03, "{z:?}: {out:?} {:?}", valley(&z));
+        }
+    }
+
+    #[test]
     fn the_variance_of_two_samples_is_that_of_their_joint_normal() {
         let z = [-0.4, 0.1, 0.5, 0.3];
         let process = through(&points(12), 1, |z| vec![z[0].sin() + z[1]]);

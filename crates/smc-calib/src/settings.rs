@@ -75,11 +75,12 @@ pub struct Settings {
     pub path: bool,
 }
 
-/// Fewest samples whose stages after the first are not as equal as they can be, and their stages.
+/// Below so many samples the stages after the first are as equal as they can be.
 pub(crate) const FEW_RUNS: usize = 400;
-const STAGES: usize = 20;
-/// Most samples that have twice as many stages; from there to [`FEW_RUNS`] these become fewer.
-const MOST_STAGES: usize = 200;
+/// Adaptive stages from there on, where a Gaussian process places.
+const FEWEST_STAGES: usize = 20;
+/// Up to so many samples there are twice as many, and from there to [`FEW_RUNS`] they become fewer.
+const TWICE_THE_STAGES: usize = 200;
 
 /// Fields added later are written only where they say something, so that older readers understand the rest.
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
@@ -135,9 +136,9 @@ impl Settings {
         if samples >= Self::PLAIN {
             return Self { surrogate: samples < Self::WHOLLY_PLAIN, ..default };
         }
-        let (fewer, of) = (FEW_RUNS.saturating_sub(samples), FEW_RUNS - MOST_STAGES);
+        let (fewer, of) = (FEW_RUNS.saturating_sub(samples), FEW_RUNS - TWICE_THE_STAGES);
         Self {
-            iterations: STAGES + STAGES * fewer.min(of) / of,
+            iterations: FEWEST_STAGES + FEWEST_STAGES * fewer.min(of) / of,
             final_share: 0.3,
             max_components: 3,
             patches: 1,
