@@ -75,12 +75,8 @@ pub struct Settings {
     pub path: bool,
 }
 
-/// Below so many samples the stages after the first are as equal as they can be.
-pub(crate) const FEW_RUNS: usize = 400;
-/// Adaptive stages from there on, where a Gaussian process places.
-const FEWEST_STAGES: usize = 20;
-/// Up to so many samples there are twice as many, and from there to [`FEW_RUNS`] they become fewer.
-const TWICE_THE_STAGES: usize = 200;
+/// Most samples of which the stages after the first are as equal as they can be.
+pub(crate) const FEW_RUNS: usize = 200;
 
 /// Fields added later are written only where they say something, so that older readers understand the rest.
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
@@ -136,15 +132,14 @@ impl Settings {
         if samples >= Self::PLAIN {
             return Self { surrogate: samples < Self::WHOLLY_PLAIN, ..default };
         }
-        let (fewer, of) = (FEW_RUNS.saturating_sub(samples), FEW_RUNS - TWICE_THE_STAGES);
         Self {
-            iterations: FEWEST_STAGES + FEWEST_STAGES * fewer.min(of) / of,
+            iterations: if samples <= FEW_RUNS { 40 } else { 20 },
             final_share: 0.3,
             max_components: 3,
             patches: 1,
             defensive_share: 0.05,
             tempering_share: 0.3,
-            batch: if samples < FEW_RUNS { 1 } else { 4 },
+            batch: if samples <= FEW_RUNS { 1 } else { 4 },
             surrogate: true,
             ..default
         }

@@ -20,10 +20,10 @@ const SOLVED: f64 = 1.0;
 /// Each error counts as this much at most.
 const LARGEST: f64 = 10.0;
 /// Budgets at which the code changes its ways: the first with stages of two, three and four (51, 101, 151, where a process does not run
-/// through all samples either), with covariances not searched at every stage (128), in fewer stages (201), without stacked surrogates
-/// (301), in stages of whole batches (400), only in part by a process, and without one.
-const THRESHOLDS: [usize; 9] =
-    [51, 101, 128, 151, 201, 301, 400, Settings::PLAIN, Settings::WHOLLY_PLAIN];
+/// through all samples either), with covariances not searched at every stage (128), in half as many stages (201), without stacked
+/// surrogates (301), only in part by a process, and without one.
+const THRESHOLDS: [usize; 8] =
+    [51, 101, 128, 151, 201, 301, Settings::PLAIN, Settings::WHOLLY_PLAIN];
 
 const QUANTITIES: [(&str, &str); 3] =
     [("error of the mean", "posterior sd"), ("error of the sd", ""), ("error of ln Z", "")];
