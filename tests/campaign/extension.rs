@@ -46,6 +46,23 @@ fn a_run_of_a_program_is_extended_and_nothing_is_run_twice() {
 }
 
 #[test]
+fn a_plan_file_with_the_number_of_an_extended_run_is_that_of_the_run() {
+    // With other defaults for the number after it.
+    let sandbox = line(199, "0");
+    sandbox.run("--plan line.toml --quiet").succeeded();
+    sandbox.run("--resume results/line --samples 202 --quiet").succeeded();
+    let bytes = sandbox.posterior_bytes("results/line");
+    sandbox.write("line.toml", line_plan(202, "0"));
+    let again = sandbox.run("--resume results/line --plan line.toml");
+    assert!(!again.succeeded().stderr.contains("has changed"), "{}", again.stderr);
+    assert_eq!((runs(&sandbox), sandbox.posterior_bytes("results/line")), (202, bytes));
+    // One that chooses something is another.
+    let chosen = line_plan(202, "0").replace("samples = 202", "samples = 202\nbatch = 7");
+    sandbox.write("line.toml", chosen);
+    sandbox.run("--resume results/line --plan line.toml").refused(&["batch"]);
+}
+
+#[test]
 fn an_extension_that_is_interrupted_goes_on() {
     let whole = line(30, "0");
     whole.run("--plan line.toml --quiet").succeeded();

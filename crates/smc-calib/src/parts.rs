@@ -122,14 +122,29 @@ impl Settings {
         } else {
             (plain, Self::for_budget(Self::PLAIN - 1))
         };
-        unless_chosen(&mut own.iterations, old.iterations, new.iterations);
-        unless_chosen(&mut own.max_components, old.max_components, new.max_components);
-        unless_chosen(&mut own.patches, old.patches, new.patches);
-        unless_chosen(&mut own.batch, old.batch, new.batch);
-        unless_chosen(&mut own.final_share, old.final_share, new.final_share);
-        unless_chosen(&mut own.defensive_share, old.defensive_share, new.defensive_share);
-        unless_chosen(&mut own.tempering_share, old.tempering_share, new.tempering_share);
+        own.replace_defaults(&old, &new);
         own
+    }
+
+    /// Settings of a run of `samples` from the start that chooses what this one chose: defaults of its first budget are those of `samples`.
+    pub fn begun_with(&self, samples: usize) -> Self {
+        let mut own = self.as_begun();
+        let (old, new) = (Self::for_budget(own.samples), Self::for_budget(samples));
+        own.replace_defaults(&old, &new);
+        unless_chosen(&mut own.surrogate, old.surrogate, new.surrogate);
+        own.samples = samples;
+        own
+    }
+
+    /// Replaces what is still the default of one budget by that of another.
+    fn replace_defaults(&mut self, old: &Self, new: &Self) {
+        unless_chosen(&mut self.iterations, old.iterations, new.iterations);
+        unless_chosen(&mut self.max_components, old.max_components, new.max_components);
+        unless_chosen(&mut self.patches, old.patches, new.patches);
+        unless_chosen(&mut self.batch, old.batch, new.batch);
+        unless_chosen(&mut self.final_share, old.final_share, new.final_share);
+        unless_chosen(&mut self.defensive_share, old.defensive_share, new.defensive_share);
+        unless_chosen(&mut self.tempering_share, old.tempering_share, new.tempering_share);
     }
 }
 
@@ -263,6 +278,14 @@ mod tests {
             assert_eq!(extended.parts(), [first, 3000]);
             assert_eq!(of(&extended.of_part(first)), of(&begun));
             assert_eq!(of(&extended.of_part(3000)), plain);
+        }
+        for [first, samples] in [[30, 300], [100, 100], [300, 3000], [2047, 8192], [9000, 100]] {
+            let begun = Settings { seed: 7, ..Settings::for_budget(first) };
+            let extended = begun.extended(10_000).unwrap_or_default();
+            let expected = Settings { seed: 7, ..Settings::for_budget(samples) };
+            assert_eq!(extended.begun_with(samples), expected);
+            let chosen = Settings { batch: 7, ..begun };
+            assert_eq!(chosen.begun_with(samples), Settings { batch: 7, ..expected });
         }
         // What was chosen for a small run is no default of it, also where it is that of larger ones.
         let eight = Settings { iterations: plain.1, ..Settings::for_budget(300) };

@@ -1,6 +1,7 @@
 //! Whether a plan is that of a run that is there.
 
 use serde_json::Value;
+use smc_calib::Settings;
 
 use crate::plan::Plan;
 
@@ -35,7 +36,9 @@ fn with_samples(was: &Plan, is: &Plan) -> Plan {
     if is.sampler.earlier.is_empty()
         && (was.sampler.earlier.contains(&samples) || was.sampler.samples == samples)
     {
-        (plan.sampler.samples, plan.sampler.earlier) = (samples, Vec::new());
+        let kept = Settings { samples, earlier: Vec::new(), ..was.sampler.clone() };
+        // What a file leaves open has the default of its own number.
+        plan.sampler = if kept == is.sampler { kept } else { was.sampler.begun_with(samples) };
     }
     plan
 }
