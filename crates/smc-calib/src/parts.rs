@@ -110,34 +110,28 @@ impl Settings {
         if !self.surrogate {
             return own;
         }
-        own.surrogate = budget < Self::PLAIN;
-        let first = self.first_budget();
-        let meant = first < Self::PLAIN;
-        if own.surrogate == meant {
-            return own;
+        let (first, process) = (self.first_budget(), budget < Self::PLAIN);
+        if process && first >= Self::PLAIN {
+            own.replace_defaults(Self::WHOLLY_PLAIN, Self::PLAIN - 1);
+        } else if !process && first < Self::PLAIN {
+            own.replace_defaults(first, Self::WHOLLY_PLAIN);
         }
-        let plain = Self::for_budget(Self::WHOLLY_PLAIN);
-        let (old, new) = if meant {
-            (Self::for_budget(first), plain)
-        } else {
-            (plain, Self::for_budget(Self::PLAIN - 1))
-        };
-        own.replace_defaults(&old, &new);
+        own.surrogate = process;
         own
     }
 
     /// Settings of a run of `samples` from the start that chooses what this one chose: defaults of its first budget are those of `samples`.
     pub fn begun_with(&self, samples: usize) -> Self {
         let mut own = self.as_begun();
-        let (old, new) = (Self::for_budget(own.samples), Self::for_budget(samples));
-        own.replace_defaults(&old, &new);
-        unless_chosen(&mut own.surrogate, old.surrogate, new.surrogate);
+        own.replace_defaults(own.samples, samples);
         own.samples = samples;
         own
     }
 
     /// Replaces what is still the default of one budget by that of another.
-    fn replace_defaults(&mut self, old: &Self, new: &Self) {
+    fn replace_defaults(&mut self, one: usize, another: usize) {
+        let (old, new) = (Self::for_budget(one), Self::for_budget(another));
+        unless_chosen(&mut self.surrogate, old.surrogate, new.surrogate);
         unless_chosen(&mut self.iterations, old.iterations, new.iterations);
         unless_chosen(&mut self.max_components, old.max_components, new.max_components);
         unless_chosen(&mut self.patches, old.patches, new.patches);

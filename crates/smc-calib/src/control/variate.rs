@@ -260,7 +260,7 @@ fn least_squares_shares(controls: &[Vec<f64>], target: &[f64], weights: &[f64]) 
             }
             let explained: f64 = row.iter().zip(&shares).map(|(p, s)| p * s).sum();
             let next = shares[k] + (right[k] - explained) / row[k];
-            // More than one of a control that is all but zero where it counts would be noise.
+            // More than one of a control that is all but zero where it counts would be noise; what is not a number is none.
             let next = if next > 0.0 { next.min(1.0) } else { 0.0 };
             changed = changed.max((next - shares[k]).abs());
             shares[k] = next;

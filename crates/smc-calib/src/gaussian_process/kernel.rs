@@ -16,11 +16,12 @@ const STARTS: [f64; 3] = [0.5, 1.5, 4.0];
 const NUGGETS: [f64; 3] = [1.0, 0.1, 0.01];
 /// First step of the search, in logarithms.
 const STEP: f64 = 0.7;
-/// Logarithms that lengths stay between, and the scale over the values' root mean square, which it starts from (one where that is less):
-/// log likelihoods in the prior are thousands below the best one.
+/// Logarithms that lengths and the factor on the nuggets stay between.
 const LN_LENGTH: [f64; 2] = [-4.0, 4.0];
-const LN_SCALE: [f64; 2] = [-6.0, 6.0];
 const LN_NUGGET: [f64; 2] = [-5.0, 0.0];
+/// The same of the scale over the values' root mean square, which it starts from (one where that is less): log likelihoods in the
+/// prior are thousands below the best one.
+const LN_SCALE: [f64; 2] = [-6.0, 6.0];
 /// Evaluations of the evidence by the search, per number that is searched.
 const SEARCH: usize = 40;
 /// Nugget up to which the factor of a covariance acts: what far samples are off by beyond it does not shrink with it.

@@ -36,7 +36,7 @@ fn with_samples(was: &Plan, is: &Plan) -> Plan {
     if is.sampler.earlier.is_empty()
         && (was.sampler.earlier.contains(&samples) || was.sampler.samples == samples)
     {
-        let kept = Settings { samples, earlier: Vec::new(), ..was.sampler.clone() };
+        let kept = Settings { samples, ..was.sampler.as_begun() };
         // What a file leaves open has the default of its own number.
         plan.sampler = if kept == is.sampler { kept } else { was.sampler.begun_with(samples) };
     }
