@@ -15,24 +15,28 @@
 //! for the final stage: each sub-net's are held against a g through all others. That g is, for each phi, the sum of several processes
 //! and of local quadratics, with the shares that leave the least of f phi / q where they were left out (stacking: L. Breiman,
 //! Mach. Learn. 24 (1996) 49); of more than [`STACKED`] samples it is the one that leaves the least. The better the sub-nets know an
-//! integral with it than without, the larger the part of it that is taken with it ([`SHARES`]). As samples are placed by what earlier
+//! integral with it than without, the larger the part of it that is taken with it ([`variate::SHARES`]). As samples are placed by what earlier
 //! ones gave, and covariances and shares are those of all, this is without bias only up to terms that fall with the square of its error.
 //!
 //! Every sub-net of the stage has its own net for the second term, so that it is a replicate of the whole, and the
 //! spread of the sub-nets is an error bar of both terms together. With a process the first term is one of pairs of samples,
 //! and the spread alone would say no more than half of its variance ([`count_pairs_twice`]). What no sample has shown all sub-nets
 //! miss alike: a process that runs through all samples says how much that can be ([`errors`]), and the larger error counts.
+//! Its own integrals, without any weights, are taken with the share that its errors beside those of the sub-nets give them
+//! ([`through_all`]): most of it where the likelihood is smooth.
 
 mod errors;
 mod frozen;
+mod through_all;
 mod variate;
 
 pub(crate) use self::frozen::Frozen;
 
 use self::errors::Over;
+use self::through_all::ThroughAll;
 use self::variate::{
     Model, Standard, Variate, cap, closest, count_pairs_twice, features, left, metric, scatter,
-    stacked, surrogate,
+    share, stacked, surrogate,
 };
 use crate::Evidence;
 use crate::estimate::{Estimator, Integrals};
@@ -66,11 +70,6 @@ const FEWEST_NETS: usize = 3;
 /// samples than sub-nets: with half, a run of 8 effective samples was 0.9 posterior standard deviations off and said 0.05.
 const LEAST_EXPLAINED: f64 = 0.5;
 const LEAST_EXPLAINED_OF_FEW: f64 = 0.9;
-/// Of the variances of an integral by samples alone and with g, the share of the former in their sum up to which it is left to the
-/// samples, and from which on it is taken with g; between them a part of it is. A g that is wrong where there are no samples differs
-/// from sub-net to sub-net by the points that each of them has there.
-const SHARES: [f64; 2] = [0.4, 0.8];
-
 /// Standard error of the final stage's evidence, over that of all samples, from which on the latter is reported. By its number of
 /// samples the final stage has 1.4 times the error, and its mean is exact; with more it has missed what earlier stages found.
 const WORSE: f64 = 1.5;
@@ -319,29 +318,41 @@ impl<'a> Control<'a> {
         self.add_means(|i, a| target[i] - control(i, a), &mut of_sub_nets);
         let mut by_samples = vec![0.0; r * p];
         self.add_means(|i, _| target[i], &mut by_samples);
-        let share = |a: usize| {
-            let (known, samples) = (scatter(&of_sub_nets, p, a), scatter(&by_samples, p, a));
-            let best = if samples > 0.0 { samples / (known + samples) } else { 0.0 };
-            ((best - SHARES[0]) / (SHARES[1] - SHARES[0])).clamp(0.0, 1.0)
-        };
-        let shares = (0..p).map(share).collect();
+        let spread: Vec<f64> = (0..p).map(|a| scatter(&of_sub_nets, p, a)).collect();
         if !local {
             count_pairs_twice(&mut of_sub_nets, &of_nets, p);
         }
-        let errors = process.map_or_else(Vec::new, |process| self.unknown_to(process));
+        let all = process.and_then(|process| self.through_all(process));
+        let of_all = match &all {
+            Some(all) => all.mixed_into(&mut of_sub_nets, p),
+            None => vec![0.0; p],
+        };
+        let share = |a| share((1.0 - of_all[a]) * spread[a], scatter(&by_samples, p, a));
+        let shares = (0..p).map(share).collect();
+        // Of more samples than these the sub-nets show more.
+        let runs_through_all =
+            process.is_some_and(|process| process.runs_through_all(&sampler.pool));
+        let errors = all.filter(|_| runs_through_all).map_or_else(Vec::new, |all| all.errors);
         Some(Integrals { of_sub_nets, features: self.features, shares, errors })
     }
 
-    /// Errors of the integrals by what a process does not know.
-    fn unknown_to(&self, process: &StandIn<'_>) -> Vec<f64> {
+    /// The integrals by one process through all samples, or as many as a process of the sub-nets runs through.
+    fn through_all(&self, process: &StandIn<'_>) -> Option<ThroughAll> {
         let Self { sampler, proposal, standard, coordinate, ln_scale, .. } = self;
-        let p = coefficients(sampler.pool.d);
-        let features = |z: &[f64], row: &mut [f64]| {
-            standard.features_at(z, coordinate, row);
-        };
+        let (pool, seed) = (&sampler.pool, sampler.settings.seed);
+        let known = 0..pool.len();
+        let process = process.like(pool, self.weights, known, &process.process.covariance)?;
         let cap = cap(self.target.iter().copied(), self.first == 0);
         let over = Over { proposal, ln_scale: *ln_scale, cap };
-        errors::errors(process, &sampler.pool, over, p, &features, sampler.settings.seed)
+        let p = coefficients(pool.d);
+        let features = |z: &[f64], row: &mut [f64]| standard.features_at(z, coordinate, row);
+        let errors = errors::errors(&process, pool, over, p, &features, seed);
+        let g = Variate { model: Model::Process(Box::new(process)), ln_scale: *ln_scale, cap };
+        let by_net = |net: &[f64], sums: &mut [f64]| {
+            g.integrate(net, proposal, standard, coordinate, sums);
+        };
+        let of_nets = through_all::of_nets(proposal.uniforms(), p, seed, &by_net);
+        Some(ThroughAll { of_nets, errors })
     }
 
     /// Adds a part's share of the integrals of g phi, by nets of its own for every sub-net; its g at the samples, each where it is
@@ -426,7 +437,6 @@ fn of_all_samples(
     if stack.is_empty() {
         return None;
     }
-    let process = process.filter(|process| process.runs_through_all(&sampler.pool));
     control.integrals(&stack, process, finishing)
 }
 

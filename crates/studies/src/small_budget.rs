@@ -48,7 +48,7 @@ The figures depend on seeds only, not on the machine or its load.
 
 The surrogate is a Gaussian process through the outputs (or the log likelihoods, where there are no outputs). It says where to simulate; weights are
 those of the true likelihood. Processes and local quadratics, with the shares that leave the least of them where they are left out, take noise out of the
-estimates as a control variate.
+estimates as a control variate; what the process through all samples says of the integrals is taken with the share that its own error gives it.
 ";
 
 pub(crate) fn run(args: &SmallBudgetArgs, out: &Path) -> Result<(), Failure> {

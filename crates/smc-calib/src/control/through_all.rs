@@ -1,0 +1,230 @@
+//! Integrals of the likelihood that one process through all samples predicts, and how far they are believed beside those that
+//! every sub-net knows with a process through the others.
+//!
+//! Where the process knows the likelihood, its own integrals are far better: they have no noise of residuals at samples in the tail.
+//! How well it knows it, its own draws tell, and they are as sure as its covariance is right: on smooth likelihoods their error is two
+//! to ten times what they say. The sub-nets tell without it, but no more than their own noise shows. The standard error that counts lies
+//! midway between the two, as their geometric mean, unless the draws say the larger one; and a process that is further off the
+//! sub-nets than [`FOUND_OUT`] standard errors of both has the error with which it would not be.
+
+use super::variate::{mean, scatter};
+use crate::sobol::scrambled_net;
+use crate::stream::{Purpose, stream};
+use rayon::prelude::*;
+
+/// Points that it is integrated with, and nets that they are: few large ones have far smaller an error together than many small ones.
+const POINTS: usize = 16_384;
+const NETS: usize = 4;
+
+/// Difference, in standard errors, beyond which the process is found to be wrong.
+const FOUND_OUT: f64 = 5.0;
+
+/// The p integrals of g phi by some nets, and their errors by draws of what the process does not know, row by row.
+pub(super) struct ThroughAll {
+    pub of_nets: Vec<f64>,
+    pub errors: Vec<f64>,
+}
+
+/// The integrals by every net, row by row, as `integrate` adds them to zeros for the points of a net of this width.
+pub(super) fn of_nets(
+    width: usize,
+    p: usize,
+    seed: u64,
+    integrate: &(dyn Fn(&[f64], &mut [f64]) + Sync),
+) -> Vec<f64> {
+    let mut of_nets = vec![0.0; NETS * p];
+    of_nets.par_chunks_mut(p).enumerate().for_each(|(k, sums)| {
+        let mut rng = stream(seed, Purpose::Surrogate, 1, k);
+        integrate(&scrambled_net(width, POINTS / NETS, &mut rng), sums);
+    });
+    of_nets
+}
+
+/// Logarithm of the first integral, the others over it, and the variances of all.
+struct Ratios {
+    values: Vec<f64>,
+    variances: Vec<f64>,
+}
+
+/// Means over rows of p integrals.
+fn means(rows: &[f64], p: usize) -> Vec<f64> {
+    (0..p).map(|a| mean(rows, p, a)).collect()
+}
+
+/// Deviations of the ratios of every row from those of `means`, to first order.
+fn deviations(rows: &[f64], means: &[f64]) -> Vec<f64> {
+    let of = |row: &[f64]| -> Vec<f64> {
+        let first = row[0] / means[0];
+        let rest =
+            row.iter().zip(means).skip(1).map(|(m, mean)| m / means[0] - first * mean / means[0]);
+        std::iter::once(first - 1.0).chain(rest).collect()
+    };
+    rows.chunks_exact(means.len()).flat_map(of).collect()
+}
+
+/// Variances of the mean of independent rows of p deviations.
+fn variances(deviations: &[f64], p: usize) -> Vec<f64> {
+    let n = (deviations.len() / p) as f64;
+    (0..p).map(|a| scatter(deviations, p, a) / (n * (n - 1.0))).collect()
+}
+
+impl Ratios {
+    fn values(means: &[f64]) -> Vec<f64> {
+        std::iter::once(means[0].ln()).chain(means[1..].iter().map(|m| m / means[0])).collect()
+    }
+
+    /// None where there is no likelihood, or nothing is known of its errors.
+    fn of(all: &ThroughAll, p: usize) -> Option<Self> {
+        let means = means(&all.of_nets, p);
+        let draws = all.errors.len() / p;
+        if means[0].is_nan() || means[0] <= 0.0 || draws < 2 {
+            return None;
+        }
+        // Draws are one by one, nets are for their mean.
+        let moved: Vec<f64> = all
+            .errors
+            .chunks_exact(p)
+            .flat_map(|e| e.iter().zip(&means).map(|(e, m)| m + e))
+            .collect();
+        let of_draws = variances(&deviations(&moved, &means), p);
+        let of_nets = variances(&deviations(&all.of_nets, &means), p);
+        let sum = of_draws.iter().zip(&of_nets).map(|(d, n)| draws as f64 * d + n);
+        Some(Self { values: Self::values(&means), variances: sum.collect() })
+    }
+}
+
+impl ThroughAll {
+    /// Takes a share of this into the p integrals of the sub-nets, which then spread as much less as two independent estimates
+    /// together are better than one; the shares.
+    pub(super) fn mixed_into(&self, of_sub_nets: &mut [f64], p: usize) -> Vec<f64> {
+        let means = means(of_sub_nets, p);
+        let known = Ratios::of(self, p).filter(|_| means[0] > 0.0);
+        let Some(known) = known else { return vec![0.0; p] };
+        let mut off = deviations(of_sub_nets, &means);
+        let own = Ratios { values: Ratios::values(&means), variances: variances(&off, p) };
+        let share = |a: usize| {
+            let (by_sub_nets, by_draws) = (own.variances[a], known.variances[a]);
+            let midway = by_draws.max((by_sub_nets * by_draws).sqrt());
+            // With this variance the two are as far apart as that.
+            let apart = ((own.values[a] - known.values[a]) / FOUND_OUT).powi(2) - by_sub_nets;
+            let variance = midway.max(apart);
+            let share = by_sub_nets / (by_sub_nets + variance);
+            if share.is_finite() { share } else { 0.0 }
+        };
+        let shares: Vec<f64> = (0..p).map(share).collect();
+        let mixed = |a: usize| own.values[a] + shares[a] * (known.values[a] - own.values[a]);
+        let values: Vec<f64> = (0..p).map(mixed).collect();
+        for (row, off) in of_sub_nets.chunks_exact_mut(p).zip(off.chunks_exact_mut(p)) {
+            off.iter_mut().zip(&shares).for_each(|(off, share)| *off *= (1.0 - share).sqrt());
+            let evidence = values[0].exp();
+            row[0] = evidence * (1.0 + off[0]);
+            for a in 1..p {
+                row[a] = evidence * (values[a] * (1.0 + off[0]) + off[a]);
+            }
+        }
+        shares
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stream::normals;
+
+    const P: usize = 3;
+
+    /// Rows of three integrals around these, off by standard normal numbers times `sds`.
+    fn rows(n: usize, around: [f64; P], sds: [f64; P], seed: usize) -> Vec<f64> {
+        let mut rng = stream(5, Purpose::Surrogate, 7, seed);
+        let off = normals(n * P, &mut rng);
+        off.iter().enumerate().map(|(i, x)| around[i % P] + sds[i % P] * x).collect()
+    }
+
+    /// Root mean square of error over standard error of the three, and of their errors.
+    fn over_runs(of_draws: f64, error: f64) -> ([f64; P], [f64; P]) {
+        const RUNS: usize = 4000;
+        const R: usize = 12;
+        let exact = [2.0, 0.6, -0.2];
+        let (mut z, mut errors) = ([0.0; P], [0.0; P]);
+        for run in 0..RUNS {
+            let mut of_sub_nets = rows(R, exact, [0.1; P], 3 * run);
+            let off = rows(1, [0.0; P], [error; P], 3 * run + 1);
+            let of_nets: Vec<f64> = exact.iter().zip(&off).map(|(m, off)| m + off).collect();
+            let all = ThroughAll {
+                of_nets: of_nets.repeat(2),
+                errors: rows(200, [0.0; P], [of_draws; P], 3 * run + 2),
+            };
+            all.mixed_into(&mut of_sub_nets, P);
+            let means = means(&of_sub_nets, P);
+            let variances = variances(&deviations(&of_sub_nets, &means), P);
+            let values = Ratios::values(&means);
+            for (a, exact) in Ratios::values(&exact).iter().enumerate() {
+                let square = (values[a] - exact).powi(2) / RUNS as f64;
+                errors[a] += square;
+                z[a] += square / variances[a];
+            }
+        }
+        (z.map(f64::sqrt), errors.map(f64::sqrt))
+    }
+
+    #[test]
+    fn two_estimates_together_have_the_error_that_they_say() {
+        // Of sub-nets 0.1 / sqrt(12); the process as good, worse, and as much better as its draws and three times less so.
+        for (of_draws, error) in [(0.03, 0.03), (0.1, 0.1), (0.001, 0.005)] {
+            let (z, _) = over_runs(of_draws, error);
+            assert!(z.iter().all(|z| (0.8..1.25).contains(z)), "{of_draws} {error}: {z:?}");
+        }
+    }
+
+    #[test]
+    fn a_process_that_knows_more_takes_most_of_the_error_away() {
+        let (_, alone) = over_runs(1e9, 0.0);
+        let (_, with) = over_runs(0.001, 0.002);
+        assert!(
+            with.iter().zip(&alone).all(|(with, alone)| with < &(0.25 * alone)),
+            "{with:?} {alone:?}"
+        );
+    }
+
+    #[test]
+    fn a_process_that_is_sure_and_wrong_is_found_out() {
+        let mut of_sub_nets = rows(12, [2.0, 0.6, -0.2], [0.1; P], 1);
+        let before = of_sub_nets.clone();
+        let wrong = ThroughAll {
+            of_nets: [4.0, 0.2, 1.0].repeat(2),
+            errors: rows(50, [0.0; P], [0.001; P], 2),
+        };
+        let shares = wrong.mixed_into(&mut of_sub_nets, P);
+        assert!(shares.iter().all(|share| *share < 0.15), "{shares:?}");
+        let off = |a: usize| (mean(&of_sub_nets, P, a) - mean(&before, P, a)).abs();
+        assert!((0..P).all(|a| off(a) < 0.1), "{of_sub_nets:?}");
+    }
+
+    #[test]
+    fn what_the_evidence_shares_with_a_mean_is_no_error_of_the_mean() {
+        // Draws that make all integrals larger or smaller alike, and sub-nets too.
+        let around = [2.0, 0.6, -0.2];
+        let alike = |factors: &[f64]| -> Vec<f64> {
+            factors.iter().flat_map(|f| around.map(|m| f * m)).collect()
+        };
+        let all = ThroughAll { of_nets: alike(&[1.0, 1.0]), errors: alike(&[0.3, -0.3]) };
+        let known = Ratios::of(&all, P).expect("has errors");
+        assert!(known.variances[0] > 0.01, "{:?}", known.variances);
+        assert!(known.variances[1..].iter().all(|v| *v < 1e-20), "{:?}", known.variances);
+        let mut of_sub_nets = alike(&[0.9, 1.0, 1.1]);
+        all.mixed_into(&mut of_sub_nets, P);
+        for row in of_sub_nets.chunks_exact(P) {
+            assert!((row[1] / row[0] - 0.3).abs() < 1e-12 && (row[2] / row[0] + 0.1).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn nothing_is_taken_of_a_process_without_a_likelihood_or_without_draws() {
+        let of_sub_nets = rows(4, [2.0, 0.6, -0.2], [0.1; P], 1);
+        for (of_nets, errors) in [(vec![0.0; 6], vec![0.1; 6]), (vec![1.0; 6], Vec::new())] {
+            let mut same = of_sub_nets.clone();
+            assert_eq!(ThroughAll { of_nets, errors }.mixed_into(&mut same, P), [0.0; P]);
+            assert_eq!(same, of_sub_nets);
+        }
+    }
+}
