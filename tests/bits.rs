@@ -57,7 +57,7 @@ const KEPT: [Kept; 11] = [
     ),
     (
         "--plan experiments/external/impact.toml",
-        &[("samples.csv", "56c7e5472993fc53"), ("draws.csv", "d2c068d2dd7eb61b")],
+        &[("samples.csv", "afbc77929d4b9a47"), ("draws.csv", "9ba197b50c06c8a9")],
     ),
     ("scene experiments/scenes/four-particles.toml", &[("series.csv", "78d3c6ecd45f4b48")]),
 ];

@@ -246,6 +246,7 @@ pub struct Evidence {
     /// From the final stage, drawn from one frozen proposal, with surrogates fitted to other samples as control
     /// variate; without them where they are of no use. From all samples with few simulations and with more than six
     /// parameters, and where the run ended before its final stage or that stage's error is more than 1.5 times theirs.
+    /// Where a Gaussian process places the samples, what it predicts of all integrals has the share that its errors give it.
     pub value: f64,
     /// Its standard error.
     pub se: f64,

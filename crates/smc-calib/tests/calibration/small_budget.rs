@@ -35,14 +35,20 @@ fn a_hundred_simulations_find_narrow_posteriors_that_the_default_sampler_misses(
         let reference = reference::gaussian(d, 0.8, 0.1);
         let placed = errors(&reference, &Settings::for_budget(100), 5);
         // The process through the log likelihoods of a normal posterior is exact up to its nuggets.
-        assert!(placed.iter().all(|error| *error < 0.05), "{d}: {placed:?}");
+        assert!(placed.iter().all(|error| *error < 0.01), "{d}: {placed:?}");
         let default = Settings { samples: 100, ..Settings::default() };
         let plain = errors(&reference, &default, 5);
         assert!(plain[0] > 10.0 * placed[0], "{d}: {plain:?} {placed:?}");
     }
-    for reference in [reference::banana(), reference::heavy_tail(), reference::bounded_ridge()] {
-        let [mean, sd, ln_z] = errors(&reference, &Settings::for_budget(200), 4);
-        assert!(mean < 0.3 && sd < 0.35 && ln_z < 0.3, "{}: {mean} {sd} {ln_z}", reference.name);
+    // By sub-nets alone the mean of the banana was .05 off (16 seeds).
+    for (reference, most) in [
+        (reference::banana(), [0.04, 0.07, 0.01]),
+        (reference::heavy_tail(), [0.01, 0.01, 0.01]),
+        (reference::bounded_ridge(), [0.08, 0.08, 0.05]),
+    ] {
+        let found = errors(&reference, &Settings::for_budget(100), 5);
+        let close = found.iter().zip(&most).all(|(error, most)| error < most);
+        assert!(close, "{}: {found:?} {most:?}", reference.name);
     }
 }
 
