@@ -70,6 +70,7 @@ const FEWEST_NETS: usize = 3;
 /// samples than sub-nets: with half, a run of 8 effective samples was 0.9 posterior standard deviations off and said 0.05.
 const LEAST_EXPLAINED: f64 = 0.5;
 const LEAST_EXPLAINED_OF_FEW: f64 = 0.9;
+
 /// Standard error of the final stage's evidence, over that of all samples, from which on the latter is reported. By its number of
 /// samples the final stage has 1.4 times the error, and its mean is exact; with more it has missed what earlier stages found.
 const WORSE: f64 = 1.5;
@@ -327,12 +328,12 @@ impl<'a> Control<'a> {
             Some(all) => all.mixed_into(&mut of_sub_nets, p),
             None => vec![0.0; p],
         };
-        let share = |a| share((1.0 - of_all[a]) * spread[a], scatter(&by_samples, p, a));
-        let shares = (0..p).map(share).collect();
-        // Of more samples than these the sub-nets show more.
-        let runs_through_all =
-            process.is_some_and(|process| process.runs_through_all(&sampler.pool));
-        let errors = all.filter(|_| runs_through_all).map_or_else(Vec::new, |all| all.errors);
+        let shares = (0..p)
+            .map(|a| share((1.0 - of_all[a]) * spread[a], scatter(&by_samples, p, a)))
+            .collect();
+        // Of more samples than the process that places them runs through, the sub-nets show more.
+        let few = process.is_some_and(|process| process.runs_through_all(&sampler.pool));
+        let errors = all.filter(|_| few).map_or_else(Vec::new, |all| all.errors);
         Some(Integrals { of_sub_nets, features: self.features, shares, errors })
     }
 

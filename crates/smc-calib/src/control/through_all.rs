@@ -81,12 +81,7 @@ impl Ratios {
             return None;
         }
         // Draws are one by one, nets are for their mean.
-        let moved: Vec<f64> = all
-            .errors
-            .chunks_exact(p)
-            .flat_map(|e| e.iter().zip(&means).map(|(e, m)| m + e))
-            .collect();
-        let of_draws = variances(&deviations(&moved, &means), p);
+        let of_draws = variances(&deviations(&all.errors, &means), p);
         let of_nets = variances(&deviations(&all.of_nets, &means), p);
         let sum = of_draws.iter().zip(&of_nets).map(|(d, n)| draws as f64 * d + n);
         Some(Self { values: Self::values(&means), variances: sum.collect() })
@@ -114,9 +109,9 @@ impl ThroughAll {
         let shares: Vec<f64> = (0..p).map(share).collect();
         let mixed = |a: usize| own.values[a] + shares[a] * (known.values[a] - own.values[a]);
         let values: Vec<f64> = (0..p).map(mixed).collect();
+        let evidence = values[0].exp();
         for (row, off) in of_sub_nets.chunks_exact_mut(p).zip(off.chunks_exact_mut(p)) {
             off.iter_mut().zip(&shares).for_each(|(off, share)| *off *= (1.0 - share).sqrt());
-            let evidence = values[0].exp();
             row[0] = evidence * (1.0 + off[0]);
             for a in 1..p {
                 row[a] = evidence * (values[a] * (1.0 + off[0]) + off[a]);
