@@ -27,15 +27,17 @@
 
 mod errors;
 mod frozen;
+mod made_of;
 mod through_all;
 mod variate;
 
 pub(crate) use self::frozen::Frozen;
 
 use self::errors::Over;
+use self::made_of::{MadeOf, Part, most_trusted};
 use self::through_all::ThroughAll;
 use self::variate::{
-    Model, Standard, Variate, cap, closest, count_pairs_twice, features, left, metric, scatter,
+    Model, Standard, Variate, cap, closest, count_pairs_twice, features, left, mean, scatter,
     share, stacked, surrogate,
 };
 use crate::Evidence;
@@ -57,8 +59,6 @@ use rayon::prelude::*;
 /// Points that the surrogate is integrated with, per sample of the final stage, and at least; at least for a process.
 const POINTS: [usize; 2] = [8, 32_768];
 const POINTS_OF_PROCESS: usize = 16_384;
-/// Parts of the final stage, each with a surrogate that its own samples had no part in; of a process, every sub-net is one.
-const FOLDS: usize = 2;
 /// Samples that tell how close surrogates are.
 const JUDGES: usize = 150;
 /// Most samples of which they tell shares: those of a smaller part are too noisy, and a banana was twice as far off at 1024.
@@ -96,47 +96,6 @@ impl<'a> Drawn<'a> {
     }
 }
 
-/// What g is made of.
-enum MadeOf<'a> {
-    /// Local quadratics, which measure distances by this factor of a covariance.
-    Quadratics { metric: Vec<f64> },
-    /// A process with this covariance; simulations fail as for the process through all samples.
-    Process { all: &'a StandIn<'a>, found: &'a Found },
-}
-
-impl<'a> MadeOf<'a> {
-    fn quadratics(proposal: &Proposal) -> Option<Self> {
-        Some(Self::Quadratics { metric: metric(proposal)? })
-    }
-
-    /// The ways to make g for all samples: by each covariance that was found for a process, and by local quadratics. All
-    /// samples count where there are many dimensions or few samples, because the final stage alone misses what earlier ones found.
-    fn ways(
-        sampler: &Sampler<'_>,
-        proposal: &Proposal,
-        process: Option<&'a StandIn<'a>>,
-    ) -> Vec<Self> {
-        let n = sampler.pool.len();
-        let mut ways = Vec::new();
-        if let Some(all) = process {
-            ways.extend(
-                all.process.found.iter().flatten().map(|found| Self::Process { all, found }),
-            );
-        }
-        if n >= 16 * coefficients(sampler.pool.d) {
-            ways.extend(Self::quadratics(proposal));
-        }
-        ways
-    }
-
-    fn folds(&self, sampler: &Sampler<'_>) -> usize {
-        match self {
-            Self::Quadratics { .. } => FOLDS,
-            Self::Process { .. } => sampler.replicates,
-        }
-    }
-}
-
 /// The process through all samples, where one has placed them.
 fn process<'a>(sampler: &'a Sampler<'_>, weights: &[f64]) -> Option<StandIn<'a>> {
     let n = sampler.pool.len();
@@ -164,12 +123,6 @@ struct Control<'a> {
     /// What coordinates are measured in, and 1, x_j and x_i x_j, the phi, at all samples.
     standard: Standard,
     features: Vec<f64>,
-}
-
-/// A way to make g, and its share of the g of every integral.
-struct Part<'a> {
-    made_of: MadeOf<'a>,
-    shares: Vec<f64>,
 }
 
 /// One fold: the numbers of its samples, and g and its values there, from the samples of the others.
@@ -279,14 +232,15 @@ impl<'a> Control<'a> {
         parts.filter(|part| part.shares.iter().any(|share| *share > 0.0)).collect()
     }
 
-    /// The integrals, where the surrogate is good enough to be of use, with their errors by what a process does not know.
+    /// The integrals, where the surrogate is good enough to be of use, with their errors by what a process does not know; the log
+    /// evidence of the sub-nets alone.
     fn integrals(
         self,
         stack: &[Part<'a>],
         process: Option<&StandIn<'_>>,
         finishing: &mut Finishing<'_>,
-    ) -> Option<Integrals> {
-        let Self { sampler, target, .. } = &self;
+    ) -> Option<(Integrals, f64)> {
+        let Self { sampler, target, ln_scale, .. } = &self;
         let (r, p) = (sampler.replicates, coefficients(sampler.pool.d));
         let local = stack.iter().all(|part| matches!(part.made_of, MadeOf::Quadratics { .. }));
         // A process is integrated by two nets for each sub-net: their difference tells the error of the nets.
@@ -323,26 +277,26 @@ impl<'a> Control<'a> {
         if !local {
             count_pairs_twice(&mut of_sub_nets, &of_nets, p);
         }
-        let all = process.and_then(|process| self.through_all(process));
-        let of_all = match &all {
+        let cross_fitted = ln_scale + mean(&of_sub_nets, p, 0).ln();
+        let all =
+            process.and_then(|process| self.through_all(process, most_trusted(process, stack)?));
+        let left = match &all {
             Some(all) => all.mixed_into(&mut of_sub_nets, p),
-            None => vec![0.0; p],
+            None => vec![1.0; p],
         };
-        let shares = (0..p)
-            .map(|a| share((1.0 - of_all[a]) * spread[a], scatter(&by_samples, p, a)))
-            .collect();
+        let shares =
+            (0..p).map(|a| share(left[a] * spread[a], scatter(&by_samples, p, a))).collect();
         // Of more samples than the process that places them runs through, the sub-nets show more.
         let few = process.is_some_and(|process| process.runs_through_all(&sampler.pool));
         let errors = all.filter(|_| few).map_or_else(Vec::new, |all| all.errors);
-        Some(Integrals { of_sub_nets, features: self.features, shares, errors })
+        Some((Integrals { of_sub_nets, features: self.features, shares, errors }, cross_fitted))
     }
 
     /// The integrals by one process through all samples, or as many as a process of the sub-nets runs through.
-    fn through_all(&self, process: &StandIn<'_>) -> Option<ThroughAll> {
+    fn through_all(&self, process: &StandIn<'_>, found: &Found) -> Option<ThroughAll> {
         let Self { sampler, proposal, standard, coordinate, ln_scale, .. } = self;
         let (pool, seed) = (&sampler.pool, sampler.settings.seed);
-        let known = 0..pool.len();
-        let process = process.like(pool, self.weights, known, &process.process.covariance)?;
+        let process = process.like(pool, self.weights, 0..pool.len(), found)?;
         let cap = cap(self.target.iter().copied(), self.first == 0);
         let over = Over { proposal, ln_scale: *ln_scale, cap };
         let p = coefficients(pool.d);
@@ -424,7 +378,7 @@ fn of_all_samples(
     (raw, ln_scale): (&[f64], f64),
     coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
     finishing: &mut Finishing<'_>,
-) -> Option<Integrals> {
+) -> Option<(Integrals, f64)> {
     let mixture = Proposal::of_stages(&sampler.proposals)?;
     let ln_w = sampler.ln_weights();
     let ways = MadeOf::ways(sampler, &mixture, process);
@@ -468,8 +422,10 @@ pub(crate) fn estimate(
             control.integrals(&stack, None, finishing)
         })
     };
-    let held = known.is_some_and(|known| estimator.hold_to(known, sampler.pool.d, far));
-    let (value, se) = if held {
+    let cross_fitted = known.and_then(|(known, cross_fitted)| {
+        estimator.hold_to(known, sampler.pool.d, far).then_some(cross_fitted)
+    });
+    let (value, se) = if cross_fitted.is_some() {
         estimator.log_evidence()
     } else if sampler.final_stage().is_some()
         && frozen_value > f64::MIN
@@ -494,6 +450,8 @@ pub(crate) fn estimate(
         agree,
         process_value,
         process_mean,
+        // Without a process it is the value itself.
+        cross_fitted_value: cross_fitted.filter(|by| by.is_finite() && process_value.is_some()),
     };
     (estimator, evidence)
 }

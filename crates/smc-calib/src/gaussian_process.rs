@@ -52,14 +52,14 @@ pub(crate) struct GaussianProcess {
 }
 
 /// A covariance and the coordinates that it is over.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Found {
     place: Place,
     kernel: Kernel,
 }
 
 /// The coordinates of a kernel.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 enum Place {
     /// Whitened normal scores: centre and packed inverse factor.
     Whitened(Vec<f64>, Vec<f64>),

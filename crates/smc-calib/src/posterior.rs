@@ -269,6 +269,10 @@ pub struct Evidence {
     /// Same, by the mean of that likelihood over the errors of a process through curves.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub process_mean: Option<f64>,
+    /// Beside those two: from samples, each with a process through the others alone, before the integrals of the process through all
+    /// had a share. None where such processes were of no use: `value` has no part of a process then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cross_fitted_value: Option<f64>,
 }
 
 /// Where simulations fail, and what that means for posterior and evidence, in which they count as likelihood zero.

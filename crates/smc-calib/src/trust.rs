@@ -292,8 +292,11 @@ impl Posterior {
         let flattened = self.stages.last().is_some_and(|s| s.beta < 1.0);
         let mut signs = Vec::new();
         if self.settings.process_placed(self.counters.simulations) {
-            let Evidence { value, process_value, process_mean, .. } = self.log_evidence;
-            let [beside, mean] = [process_value, process_mean].map(|by| by.map(|by| by - value));
+            // `value` itself may be mostly the process's.
+            let e = &self.log_evidence;
+            let by_samples = e.cross_fitted_value.unwrap_or(e.value);
+            let [beside, mean] =
+                [e.process_value, e.process_mean].map(|by| by.map(|by| by - by_samples));
             // What the process says as well does not rest on a few weights.
             let agrees = beside.is_some_and(|beside| beside.abs() < PROCESS_AGREES)
                 && mean.is_some_and(|mean| PROCESS_KNOWS.contains(&mean));

@@ -4,8 +4,9 @@
 //! Where the process knows the likelihood, its own integrals are far better: they have no noise of residuals at samples in the tail.
 //! How well it knows it, its own draws tell, and they are as sure as its covariance is right: on smooth likelihoods their error is two
 //! to ten times what they say. The sub-nets tell without it, but no more than their own noise shows. The standard error that counts lies
-//! midway between the two, as their geometric mean, unless the draws say the larger one; and a process that is further off the
-//! sub-nets than [`FOUND_OUT`] standard errors of both has the error with which it would not be.
+//! midway between the two, as their geometric mean, unless the draws say the larger one; a process that is further off the
+//! sub-nets than [`FOUND_OUT`] standard errors of both has the error with which it would not be, and both are less well known the
+//! further they are apart.
 
 use super::variate::{mean, scatter};
 use crate::sobol::scrambled_net;
@@ -88,36 +89,46 @@ impl Ratios {
     }
 }
 
+/// The share of the better known of two estimates of one number in their mean, and the variance of the mean over that of the other,
+/// from their variances and the square of their difference.
+///
+/// Estimates further apart than their errors tell have larger ones: the mean's grows as they part (R. T. Birge, Phys. Rev. 40 (1932)
+/// 207), up to that of the other estimate and of the way from it.
+fn mean_of_two(variance: f64, known: f64, square: f64) -> (f64, f64) {
+    let midway = known.max((variance * known).sqrt());
+    // With this variance the two are as far apart as that.
+    let apart = square / FOUND_OUT.powi(2) - variance;
+    let sum = variance + if apart > midway { apart } else { midway };
+    let share = variance / sum;
+    let left = (1.0 - share) * (square / sum).max(1.0);
+    let left = left.min(1.0 + share * share * square / variance);
+    if share.is_finite() && left.is_finite() { (share, left) } else { (0.0, 1.0) }
+}
+
 impl ThroughAll {
-    /// Takes a share of this into the p integrals of the sub-nets, which then spread as much less as two independent estimates
-    /// together are better than one; the shares.
+    /// Takes a share of this into the p integrals of the sub-nets, which then spread as their mean is known; the part of the variance
+    /// of each that is left.
     pub(super) fn mixed_into(&self, of_sub_nets: &mut [f64], p: usize) -> Vec<f64> {
         let means = means(of_sub_nets, p);
         let known = Ratios::of(self, p).filter(|_| means[0] > 0.0);
-        let Some(known) = known else { return vec![0.0; p] };
+        let Some(known) = known else { return vec![1.0; p] };
         let mut off = deviations(of_sub_nets, &means);
         let own = Ratios { values: Ratios::values(&means), variances: variances(&off, p) };
-        let share = |a: usize| {
-            let (by_sub_nets, by_draws) = (own.variances[a], known.variances[a]);
-            let midway = by_draws.max((by_sub_nets * by_draws).sqrt());
-            // With this variance the two are as far apart as that.
-            let apart = ((own.values[a] - known.values[a]) / FOUND_OUT).powi(2) - by_sub_nets;
-            let variance = midway.max(apart);
-            let share = by_sub_nets / (by_sub_nets + variance);
-            if share.is_finite() { share } else { 0.0 }
+        let mixed = |a: usize| {
+            let way = known.values[a] - own.values[a];
+            let (share, left) = mean_of_two(own.variances[a], known.variances[a], way * way);
+            (own.values[a] + share * way, left)
         };
-        let shares: Vec<f64> = (0..p).map(share).collect();
-        let mixed = |a: usize| own.values[a] + shares[a] * (known.values[a] - own.values[a]);
-        let values: Vec<f64> = (0..p).map(mixed).collect();
+        let (values, left): (Vec<f64>, Vec<f64>) = (0..p).map(mixed).unzip();
         let evidence = values[0].exp();
         for (row, off) in of_sub_nets.chunks_exact_mut(p).zip(off.chunks_exact_mut(p)) {
-            off.iter_mut().zip(&shares).for_each(|(off, share)| *off *= (1.0 - share).sqrt());
+            off.iter_mut().zip(&left).for_each(|(off, left)| *off *= left.sqrt());
             row[0] = evidence * (1.0 + off[0]);
             for a in 1..p {
                 row[a] = evidence * (values[a] * (1.0 + off[0]) + off[a]);
             }
         }
-        shares
+        left
     }
 }
 
@@ -172,6 +183,32 @@ mod tests {
     }
 
     #[test]
+    fn the_mean_of_two_estimates_knows_less_the_further_they_part() {
+        // As well known as each other; the process ten times as well.
+        assert_eq!(mean_of_two(1.0, 1.0, 0.0), (0.5, 0.5));
+        let (share, left) = mean_of_two(1.0, 0.01, 0.0);
+        assert!((share - 1.0 / 1.1).abs() < 1e-12 && (left - 0.1 / 1.1).abs() < 1e-12);
+        // Three standard errors apart its own is three times that; found out, it takes little and adds little.
+        let (share, left) = mean_of_two(1.0, 0.01, 9.0 * 1.1);
+        assert!((share - 1.0 / 1.1).abs() < 1e-12 && (left - 9.0 * 0.1 / 1.1).abs() < 1e-12);
+        let (share, left) = mean_of_two(1.0, 0.01, 1e4);
+        assert!((share - 0.0025).abs() < 1e-12 && (left - 1.0625).abs() < 1e-12, "{share} {left}");
+        // No step on the way, and never more than what the other says and the way from it.
+        let mut before = 0.0;
+        for k in 0..4000 {
+            let square = (0.01 * f64::from(k)).powi(2);
+            let (share, left) = mean_of_two(1.0, 0.01, square);
+            assert!(left <= 1.0 + share * share * square + 1e-12, "{square}: {left}");
+            assert!(k == 0 || (left - before).abs() < 0.1, "{square}: {before} {left}");
+            before = left;
+        }
+        for (variance, known) in [(0.0, 0.0), (0.0, 1.0), (f64::NAN, 1.0), (1.0, f64::NAN)] {
+            let (share, left) = mean_of_two(variance, known, 1.0);
+            assert!((0.0..=1.0).contains(&share) && left >= 0.0, "{variance} {known}");
+        }
+    }
+
+    #[test]
     fn a_process_that_knows_more_takes_most_of_the_error_away() {
         let (_, alone) = over_runs(1e9, 0.0);
         let (_, with) = over_runs(0.001, 0.002);
@@ -189,8 +226,8 @@ mod tests {
             of_nets: [4.0, 0.2, 1.0].repeat(2),
             errors: rows(50, [0.0; P], [0.001; P], 2),
         };
-        let shares = wrong.mixed_into(&mut of_sub_nets, P);
-        assert!(shares.iter().all(|share| *share < 0.15), "{shares:?}");
+        let left = wrong.mixed_into(&mut of_sub_nets, P);
+        assert!(left.iter().all(|left| (1.0..5.0).contains(left)), "{left:?}");
         let off = |a: usize| (mean(&of_sub_nets, P, a) - mean(&before, P, a)).abs();
         assert!((0..P).all(|a| off(a) < 0.1), "{of_sub_nets:?}");
     }
@@ -218,7 +255,7 @@ mod tests {
         let of_sub_nets = rows(4, [2.0, 0.6, -0.2], [0.1; P], 1);
         for (of_nets, errors) in [(vec![0.0; 6], vec![0.1; 6]), (vec![1.0; 6], Vec::new())] {
             let mut same = of_sub_nets.clone();
-            assert_eq!(ThroughAll { of_nets, errors }.mixed_into(&mut same, P), [0.0; P]);
+            assert_eq!(ThroughAll { of_nets, errors }.mixed_into(&mut same, P), [1.0; P]);
             assert_eq!(same, of_sub_nets);
         }
     }

@@ -28,7 +28,7 @@ const SEARCH: usize = 40;
 const NEAR: f64 = 0.6;
 
 /// A covariance.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Kernel {
     /// `quadratic (1 + a b)^2 + scale^2 exp(-|a - b|^2 / (2 length^2))`
     Smooth { quadratic: f64, scale: f64, length: f64, nugget: f64 },

@@ -1,0 +1,78 @@
+//! What the control variate is made of, and the share of each part.
+
+use super::variate::{mean, metric};
+use crate::gaussian_process::Found;
+use crate::mixture::Proposal;
+use crate::sampler::Sampler;
+use crate::small_budget::StandIn;
+use crate::surrogate::coefficients;
+
+/// Parts of the final stage, each with a surrogate that its own samples had no part in; of a process, every sub-net is one.
+const FOLDS: usize = 2;
+/// Least share of the most probable process of all with which its own integrals are taken.
+const LEAST_TRUSTED: f64 = 0.1;
+
+/// What g is made of.
+pub(super) enum MadeOf<'a> {
+    /// Local quadratics, which measure distances by this factor of a covariance.
+    Quadratics { metric: Vec<f64> },
+    /// A process with this covariance; simulations fail as for the process through all samples.
+    Process { all: &'a StandIn<'a>, found: &'a Found },
+}
+
+impl<'a> MadeOf<'a> {
+    pub(super) fn quadratics(proposal: &Proposal) -> Option<Self> {
+        Some(Self::Quadratics { metric: metric(proposal)? })
+    }
+
+    /// The ways to make g for all samples: by each covariance that was found for a process, and by local quadratics. All
+    /// samples count where there are many dimensions or few samples, because the final stage alone misses what earlier ones found.
+    pub(super) fn ways(
+        sampler: &Sampler<'_>,
+        proposal: &Proposal,
+        process: Option<&'a StandIn<'a>>,
+    ) -> Vec<Self> {
+        let n = sampler.pool.len();
+        let mut ways = Vec::new();
+        if let Some(all) = process {
+            ways.extend(
+                all.process.found.iter().flatten().map(|found| Self::Process { all, found }),
+            );
+        }
+        if n >= 16 * coefficients(sampler.pool.d) {
+            ways.extend(Self::quadratics(proposal));
+        }
+        ways
+    }
+
+    pub(super) fn folds(&self, sampler: &Sampler<'_>) -> usize {
+        match self {
+            Self::Quadratics { .. } => FOLDS,
+            Self::Process { .. } => sampler.replicates,
+        }
+    }
+}
+
+/// A way to make g, and its share of the g of every integral.
+pub(super) struct Part<'a> {
+    pub made_of: MadeOf<'a>,
+    pub shares: Vec<f64>,
+}
+
+/// The covariance of the most probable process through all samples, or, where stacking leaves it less than [`LEAST_TRUSTED`], that of
+/// the process with the largest share. None where no process has one.
+///
+/// The marginal likelihood says how well a covariance goes with the values, stacking how well it predicts the likelihood: of 200 runs
+/// and more of PS it preferred one whose integrals are 0.4 posterior standard deviations off, without a share.
+pub(super) fn most_trusted<'a>(process: &StandIn<'_>, stack: &[Part<'a>]) -> Option<&'a Found> {
+    let of = |part: &Part<'a>| match part.made_of {
+        MadeOf::Process { found, .. } => Some((found, mean(&part.shares, 1, 0))),
+        MadeOf::Quadratics { .. } => None,
+    };
+    let shares: Vec<(&Found, f64)> = stack.iter().filter_map(of).collect();
+    let probable = |(found, share): &&(&Found, f64)| {
+        **found == process.process.covariance && *share >= LEAST_TRUSTED
+    };
+    let largest = || shares.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+    shares.iter().find(probable).or_else(largest).map(|(found, _)| *found)
+}
