@@ -44,8 +44,8 @@ pub const FEWEST_OF_SMALL_BUDGET: f64 = 7.0;
 
 /// The same where the process through the samples has the same log evidence: within [`PROCESS_AGREES`] by the likelihood that it
 /// predicts, and within [`PROCESS_KNOWS`] by its mean over what the process does not know. Of runs of 50 simulations with seeds 1 to 50
-/// (51 to 100) 7 (11) of PS, 8 (10) of PEEK and 4 (5) of PA12 that are right (within one posterior sd) are called unsolved; 2 (2) of PS
-/// and 1 (2) of PEEK that are off are not.
+/// (51 to 100) 6 (10) of PS, 8 (10) of PEEK and 4 (5) of PA12 that are right (within one posterior sd) are called unsolved; 1 (2) of PS
+/// and 0 (2) of PEEK that are off are not.
 pub const FEWEST_BESIDE_PROCESS: f64 = 3.0;
 
 /// Difference of the log evidences of process and samples up to which they agree.

@@ -336,6 +336,24 @@ fn few_samples_are_enough_where_the_process_says_the_same_and_more_are_not_where
 }
 
 #[test]
+fn the_process_is_held_against_samples_also_where_the_evidence_is_its_own() {
+    let solved = |cross_fitted: Option<f64>| {
+        let trust = after(|p| {
+            p.settings = Settings::for_budget(100);
+            p.counters.simulations = 100;
+            p.ess.importance = 6.0;
+            let value = p.log_evidence.value;
+            p.log_evidence.process_value = Some(value);
+            p.log_evidence.process_mean = Some(value);
+            p.log_evidence.cross_fitted_value = cross_fitted.map(|off| value + off);
+        });
+        !trust.concerns.iter().any(|c| matches!(c, Concern::BudgetTooSmall { .. }))
+    };
+    assert!(solved(None) && solved(Some(0.49)) && solved(Some(-0.49)));
+    assert!(!solved(Some(0.51)) && !solved(Some(-0.51)));
+}
+
+#[test]
 fn an_extended_run_is_judged_as_its_last_part_was_placed() {
     let reason = |samples| {
         let trust = after(|p| {
