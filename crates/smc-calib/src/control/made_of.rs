@@ -70,9 +70,26 @@ pub(super) fn most_trusted<'a>(process: &StandIn<'_>, stack: &[Part<'a>]) -> Opt
         MadeOf::Quadratics { .. } => None,
     };
     let shares: Vec<(&Found, f64)> = stack.iter().filter_map(of).collect();
-    let probable = |(found, share): &&(&Found, f64)| {
-        **found == process.process.covariance && *share >= LEAST_TRUSTED
-    };
+    trusted(&process.process.covariance, &shares)
+}
+
+/// The probable one, where it has share enough, or the one with the largest share.
+fn trusted<'a, T: PartialEq>(probable: &T, shares: &[(&'a T, f64)]) -> Option<&'a T> {
+    let enough = shares.iter().find(|(one, share)| *one == probable && *share >= LEAST_TRUSTED);
     let largest = || shares.iter().max_by(|a, b| a.1.total_cmp(&b.1));
-    shares.iter().find(probable).or_else(largest).map(|(found, _)| *found)
+    enough.or_else(largest).map(|(one, _)| *one)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_probable_is_trusted_from_a_tenth_on_and_else_what_has_the_largest_share() {
+        let shares = |probable: f64| [(&'a', 0.3), (&'b', probable), (&'c', 0.6)];
+        assert_eq!(trusted(&'b', &shares(0.1)), Some(&'b'));
+        assert_eq!(trusted(&'b', &shares(0.099)), Some(&'c'));
+        assert_eq!(trusted(&'d', &shares(0.1)), Some(&'c'));
+        assert_eq!(trusted(&'d', &[]), None);
+    }
 }

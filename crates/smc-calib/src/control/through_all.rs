@@ -89,20 +89,20 @@ impl Ratios {
     }
 }
 
-/// The share of the better known of two estimates of one number in their mean, and the variance of the mean over that of the other,
-/// from their variances and the square of their difference.
+/// Of two estimates of one number with these variances and this square of their difference: the share of the second in their mean,
+/// and the variance of the mean over that of the first. The second's is taken as midway between both where it is the smaller one.
 ///
-/// Estimates further apart than their errors tell have larger ones: the mean's grows as they part (R. T. Birge, Phys. Rev. 40 (1932)
-/// 207), up to that of the other estimate and of the way from it.
-fn mean_of_two(variance: f64, known: f64, square: f64) -> (f64, f64) {
-    let midway = known.max((variance * known).sqrt());
-    // With this variance the two are as far apart as that.
-    let apart = square / FOUND_OUT.powi(2) - variance;
-    let sum = variance + if apart > midway { apart } else { midway };
-    let share = variance / sum;
+/// Estimates further apart than their errors tell are known less well: the variance of the mean grows with the square of their
+/// difference over the sum of their variances (R. T. Birge, Phys. Rev. 40 (1932) 207), up to that of the first and the way from it.
+fn mean_of_two(first: f64, second: f64, square: f64) -> (f64, f64) {
+    let midway = second.max((first * second).sqrt());
+    // With this variance of the second the two are as far apart as that.
+    let apart = square / FOUND_OUT.powi(2) - first;
+    let sum = first + if apart > midway { apart } else { midway };
+    let share = first / sum;
     let left = (1.0 - share) * (square / sum).max(1.0);
-    let left = left.min(1.0 + share * share * square / variance);
-    if share.is_finite() && left.is_finite() { (share, left) } else { (0.0, 1.0) }
+    let left = left.min(1.0 + share * share * square / first);
+    if first > 0.0 && left.is_finite() { (share, left) } else { (0.0, 1.0) }
 }
 
 impl ThroughAll {
@@ -202,9 +202,8 @@ mod tests {
             assert!(k == 0 || (left - before).abs() < 0.1, "{square}: {before} {left}");
             before = left;
         }
-        for (variance, known) in [(0.0, 0.0), (0.0, 1.0), (f64::NAN, 1.0), (1.0, f64::NAN)] {
-            let (share, left) = mean_of_two(variance, known, 1.0);
-            assert!((0.0..=1.0).contains(&share) && left >= 0.0, "{variance} {known}");
+        for (first, second) in [(0.0, 0.0), (0.0, 1.0), (f64::NAN, 1.0), (1.0, f64::NAN)] {
+            assert_eq!(mean_of_two(first, second, 1.0), (0.0, 1.0), "{first} {second}");
         }
     }
 
