@@ -278,17 +278,19 @@ impl<'a> Control<'a> {
             count_pairs_twice(&mut of_sub_nets, &of_nets, p);
         }
         let cross_fitted = ln_scale + mean(&of_sub_nets, p, 0).ln();
-        let all =
-            process.and_then(|process| self.through_all(process, most_trusted(process, stack)?));
-        let left = match &all {
-            Some(all) => all.mixed_into(&mut of_sub_nets, p),
-            None => vec![1.0; p],
+        // Of more samples than the process that places them runs through, the sub-nets show more than its draws.
+        let few = process.filter(|process| process.runs_through_all(&sampler.pool));
+        let trusted = most_trusted(process, stack);
+        let found = trusted.or_else(|| Some(&few?.process.covariance));
+        let all = process.zip(found).and_then(|(process, found)| self.through_all(process, found));
+        let left = match (&all, trusted) {
+            (Some(all), Some(_)) => all.mixed_into(&mut of_sub_nets, p),
+            _ => vec![1.0; p],
         };
-        let shares =
-            (0..p).map(|a| share(left[a] * spread[a], scatter(&by_samples, p, a))).collect();
-        // Of more samples than the process that places them runs through, the sub-nets show more.
-        let few = process.is_some_and(|process| process.runs_through_all(&sampler.pool));
-        let errors = all.filter(|_| few).map_or_else(Vec::new, |all| all.errors);
+        // What the two differ by is no sign against the sub-nets.
+        let known = |a: usize| left[a].min(1.0) * spread[a];
+        let shares = (0..p).map(|a| share(known(a), scatter(&by_samples, p, a))).collect();
+        let errors = all.filter(|_| few.is_some()).map_or_else(Vec::new, |all| all.errors);
         Some((Integrals { of_sub_nets, features: self.features, shares, errors }, cross_fitted))
     }
 
@@ -450,7 +452,6 @@ pub(crate) fn estimate(
         agree,
         process_value,
         process_mean,
-        // Without a process it is the value itself.
         cross_fitted_value: cross_fitted.filter(|by| by.is_finite() && process_value.is_some()),
     };
     (estimator, evidence)

@@ -269,8 +269,8 @@ pub struct Evidence {
     /// Same, by the mean of that likelihood over the errors of a process through curves.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub process_mean: Option<f64>,
-    /// Beside those two: from samples, each with a process through the others alone, before the integrals of the process through all
-    /// had a share. None where such processes were of no use: `value` has no part of a process then.
+    /// Beside those two, where the estimates are held to integrals by surrogates: from samples, each with surrogates through the others
+    /// alone, before the integrals of a process through all had a share.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cross_fitted_value: Option<f64>,
 }

@@ -294,9 +294,9 @@ impl Posterior {
         if self.settings.process_placed(self.counters.simulations) {
             // `value` itself may be mostly the process's.
             let e = &self.log_evidence;
-            let by_samples = e.cross_fitted_value.unwrap_or(e.value);
+            let cross_fitted = e.cross_fitted_value.unwrap_or(e.value);
             let [beside, mean] =
-                [e.process_value, e.process_mean].map(|by| by.map(|by| by - by_samples));
+                [e.process_value, e.process_mean].map(|by| by.map(|by| by - cross_fitted));
             // What the process says as well does not rest on a few weights.
             let agrees = beside.is_some_and(|beside| beside.abs() < PROCESS_AGREES)
                 && mean.is_some_and(|mean| PROCESS_KNOWS.contains(&mean));

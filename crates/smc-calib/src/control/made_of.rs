@@ -1,6 +1,6 @@
 //! What the control variate is made of, and the share of each part.
 
-use super::variate::{mean, metric};
+use super::variate::metric;
 use crate::gaussian_process::Found;
 use crate::mixture::Proposal;
 use crate::sampler::Sampler;
@@ -9,7 +9,7 @@ use crate::surrogate::coefficients;
 
 /// Parts of the final stage, each with a surrogate that its own samples had no part in; of a process, every sub-net is one.
 const FOLDS: usize = 2;
-/// Least share of the most probable process of all with which its own integrals are taken.
+/// Least share of a process whose own integrals are taken.
 const LEAST_TRUSTED: f64 = 0.1;
 
 /// What g is made of.
@@ -59,25 +59,30 @@ pub(super) struct Part<'a> {
     pub shares: Vec<f64>,
 }
 
-/// The covariance of the most probable process through all samples, or, where stacking leaves it less than [`LEAST_TRUSTED`], that of
-/// the process with the largest share. None where no process has one.
+/// Of the processes with a mean share of [`LEAST_TRUSTED`] and more: the covariance of the most probable one through all samples, where it
+/// is one of them, or of that with the largest share.
 ///
-/// The marginal likelihood says how well a covariance goes with the values, stacking how well it predicts the likelihood: of 200 runs
-/// and more of PS it preferred one whose integrals are 0.4 posterior standard deviations off, without a share.
-pub(super) fn most_trusted<'a>(process: &StandIn<'_>, stack: &[Part<'a>]) -> Option<&'a Found> {
+/// The marginal likelihood says how well a covariance goes with the values, stacking how well it predicts the likelihood: of PS, from 200
+/// simulations on, it preferred one whose integrals are 0.4 posterior standard deviations off, without a share.
+pub(super) fn most_trusted<'a>(
+    process: Option<&StandIn<'_>>,
+    stack: &[Part<'a>],
+) -> Option<&'a Found> {
     let of = |part: &Part<'a>| match part.made_of {
-        MadeOf::Process { found, .. } => Some((found, mean(&part.shares, 1, 0))),
+        MadeOf::Process { found, .. } => {
+            Some((found, part.shares.iter().sum::<f64>() / part.shares.len() as f64))
+        }
         MadeOf::Quadratics { .. } => None,
     };
     let shares: Vec<(&Found, f64)> = stack.iter().filter_map(of).collect();
-    trusted(&process.process.covariance, &shares)
+    trusted(&process?.process.covariance, &shares)
 }
 
-/// The probable one, where it has share enough, or the one with the largest share.
+/// Of those with share enough: the probable one, or the one with the largest share.
 fn trusted<'a, T: PartialEq>(probable: &T, shares: &[(&'a T, f64)]) -> Option<&'a T> {
-    let enough = shares.iter().find(|(one, share)| *one == probable && *share >= LEAST_TRUSTED);
-    let largest = || shares.iter().max_by(|a, b| a.1.total_cmp(&b.1));
-    enough.or_else(largest).map(|(one, _)| *one)
+    let enough = || shares.iter().filter(|(_, share)| *share >= LEAST_TRUSTED);
+    let largest = || enough().max_by(|a, b| a.1.total_cmp(&b.1));
+    enough().find(|(one, _)| *one == probable).or_else(largest).map(|(one, _)| *one)
 }
 
 #[cfg(test)]
@@ -90,6 +95,7 @@ mod tests {
         assert_eq!(trusted(&'b', &shares(0.1)), Some(&'b'));
         assert_eq!(trusted(&'b', &shares(0.099)), Some(&'c'));
         assert_eq!(trusted(&'d', &shares(0.1)), Some(&'c'));
+        assert_eq!(trusted(&'d', &[(&'d', 0.099)]), None);
         assert_eq!(trusted(&'d', &[]), None);
     }
 }

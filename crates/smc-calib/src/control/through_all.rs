@@ -5,8 +5,8 @@
 //! How well it knows it, its own draws tell, and they are as sure as its covariance is right: on smooth likelihoods their error is two
 //! to ten times what they say. The sub-nets tell without it, but no more than their own noise shows. The standard error that counts lies
 //! midway between the two, as their geometric mean, unless the draws say the larger one; a process that is further off the
-//! sub-nets than [`FOUND_OUT`] standard errors of both has the error with which it would not be, and both are less well known the
-//! further they are apart.
+//! sub-nets than [`FOUND_OUT`] standard errors of both has the error with which it would not be. Where they part, both are known less well
+//! ([`mean_of_two`]).
 
 use super::variate::{mean, scatter};
 use crate::sobol::scrambled_net;
@@ -93,7 +93,8 @@ impl Ratios {
 /// and the variance of the mean over that of the first. The second's is taken as midway between both where it is the smaller one.
 ///
 /// Estimates further apart than their errors tell are known less well: the variance of the mean grows with the square of their
-/// difference over the sum of their variances (R. T. Birge, Phys. Rev. 40 (1932) 207), up to that of the first and the way from it.
+/// difference over the sum of their variances (R. T. Birge, Phys. Rev. 40 (1932) 207), up to that of the first and the square of the way
+/// from it.
 fn mean_of_two(first: f64, second: f64, square: f64) -> (f64, f64) {
     let midway = second.max((first * second).sqrt());
     // With this variance of the second the two are as far apart as that.
@@ -102,7 +103,7 @@ fn mean_of_two(first: f64, second: f64, square: f64) -> (f64, f64) {
     let share = first / sum;
     let left = (1.0 - share) * (square / sum).max(1.0);
     let left = left.min(1.0 + share * share * square / first);
-    if first > 0.0 && left.is_finite() { (share, left) } else { (0.0, 1.0) }
+    if first > 0.0 && square.is_finite() && left.is_finite() { (share, left) } else { (0.0, 1.0) }
 }
 
 impl ThroughAll {
@@ -117,7 +118,7 @@ impl ThroughAll {
         let mixed = |a: usize| {
             let way = known.values[a] - own.values[a];
             let (share, left) = mean_of_two(own.variances[a], known.variances[a], way * way);
-            (own.values[a] + share * way, left)
+            (if share > 0.0 { own.values[a] + share * way } else { own.values[a] }, left)
         };
         let (values, left): (Vec<f64>, Vec<f64>) = (0..p).map(mixed).unzip();
         let evidence = values[0].exp();
@@ -205,6 +206,8 @@ mod tests {
         for (first, second) in [(0.0, 0.0), (0.0, 1.0), (f64::NAN, 1.0), (1.0, f64::NAN)] {
             assert_eq!(mean_of_two(first, second, 1.0), (0.0, 1.0), "{first} {second}");
         }
+        assert_eq!(mean_of_two(1.0, 1.0, f64::NAN), (0.0, 1.0));
+        assert_eq!(mean_of_two(1.0, 1.0, f64::INFINITY), (0.0, 1.0));
     }
 
     #[test]

@@ -271,6 +271,30 @@ fn fifty_simulations_of_a_hard_problem_are_said_to_be_too_few() {
 }
 
 #[test]
+fn the_evidence_from_samples_alone_is_kept_beside_that_with_a_part_of_the_process() {
+    // y_i = a + b t_i + noise of 0.1: a process knows it well.
+    let times = [-1.0, -0.5, 0.0, 0.5, 1.0];
+    let simulator = FnSimulator::new(2, 5, move |x: &[f64], out: &mut [f64]| {
+        out.iter_mut().zip(times).for_each(|(o, t)| *o = x[0] + x[1] * t);
+        Ok::<(), SimError>(())
+    });
+    let normal = || prior(PriorSpec::Normal { mean: 0.0, sd: 1.0 });
+    let problem = Problem {
+        simulator: &simulator,
+        parameters: vec![Parameter::new("a", "1", normal()), Parameter::new("b", "1", normal())],
+        observations: Observations::new(times.to_vec(), vec![0.1, 0.4, 0.7, 0.9, 1.3]).unwrap(),
+        noise: Noise::Fixed { sigma: FixedSigma::Absolute(0.1) },
+    };
+    for seed in 1..=4 {
+        let settings = Settings { seed, ..Settings::for_budget(40) };
+        let e = calibrate(&problem, &settings, &mut ()).unwrap().log_evidence;
+        let cross_fitted = e.cross_fitted_value.expect("few effective samples");
+        let apart = (e.value - cross_fitted).abs();
+        assert!(e.process_value.is_some() && 1e-9 < apart && apart < 0.02, "seed {seed}: {e:?}");
+    }
+}
+
+#[test]
 fn three_hundred_simulations_of_an_easy_problem_are_enough_and_right() {
     // y = x + noise of 0.1, x ~ N(0, 1): mean y/1.01, sd 0.1/sqrt(1.01).
     let simulator = FnSimulator::new(1, 1, |x: &[f64], out: &mut [f64]| {
