@@ -41,7 +41,7 @@ use self::variate::{
     share, stacked, surrogate,
 };
 use crate::Evidence;
-use crate::estimate::{Estimator, Integrals};
+use crate::estimate::{Axis, Estimator, Integrals};
 use crate::gaussian_process::{Covariance, Found};
 use crate::mixture::Proposal;
 use crate::neighbours::MOST_DIMENSIONS;
@@ -291,7 +291,20 @@ impl<'a> Control<'a> {
         let known = |a: usize| left[a].min(1.0) * spread[a];
         let shares = (0..p).map(|a| share(known(a), scatter(&by_samples, p, a))).collect();
         let errors = all.filter(|_| few.is_some()).map_or_else(Vec::new, |all| all.errors);
-        Some((Integrals { of_sub_nets, features: self.features, shares, errors }, cross_fitted))
+        let axes = self.axes();
+        Some((
+            Integrals { of_sub_nets, features: self.features, shares, errors, axes },
+            cross_fitted,
+        ))
+    }
+
+    /// What coordinates are standardised by, where few samples may have to be moved.
+    fn axes(&self) -> Vec<Axis> {
+        if !self.sampler.placing.surrogate {
+            return Vec::new();
+        }
+        let range = |j| [f64::NEG_INFINITY, f64::INFINITY].map(|z| (self.coordinate)(j, z));
+        self.standard.axes(range)
     }
 
     /// The integrals by one process through all samples, or as many as a process of the sub-nets runs through.

@@ -67,8 +67,13 @@ pub fn sample_density_in(
     let d = sampler.pool.d;
     let mut khat = psis::khat(&raw);
     let (mut mean, mut mean_se, mut sd, mut sd_se) = (vec![], vec![], vec![], vec![]);
-    for j in 0..d {
-        let x: Vec<f64> = sampler.pool.z.chunks_exact(d).map(|z| coordinate(j, z[j])).collect();
+    let of_sample = |j: usize| -> Vec<f64> {
+        estimator.moved(j).unwrap_or_else(|| {
+            sampler.pool.z.chunks_exact(d).map(|z| coordinate(j, z[j])).collect()
+        })
+    };
+    let columns: Vec<Vec<f64>> = (0..d).map(of_sample).collect();
+    for x in &columns {
         let m = estimator.mean(|i| x[i]);
         let v = estimator.mean(|i| (x[i] - m).powi(2));
         let s = v.max(0.0).sqrt();
@@ -76,10 +81,10 @@ pub fn sample_density_in(
         mean_se.push(estimator.standard_error(|i| x[i] - m));
         sd.push(s);
         sd_se.push(estimator.standard_error(|i| ((x[i] - m).powi(2) - v) / (2.0 * s)));
-        let tail: Vec<f64> = raw.iter().zip(&x).map(|(w, x)| w * (x - m).powi(2)).collect();
+        let tail: Vec<f64> = raw.iter().zip(x).map(|(w, x)| w * (x - m).powi(2)).collect();
         khat = khat.max(psis::khat(&tail));
     }
-    let centred = |i: usize, j: usize| coordinate(j, sampler.pool.z[i * d + j]) - mean[j];
+    let centred = |i: usize, j: usize| columns[j][i] - mean[j];
     let covariance = |j: usize, k: usize| estimator.mean(|i| centred(i, j) * centred(i, k));
     let row = |j: usize| -> Vec<f64> {
         let of = |k| if j == k { 1.0 } else { covariance(j, k) / (sd[j] * sd[k]) };

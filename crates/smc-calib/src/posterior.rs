@@ -135,8 +135,8 @@ pub struct Sample {
     pub log_likelihood: Option<f64>,
     /// Log of the importance weight, prior times likelihood over the mixture of all proposals; none where it is zero.
     pub log_weight: Option<f64>,
-    /// Normalised weight; in sum over the samples it gives the means and covariances of the result, which the final
-    /// stage knows better than the importance weights do.
+    /// Normalised weight; in sum over the samples it gives the means and covariances of the result, which surrogates know better than
+    /// the importance weights do. Of a small budget whose weights cannot give them, `parameters` are of samples that are moved to them.
     pub weight: f64,
     /// Stage that drew it.
     pub stage: usize,

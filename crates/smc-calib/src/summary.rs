@@ -62,11 +62,22 @@ pub(crate) fn summarise(
     finishing.after_integrals(1, "intervals");
     let (weight_khat, weight_share) = tail(&raw);
     let judged = estimator.judged(&raw);
+    // What is said of the parameters is of the samples where the estimates have them.
+    let moved = moved(problem, &estimator);
+    let (of_theta, of_coordinate) = match &moved {
+        Some([theta, coordinate]) => (theta, coordinate),
+        None => (&theta, &coordinate),
+    };
     let parameters: Vec<ParameterSummary> = (0..d)
         .into_par_iter()
         .map(|j| {
-            let z: Vec<f64> = pool.z.iter().skip(j).step_by(d).copied().collect();
-            let columns = Columns { z: &z, theta: &theta[j], coordinate: &coordinate[j] };
+            let z: Vec<f64> = match &moved {
+                Some(_) => {
+                    of_theta[j].iter().map(|x| problem.parameters[j].prior.to_z(*x)).collect()
+                }
+                None => pool.z.iter().skip(j).step_by(d).copied().collect(),
+            };
+            let columns = Columns { z: &z, theta: &of_theta[j], coordinate: &of_coordinate[j] };
             let mut summary =
                 parameter_summary(&problem.parameters[j], &columns, judged, &estimator);
             summary.khat = summary.khat.max(weight_khat);
@@ -98,8 +109,8 @@ pub(crate) fn summarise(
         noise: problem.groups[0].noise.clone(),
         settings: settings.clone(),
         samples: samples(pool, &theta, &estimator, &raw, ln_scale),
-        correlation: correlation(&coordinate, &estimator),
-        correlation_si: correlation(&theta, &estimator),
+        correlation: correlation(of_coordinate, &estimator),
+        correlation_si: correlation(of_theta, &estimator),
         log_evidence,
         ess: of_size(effective_sample_size(&raw), n),
         khat,
@@ -289,6 +300,18 @@ fn columns(
     (0..problem.parameters.len())
         .map(|j| (0..n).into_par_iter().with_min_len(256).map(|i| value(j, i)).collect())
         .collect()
+}
+
+/// Columns of the moved samples, SI and coordinate; none where they stay where they are.
+fn moved(problem: &JointProblem<'_>, estimator: &Estimator) -> Option<[Vec<Vec<f64>>; 2]> {
+    let parameters = problem.parameters.iter().enumerate();
+    let each = parameters.map(|(j, parameter)| {
+        let coordinate = estimator.moved(j)?;
+        let of = parameter.prior.coordinate();
+        Some((coordinate.iter().map(|x| of.theta(*x)).collect(), coordinate))
+    });
+    let (theta, coordinate) = each.collect::<Option<Vec<_>>>()?.into_iter().unzip();
+    Some([theta, coordinate])
 }
 
 /// Correlation matrix of weighted columns.

@@ -1,6 +1,7 @@
 //! The control variate: a surrogate of the likelihood over the proposal, its integrals, and what is measured of it.
 
 use crate::cholesky::{cholesky, gram, packed_inverse};
+use crate::estimate::Axis;
 use crate::mixture::Proposal;
 use crate::normal::ln_prior;
 use crate::pool::Pool;
@@ -36,6 +37,12 @@ impl Standard {
         }
         standard.sd.iter_mut().for_each(|s| *s = s.sqrt().max(f64::MIN_POSITIVE));
         standard
+    }
+
+    /// With the ranges of the coordinates.
+    pub(super) fn axes(&self, range: impl Fn(usize) -> [f64; 2]) -> Vec<Axis> {
+        let each = self.mean.iter().zip(&self.sd).enumerate();
+        each.map(|(j, (mean, sd))| Axis { mean: *mean, sd: *sd, range: range(j) }).collect()
     }
 
     /// 1, x_j and x_i x_j of the coordinates of z.

@@ -10,6 +10,7 @@
 #[cfg(test)]
 mod tests;
 
+use super::moved::{Axis, moved};
 use crate::cholesky::{cholesky, solve};
 use std::ops::RangeInclusive;
 
@@ -49,6 +50,7 @@ impl Spread {
 }
 
 /// Integrals of the posterior density times 1, x_j and x_i x_j by every sub-net of the final stage.
+#[derive(Default)]
 pub(crate) struct Integrals {
     /// Sub-net by sub-net; in units of the exponential of the scale that the weights were given with.
     pub of_sub_nets: Vec<f64>,
@@ -58,6 +60,8 @@ pub(crate) struct Integrals {
     pub shares: Vec<f64>,
     /// Errors of all of them by draws of what is not known of the surrogate, draw by draw; empty where that is not asked.
     pub errors: Vec<f64>,
+    /// What each coordinate is standardised by; empty where samples shall stay where they are.
+    pub axes: Vec<Axis>,
 }
 
 /// Integrals that the weights are held to.
@@ -77,6 +81,8 @@ pub(super) struct Known {
     pub factor: Vec<f64>,
     /// Whether weights might change as far as it takes.
     pub far: bool,
+    /// Axes of the coordinates, where the features are those of moved samples.
+    pub moved: Vec<Axis>,
 }
 
 impl Known {
@@ -89,6 +95,17 @@ impl Known {
         // The mean of the draws is taken out of them.
         let draws = self.errors.len() / self.p;
         if draws < 2 { 0.0 } else { squares.sum::<f64>() / (draws - 1) as f64 }
+    }
+}
+
+impl Integrals {
+    /// They and their errors, moments with a part of their shares.
+    fn partly(&self, by_samples: &[f64], part: f64) -> [Vec<f64>; 2] {
+        let Self { of_sub_nets, shares, errors, .. } = self;
+        [
+            partly(of_sub_nets, by_samples, shares, part),
+            partly_off(errors, by_samples, shares, part),
+        ]
     }
 }
 
@@ -118,7 +135,8 @@ impl Held {
     ) -> (Vec<f64>, Known) {
         let Self { spread, weights, of_pool, factor } = self;
         let p = features.len() / weights.len();
-        (weights, Known { p, of_sub_nets, features, errors, of_pool, spread, factor, far })
+        let moved = Vec::new();
+        (weights, Known { p, of_sub_nets, features, errors, of_pool, spread, factor, far, moved })
     }
 }
 
@@ -209,49 +227,92 @@ fn tilts(
     None
 }
 
+/// Weights that are held to some of the integrals, and what these are, with their errors.
+struct InPart {
+    held: Held,
+    known: Vec<f64>,
+    errors: Vec<f64>,
+    /// Numbers of those; none where they are all.
+    columns: Option<Vec<usize>>,
+    /// Part of their shares that the moments are held to.
+    part: f64,
+}
+
 impl Samples<'_> {
     /// Their weights held to integrals over `d` coordinates, and what they are held to; none where that would change a weight by too
     /// much. With `far`, where importance weights are few, weights may change as far as [`TILTS`]. Where they would change further,
-    /// moments, or those of each coordinate without their products, are held to a mean of what is known and of what the samples say,
-    /// the first of [`PARTS`] that weights have, and rather to the evidence alone than to nothing. Their heavy tail does not show in
-    /// the held ones any more.
+    /// they are held in part ([`Self::held_in_part`]), and samples are then moved to all that is known ([`moved`]) where they can be.
+    /// Their heavy tail does not show in the held ones any more.
     pub(super) fn held_to(
         &self,
         integrals: Integrals,
         d: usize,
         far: bool,
     ) -> Option<(Vec<f64>, Known)> {
-        let Integrals { of_sub_nets, features, shares, errors } = integrals;
         if !far {
+            let Integrals { of_sub_nets, features, errors, .. } = integrals;
             let held = self.held(&[Spread::Weight, Spread::Root], &of_sub_nets, &features)?;
             return Some(held.to([of_sub_nets, errors], features, far));
         }
-        if shares[0] < LEAST_SHARE {
+        if integrals.shares[0] < LEAST_SHARE {
             return None;
         }
-        let p = shares.len();
-        let by_samples = self.sums(self.weights, &features, p);
+        let p = integrals.shares.len();
+        let by_samples = self.sums(self.weights, &integrals.features, p);
+        let InPart { mut held, known, errors, columns, part } =
+            self.held_in_part(&integrals, &by_samples, d)?;
+        if columns.is_some() || part < PARTS[0] {
+            let [known, errors] = integrals.partly(&by_samples, PARTS[0]);
+            if let Some(features) = self.move_to(&mut held, &integrals, &known) {
+                let (weights, known) = held.to([known, errors], features, far);
+                return Some((weights, Known { moved: integrals.axes, ..known }));
+            }
+        }
+        let features = columns.map(|columns| only(&integrals.features, p, &columns));
+        Some(held.to([known, errors], features.unwrap_or(integrals.features), far))
+    }
+
+    /// Weights held to the evidence, and with the moments, or those of each coordinate without their products, to a mean of what is known
+    /// and of what the samples say, the first of [`PARTS`] that weights have; rather to the evidence alone than to nothing.
+    fn held_in_part(&self, integrals: &Integrals, by_samples: &[f64], d: usize) -> Option<InPart> {
+        let p = integrals.shares.len();
         let squares = (0..d).map(|i| 1 + d + i * (i + 1) / 2 + i);
         let squares: Vec<usize> = (0..=d).chain(squares).collect();
         let spreads = [Spread::Weight, Spread::Far];
         // A copy only where fewer are held: those of all samples are many.
         let mut of_squares = None;
         for part in PARTS {
-            let known = partly(&of_sub_nets, &by_samples, &shares, part);
-            let errors = partly_off(&errors, &by_samples, &shares, part);
-            if let Some(held) = self.held(&spreads, &known, &features) {
-                return Some(held.to([known, errors], features, far));
+            let [known, errors] = integrals.partly(by_samples, part);
+            if let Some(held) = self.held(&spreads, &known, &integrals.features) {
+                return Some(InPart { held, known, errors, columns: None, part });
             }
             let [known, errors] = [known, errors].map(|all| only(&all, p, &squares));
-            let of_squares = of_squares.get_or_insert_with(|| only(&features, p, &squares));
-            if let Some(held) = self.held(&spreads, &known, of_squares) {
-                return Some(held.to([known, errors], std::mem::take(of_squares), far));
+            let features = of_squares.get_or_insert_with(|| only(&integrals.features, p, &squares));
+            if let Some(held) = self.held(&spreads, &known, features) {
+                return Some(InPart { held, known, errors, columns: Some(squares), part });
             }
         }
-        let [known, errors, features] =
-            [of_sub_nets, errors, features].map(|all| only(&all, p, &[0]));
+        let all = [&integrals.of_sub_nets, &integrals.errors, &integrals.features];
+        let [known, errors, features] = all.map(|all| only(all, p, &[0]));
         let held = self.held(&[Spread::One], &known, &features)?;
-        Some(held.to([known, errors], features, far))
+        Some(InPart { held, known, errors, columns: Some(vec![0]), part: 0.0 })
+    }
+
+    /// Features of samples with these weights, moved to what is known; with those the weights are then held to it.
+    fn move_to(&self, held: &mut Held, integrals: &Integrals, known: &[f64]) -> Option<Vec<f64>> {
+        let Integrals { features, axes, shares, .. } = integrals;
+        let p = shares.len();
+        let sum = |rows: &[f64]| -> Vec<f64> {
+            (0..p).map(|a| rows.iter().skip(a).step_by(p).sum()).collect()
+        };
+        let sums = sum(&self.sums(&held.weights, features, p));
+        let features = moved((&held.weights, features), [&sums, &sum(known)], axes)?;
+        let spread = Spread::One;
+        let factor = factor(spread, &held.weights, &features, p)?;
+        let of_pool = self.sums(&held.weights, &features, p);
+        let weights = std::mem::take(&mut held.weights);
+        *held = Held { spread, weights, of_pool, factor };
+        Some(features)
     }
 
     /// Sums of weight times feature over the samples of every sub-net, of p features.

@@ -36,7 +36,7 @@ fn far(square: f64, shares: [f64; 3]) -> Option<[f64; 3]> {
     let features: Vec<f64> = x.iter().flat_map(|x| [1.0, *x, x * x]).collect();
     let of_sub_nets = [1.1, 0.2, square].repeat(r);
     let integrals =
-        Integrals { of_sub_nets, features, shares: shares.to_vec(), errors: Vec::new() };
+        Integrals { of_sub_nets, features, shares: shares.to_vec(), ..Integrals::default() };
     let label: Vec<u32> = (0..n as u32).map(|i| i % r as u32).collect();
     let samples = Samples { weights: &vec![1.0; n as usize], label: &label, replicates: r };
     let (weights, _) = samples.held_to(integrals, 1, true)?;
@@ -126,7 +126,7 @@ fn a_product_that_no_weights_have_leaves_the_moments_of_each_coordinate_held() {
         of_sub_nets: known.repeat(r),
         features: features.clone(),
         shares: vec![1.0; 6],
-        errors: Vec::new(),
+        ..Integrals::default()
     };
     let label: Vec<u32> = (0..n).map(|i| (i % r) as u32).collect();
     let samples = Samples { weights: &vec![1.0; n], label: &label, replicates: r };
@@ -175,4 +175,62 @@ fn tilted_weights_stay_positive_where_moments_change_by_a_fifth() {
     let mut beyond = wished.clone();
     beyond[1] = 2.0 * beyond[0];
     assert!(super::tilts(&weights, &features, &beyond, &TILTS).is_none());
+}
+
+/// 48 equal weights in 4 sub-nets of two coordinates, and integrals of known moments; with what they are held to.
+fn moved_to(
+    [mx, my]: [f64; 2],
+    [xx, xy, yy]: [f64; 3],
+    least: f64,
+) -> Option<(Vec<f64>, Known, Vec<f64>)> {
+    let (n, r) = (48, 4);
+    let features: Vec<f64> = (0..n)
+        .flat_map(|i| {
+            let (x, y) = ((1.7 * f64::from(i)).sin(), (2.3 * f64::from(i)).sin());
+            [1.0, x, y, x * x, x * y, y * y]
+        })
+        .collect();
+    let of_sub_nets = [1.0, mx, my, xx + mx * mx, xy + mx * my, yy + my * my].repeat(r);
+    let range = [least, f64::INFINITY];
+    let axis = Axis { mean: 0.0, sd: 1.0, range };
+    let integrals = Integrals {
+        of_sub_nets: of_sub_nets.clone(),
+        features,
+        shares: vec![1.0; 6],
+        axes: vec![axis.clone(), axis],
+        ..Integrals::default()
+    };
+    let label: Vec<u32> = (0..n as u32).map(|i| i % r as u32).collect();
+    let samples = Samples { weights: &vec![1.0; n as usize], label: &label, replicates: r };
+    let (weights, known) = samples.held_to(integrals, 2, true)?;
+    Some((weights, known, of_sub_nets))
+}
+
+#[test]
+fn samples_are_moved_to_moments_that_no_weights_have() {
+    // Coordinates within -1 and 1 cannot have variances of 1.1.
+    let (weights, known, wished) =
+        moved_to([0.3, -0.2], [1.1, 0.6, 1.2], f64::NEG_INFINITY).expect("held");
+    assert_eq!(known.moved.len(), 2);
+    for a in 0..6 {
+        let terms = weights.iter().zip(known.features.chunks_exact(6));
+        assert_close(terms.map(|(w, row)| w * row[a]).sum::<f64>() / 48.0, wished[a]);
+    }
+    for row in known.features.chunks_exact(6) {
+        let [x, y] = [row[1], row[2]];
+        assert_eq!(row, [1.0, x, y, x * x, x * y, y * y]);
+    }
+}
+
+#[test]
+fn samples_stay_where_weights_have_the_moments_or_where_they_would_leave_the_prior_or_move_far() {
+    let stays = |mean, covariance, least| {
+        moved_to(mean, covariance, least).is_some_and(|(_, known, _)| known.moved.is_empty())
+    };
+    assert!(stays([0.1, -0.1], [0.45, 0.05, 0.5], f64::NEG_INFINITY));
+    assert!(stays([0.3, -0.2], [1.1, 0.6, 1.2], -1.1));
+    assert!(stays([0.9, -0.2], [1.1, 0.6, 1.2], f64::NEG_INFINITY));
+    assert!(stays([0.3, -0.2], [2.5, 0.6, 1.2], f64::NEG_INFINITY));
+    // Moments that are no moments at all.
+    assert!(stays([0.3, -0.2], [1.1, 1.6, 1.2], f64::NEG_INFINITY));
 }

@@ -1,0 +1,85 @@
+//! Samples that are moved to moments that no weights of theirs have.
+//!
+//! A few samples in many dimensions have no weights with all means and covariances that are known. The affine map
+//!
+//! `x -> m + L L_w^-1 (x - m_w)`, `C = L L^T`, `C_w = L_w L_w^T`,
+//!
+//! gives those of mean m_w and covariance C_w the known m and C (T. Paananen, J. Piironen, P.-C. Buerkner, A. Vehtari, Stat. Comput. 31
+//! (2021) 16, section 2.2). Only what is said of the parameters is of moved samples: simulations stay where they are.
+
+use crate::cholesky::{cholesky, packed_inverse};
+use crate::surrogate::monomials;
+
+/// Farthest that a mean is moved, in standard deviations of the samples, and most that a standard deviation changes by.
+const FARTHEST: f64 = 1.0;
+const MOST: f64 = 2.0;
+
+/// What a coordinate is standardised by, and the range of its prior.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Axis {
+    pub mean: f64,
+    pub sd: f64,
+    pub range: [f64; 2],
+}
+
+impl Axis {
+    /// The coordinate of a standardised one.
+    pub(super) fn coordinate(&self, x: f64) -> f64 {
+        self.mean + self.sd * x
+    }
+}
+
+/// Mean and Cholesky factor of the covariance of d coordinates, from the integrals of 1, x_j and x_i x_j.
+fn moments(integrals: &[f64], d: usize) -> Option<(Vec<f64>, Vec<f64>)> {
+    let of = |a: usize| integrals[a] / integrals[0];
+    let mean: Vec<f64> = (1..=d).map(of).collect();
+    let mut covariance = vec![0.0; d * d];
+    for i in 0..d {
+        for j in 0..=i {
+            covariance[i * d + j] = of(1 + d + i * (i + 1) / 2 + j) - mean[i] * mean[j];
+        }
+    }
+    Some((mean, cholesky(&covariance, d)?))
+}
+
+/// Standard deviation of coordinate i by a Cholesky factor.
+fn sd(factor: &[f64], d: usize, i: usize) -> f64 {
+    factor[i * d..=i * d + i].iter().map(|l| l * l).sum::<f64>().sqrt()
+}
+
+/// 1, x_j and x_i x_j of all samples, moved so that integrals that are `sums` become `wished`. None where one with weight would leave
+/// the prior's range, or a moment change by more than is allowed.
+pub(super) fn moved(
+    (weights, features): (&[f64], &[f64]),
+    [sums, wished]: [&[f64]; 2],
+    axes: &[Axis],
+) -> Option<Vec<f64>> {
+    let (d, p) = (axes.len(), sums.len());
+    let ((from, from_factor), (to, to_factor)) = (moments(sums, d)?, moments(wished, d)?);
+    for i in 0..d {
+        let [from_sd, to_sd] = [&from_factor, &to_factor].map(|factor| sd(factor, d, i));
+        let near = (to[i] - from[i]).abs() <= FARTHEST * from_sd;
+        if !(near && (1.0 / MOST..=MOST).contains(&(to_sd / from_sd))) {
+            return None;
+        }
+    }
+    let inverse = packed_inverse(&from_factor, d);
+    let (mut out, mut x) = (vec![0.0; features.len()], vec![0.0; d]);
+    for ((w, row), out) in weights.iter().zip(features.chunks_exact(p)).zip(out.chunks_exact_mut(p))
+    {
+        let off: Vec<f64> = row[1..=d].iter().zip(&from).map(|(x, m)| x - m).collect();
+        let lower = |factor: &[f64], start: usize, off: &[f64], i: usize| -> f64 {
+            factor[start..=start + i].iter().zip(off).map(|(l, o)| l * o).sum()
+        };
+        let white: Vec<f64> = (0..d).map(|i| lower(&inverse, i * (i + 1) / 2, &off, i)).collect();
+        for (i, (x, axis)) in x.iter_mut().zip(axes).enumerate() {
+            *x = to[i] + lower(&to_factor, i * d, &white, i);
+            let [least, most] = axis.range;
+            if *w > 0.0 && !(least..=most).contains(&axis.coordinate(*x)) {
+                return None;
+            }
+        }
+        monomials(&x, out);
+    }
+    Some(out)
+}
