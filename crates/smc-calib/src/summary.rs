@@ -56,37 +56,16 @@ pub(crate) fn summarise(
         columns(problem, |j, i| problem.parameters[j].prior.from_z(pool.z[i * d + j]), n);
     let coordinate: Vec<Vec<f64>> =
         columns(problem, |j, i| problem.parameters[j].prior.to_coordinate(theta[j][i]), n);
+    let own = [theta, coordinate];
 
     finishing.after_integrals(0, "best fit");
     let map = find_map(target, &sampler, &estimator).map_err(|error| error.after(&stages))?;
     finishing.after_integrals(1, "intervals");
-    let (weight_khat, weight_share) = tail(&raw);
-    let judged = estimator.judged(&raw);
     // What is said of the parameters is of the samples where the estimates have them.
     let moved = moved(problem, &estimator);
-    let (of_theta, of_coordinate) = match &moved {
-        Some([theta, coordinate]) => (theta, coordinate),
-        None => (&theta, &coordinate),
-    };
-    let parameters: Vec<ParameterSummary> = (0..d)
-        .into_par_iter()
-        .map(|j| {
-            let z: Vec<f64> = match &moved {
-                Some(_) => {
-                    of_theta[j].iter().map(|x| problem.parameters[j].prior.to_z(*x)).collect()
-                }
-                None => pool.z.iter().skip(j).step_by(d).copied().collect(),
-            };
-            let columns = Columns { z: &z, theta: &of_theta[j], coordinate: &of_coordinate[j] };
-            let mut summary =
-                parameter_summary(&problem.parameters[j], &columns, judged, &estimator);
-            summary.khat = summary.khat.max(weight_khat);
-            summary.tail_share = summary.tail_share.max(weight_share);
-            summary.map = map.theta[j];
-            summary
-        })
-        .collect();
-    let khat = parameters.iter().map(|p| p.khat).fold(weight_khat, f64::max);
+    let of = Of { moved: moved.is_some(), columns: moved.as_ref().unwrap_or(&own) };
+    let parameters = of.parameters(problem, pool, &raw, &estimator, &map);
+    let khat = parameters.iter().map(|p| p.khat).fold(f64::NEG_INFINITY, f64::max);
 
     finishing.after_integrals(2, "noise and predictions");
     let chosen = chosen(&estimator, settings);
@@ -101,16 +80,16 @@ pub(crate) fn summarise(
     finishing.after_integrals(3, "what each observation taught");
     // The kept curves are most of the memory: used up here, before the samples take theirs.
     let kept = std::mem::take(&mut sampler.pool.kept);
-    let path = (settings.path && !tuned)
-        .then(|| path(target, &sampler.pool, kept, &coordinate, &estimator));
+    let path =
+        (settings.path && !tuned).then(|| path(target, &sampler.pool, kept, &own[1], &estimator));
     let pool = &sampler.pool;
     Ok(Posterior {
         is_posterior: !tuned,
         noise: problem.groups[0].noise.clone(),
         settings: settings.clone(),
-        samples: samples(pool, &theta, &estimator, &raw, ln_scale),
-        correlation: correlation(of_coordinate, &estimator),
-        correlation_si: correlation(of_theta, &estimator),
+        samples: samples(pool, &own[0], &estimator, &raw, ln_scale),
+        correlation: correlation(&of.columns[1], &estimator),
+        correlation_si: correlation(&of.columns[0], &estimator),
         log_evidence,
         ess: of_size(effective_sample_size(&raw), n),
         khat,
@@ -159,6 +138,44 @@ fn draws(chosen: &[usize], noise: Option<&GroupNoise>) -> Vec<Draw> {
         Draw { sample: *sample, sigma, shape }
     };
     chosen.iter().enumerate().map(draw).collect()
+}
+
+/// Columns of the samples that the parameters are summarised by, SI and coordinate.
+struct Of<'a> {
+    /// Whether they were moved.
+    moved: bool,
+    columns: &'a [Vec<Vec<f64>>; 2],
+}
+
+impl Of<'_> {
+    /// Summaries of all parameters, each with the k-hat of the weights where that is larger.
+    fn parameters(
+        &self,
+        problem: &JointProblem<'_>,
+        pool: &Pool,
+        raw: &[f64],
+        estimator: &Estimator,
+        map: &MapPoint,
+    ) -> Vec<ParameterSummary> {
+        let (weight_khat, weight_share) = tail(raw);
+        let judged = estimator.judged(raw);
+        let [theta, coordinate] = self.columns;
+        let of_parameter = |j: usize| {
+            let parameter = &problem.parameters[j];
+            let z: Vec<f64> = if self.moved {
+                theta[j].iter().map(|x| parameter.prior.to_z(*x)).collect()
+            } else {
+                pool.z.iter().skip(j).step_by(pool.d).copied().collect()
+            };
+            let columns = Columns { z: &z, theta: &theta[j], coordinate: &coordinate[j] };
+            let mut summary = parameter_summary(parameter, &columns, judged, estimator);
+            summary.khat = summary.khat.max(weight_khat);
+            summary.tail_share = summary.tail_share.max(weight_share);
+            summary.map = map.theta[j];
+            summary
+        };
+        (0..pool.d).into_par_iter().map(of_parameter).collect()
+    }
 }
 
 /// One parameter of all samples.
