@@ -145,6 +145,11 @@ fn only(all: &[f64], p: usize, columns: &[usize]) -> Vec<f64> {
     all.chunks_exact(p).flat_map(|row| columns.iter().map(|a| row[*a])).collect()
 }
 
+/// Sums over rows of p numbers.
+fn totals(rows: &[f64], p: usize) -> Vec<f64> {
+    (0..p).map(|a| rows.iter().skip(a).step_by(p).sum()).collect()
+}
+
 /// The evidence as it is known, and of the other integrals a part of their shares, the rest by the samples at this evidence.
 fn partly(known: &[f64], by_samples: &[f64], shares: &[f64], part: f64) -> Vec<f64> {
     let p = shares.len();
@@ -160,7 +165,7 @@ fn partly(known: &[f64], by_samples: &[f64], shares: &[f64], part: f64) -> Vec<f
 /// Errors of what [`partly`] gives, by draws of those of the known integrals: it is linear in these.
 fn partly_off(errors: &[f64], by_samples: &[f64], shares: &[f64], part: f64) -> Vec<f64> {
     let p = shares.len();
-    let all: Vec<f64> = (0..p).map(|a| by_samples.iter().skip(a).step_by(p).sum()).collect();
+    let all = totals(by_samples, p);
     errors.chunks_exact(p).flat_map(|draw| partly(draw, &all, shares, part)).collect()
 }
 
@@ -259,11 +264,12 @@ impl Samples<'_> {
         }
         let p = integrals.shares.len();
         let by_samples = self.sums(self.weights, &integrals.features, p);
-        let InPart { mut held, known, errors, columns, part } =
+        let InPart { held, known, errors, columns, part } =
             self.held_in_part(&integrals, &by_samples, d)?;
-        if columns.is_some() || part < PARTS[0] {
+        let in_part = columns.is_some() || part < PARTS[0];
+        if in_part && !integrals.axes.is_empty() {
             let [known, errors] = integrals.partly(&by_samples, PARTS[0]);
-            if let Some(features) = self.move_to(&mut held, &integrals, &known) {
+            if let Some((held, features)) = self.moved_to(&held.weights, &integrals, &known) {
                 let (weights, known) = held.to([known, errors], features, far);
                 return Some((weights, Known { moved: integrals.axes, ..known }));
             }
@@ -298,21 +304,26 @@ impl Samples<'_> {
         Some(InPart { held, known, errors, columns: Some(vec![0]), part: 0.0 })
     }
 
-    /// Features of samples with these weights, moved to what is known; with those the weights are then held to it.
-    fn move_to(&self, held: &mut Held, integrals: &Integrals, known: &[f64]) -> Option<Vec<f64>> {
+    /// Samples with these weights, moved to what is known, which the weights then are held to; with their features.
+    fn moved_to(
+        &self,
+        weights: &[f64],
+        integrals: &Integrals,
+        known: &[f64],
+    ) -> Option<(Held, Vec<f64>)> {
         let Integrals { features, axes, shares, .. } = integrals;
         let p = shares.len();
-        let sum = |rows: &[f64]| -> Vec<f64> {
-            (0..p).map(|a| rows.iter().skip(a).step_by(p).sum()).collect()
-        };
-        let sums = sum(&self.sums(&held.weights, features, p));
-        let features = moved((&held.weights, features), [&sums, &sum(known)], axes)?;
-        let spread = Spread::One;
-        let factor = factor(spread, &held.weights, &features, p)?;
-        let of_pool = self.sums(&held.weights, &features, p);
-        let weights = std::mem::take(&mut held.weights);
-        *held = Held { spread, weights, of_pool, factor };
-        Some(features)
+        let sums = totals(&self.sums(weights, features, p), p);
+        let features = moved((weights, features), [&sums, &totals(known, p)], axes)?;
+        Some((self.with(weights.to_vec(), Spread::One, &features)?, features))
+    }
+
+    /// Weights that are held to the integrals of these features, with what belongs to them.
+    fn with(&self, weights: Vec<f64>, spread: Spread, features: &[f64]) -> Option<Held> {
+        let p = features.len() / weights.len();
+        let factor = factor(spread, &weights, features, p)?;
+        let of_pool = self.sums(&weights, features, p);
+        Some(Held { spread, weights, of_pool, factor })
     }
 
     /// Sums of weight times feature over the samples of every sub-net, of p features.
@@ -335,14 +346,12 @@ impl Samples<'_> {
     fn held_by(&self, spread: Spread, of_sub_nets: &[f64], features: &[f64]) -> Option<Held> {
         let p = of_sub_nets.len() / self.replicates;
         let each = self.weights.len() as f64 / self.replicates as f64;
-        let wished: Vec<f64> =
-            (0..p).map(|a| each * of_sub_nets.iter().skip(a).step_by(p).sum::<f64>()).collect();
+        let wished: Vec<f64> = totals(of_sub_nets, p).iter().map(|sum| each * sum).collect();
         let weights = match spread {
             Spread::Weight | Spread::One => {
                 let factor = factor(spread, self.weights, features, p)?;
-                let of_pool = self.sums(self.weights, features, p);
-                let sum = |a: usize| of_pool.iter().skip(a).step_by(p).sum::<f64>();
-                let gap: Vec<f64> = wished.iter().enumerate().map(|(a, w)| w - sum(a)).collect();
+                let sums = totals(&self.sums(self.weights, features, p), p);
+                let gap: Vec<f64> = wished.iter().zip(&sums).map(|(w, sum)| w - sum).collect();
                 let lambda = solve(&factor, &gap);
                 let mut weights = self.weights.to_vec();
                 for (w, row) in weights.iter_mut().zip(features.chunks_exact(p)) {
@@ -368,8 +377,6 @@ impl Samples<'_> {
                 self.weights.iter().zip(tilts).map(|(w, tilt)| w * tilt).collect()
             }
         };
-        let factor = factor(spread, &weights, features, p)?;
-        let of_pool = self.sums(&weights, features, p);
-        Some(Held { spread, weights, of_pool, factor })
+        self.with(weights, spread, features)
     }
 }

@@ -7,7 +7,7 @@
 //! gives those of mean m_w and covariance C_w the known m and C (T. Paananen, J. Piironen, P.-C. Buerkner, A. Vehtari, Stat. Comput. 31
 //! (2021) 16, section 2.2). Only what is said of the parameters is of moved samples: simulations stay where they are.
 
-use crate::cholesky::{cholesky, packed_inverse};
+use crate::cholesky::{cholesky, lower_times, packed_inverse, whiten};
 use crate::surrogate::monomials;
 
 /// Farthest that a mean is moved, in standard deviations of the samples, and most that a standard deviation changes by.
@@ -64,16 +64,13 @@ pub(super) fn moved(
         }
     }
     let inverse = packed_inverse(&from_factor, d);
-    let (mut out, mut x) = (vec![0.0; features.len()], vec![0.0; d]);
+    let (mut out, mut white) = (vec![0.0; features.len()], vec![0.0; d]);
     for ((w, row), out) in weights.iter().zip(features.chunks_exact(p)).zip(out.chunks_exact_mut(p))
     {
-        let off: Vec<f64> = row[1..=d].iter().zip(&from).map(|(x, m)| x - m).collect();
-        let lower = |factor: &[f64], start: usize, off: &[f64], i: usize| -> f64 {
-            factor[start..=start + i].iter().zip(off).map(|(l, o)| l * o).sum()
-        };
-        let white: Vec<f64> = (0..d).map(|i| lower(&inverse, i * (i + 1) / 2, &off, i)).collect();
-        for (i, (x, axis)) in x.iter_mut().zip(axes).enumerate() {
-            *x = to[i] + lower(&to_factor, i * d, &white, i);
+        whiten(&row[1..=d], &from, &inverse, &mut white);
+        let mut x = lower_times(&to_factor, &white);
+        for ((x, to), axis) in x.iter_mut().zip(&to).zip(axes) {
+            *x += to;
             let [least, most] = axis.range;
             if *w > 0.0 && !(least..=most).contains(&axis.coordinate(*x)) {
                 return None;
