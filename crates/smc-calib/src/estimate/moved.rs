@@ -13,6 +13,9 @@ use crate::surrogate::monomials;
 /// Farthest that a mean is moved, in standard deviations of the samples, and most that a standard deviation changes by.
 const FARTHEST: f64 = 1.0;
 const MOST: f64 = 2.0;
+/// Largest share of the weight in samples that the map would take out of the prior's range: they stop at its end. A hundredth within
+/// two standard deviations changes a variance by a few per cent at most.
+const STOPPED: f64 = 0.01;
 
 /// What a coordinate is standardised by, and the range of its prior.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,7 +28,12 @@ pub(crate) struct Axis {
 impl Axis {
     /// The coordinate of a standardised one.
     pub(super) fn coordinate(&self, x: f64) -> f64 {
-        self.mean + self.sd * x
+        self.within(self.mean + self.sd * x)
+    }
+
+    /// The nearest coordinate in the prior's range.
+    fn within(&self, coordinate: f64) -> f64 {
+        coordinate.max(self.range[0]).min(self.range[1])
     }
 }
 
@@ -47,8 +55,8 @@ fn sd(factor: &[f64], d: usize, i: usize) -> f64 {
     factor[i * d..=i * d + i].iter().map(|l| l * l).sum::<f64>().sqrt()
 }
 
-/// 1, x_j and x_i x_j of all samples, moved so that integrals that are `sums` become `wished`. None where one with weight would leave
-/// the prior's range, or a moment change by more than is allowed.
+/// 1, x_j and x_i x_j of all samples, moved so that integrals that are `sums` become `wished`. None where more weight than [`STOPPED`]
+/// would leave the prior's range, or a moment change by more than is allowed.
 pub(super) fn moved(
     (weights, features): (&[f64], &[f64]),
     [sums, wished]: [&[f64]; 2],
@@ -65,18 +73,21 @@ pub(super) fn moved(
     }
     let inverse = packed_inverse(&from_factor, d);
     let (mut out, mut white) = (vec![0.0; features.len()], vec![0.0; d]);
+    let mut stopped = 0.0;
     for ((w, row), out) in weights.iter().zip(features.chunks_exact(p)).zip(out.chunks_exact_mut(p))
     {
         whiten(&row[1..=d], &from, &inverse, &mut white);
         let mut x = lower_times(&to_factor, &white);
+        let mut stops = false;
         for ((x, to), axis) in x.iter_mut().zip(&to).zip(axes) {
             *x += to;
-            let [least, most] = axis.range;
-            if *w > 0.0 && !(least..=most).contains(&axis.coordinate(*x)) {
-                return None;
+            let free = axis.mean + axis.sd * *x;
+            if axis.within(free) != free {
+                (*x, stops) = ((axis.within(free) - axis.mean) / axis.sd, true);
             }
         }
+        stopped += if stops { *w } else { 0.0 };
         monomials(&x, out);
     }
-    Some(out)
+    (stopped <= STOPPED * weights.iter().sum::<f64>()).then_some(out)
 }
