@@ -71,6 +71,9 @@ const FEWEST_NETS: usize = 3;
 const LEAST_EXPLAINED: f64 = 0.5;
 const LEAST_EXPLAINED_OF_FEW: f64 = 0.9;
 
+/// Normal score of the end of a prior that no sample is moved beyond: all but 1e-12 of it.
+const MOST_SCORE: f64 = 7.0;
+
 /// Standard error of the final stage's evidence, over that of all samples, from which on the latter is reported. By its number of
 /// samples the final stage has 1.4 times the error, and its mean is exact; with more it has missed what earlier stages found.
 const WORSE: f64 = 1.5;
@@ -303,7 +306,7 @@ impl<'a> Control<'a> {
         if !self.sampler.placing.surrogate {
             return Vec::new();
         }
-        let range = |j| [f64::NEG_INFINITY, f64::INFINITY].map(|z| (self.coordinate)(j, z));
+        let range = |j| [-MOST_SCORE, MOST_SCORE].map(|z| (self.coordinate)(j, z));
         self.standard.axes(range)
     }
 

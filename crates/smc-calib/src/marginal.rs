@@ -102,7 +102,7 @@ impl<'a> Marginal<'a> {
     /// Divergence of this marginal, given in normal scores, from the standard normal [bits].
     ///
     /// Sum over 64 bins of equal posterior mass and two of 0.05 % at the ends: a lower bound that a finer
-    /// binning raises by little.
+    /// binning raises by little. Bins that lie in one sample belong to the next one outwards.
     pub(crate) fn information_gain_bits(&self) -> f64 {
         let end = 5e-4;
         let bins = 64;
@@ -112,25 +112,30 @@ impl<'a> Marginal<'a> {
                 .map(|k| self.quantile(end + (1.0 - 2.0 * end) * f64::from(k) / f64::from(bins))),
         );
         edges.push(f64::INFINITY);
-        let gain: f64 = edges
-            .windows(2)
-            .enumerate()
-            .map(|(k, w)| {
-                let mass = if k == 0 || k == bins as usize + 1 {
-                    end
-                } else {
-                    (1.0 - 2.0 * end) / f64::from(bins)
-                };
-                // Of the two tails the smaller one has the digits.
-                let prior = if w[0] > 0.0 {
-                    normal::cdf(-w[0]) - normal::cdf(-w[1])
-                } else {
-                    normal::cdf(w[1]) - normal::cdf(w[0])
-                };
-                mass * (mass / prior.max(1e-300)).log2()
-            })
-            .sum();
-        gain.max(0.0)
+        let last = bins as usize + 1;
+        let mut masses = vec![0.0; last + 1];
+        // From each end to the middle.
+        for half in [(0..=last / 2).collect::<Vec<_>>(), (last / 2 + 1..=last).rev().collect()] {
+            let mut outer = half[0];
+            for k in half {
+                if edges[k + 1] > edges[k] {
+                    outer = k;
+                }
+                let ends = k == 0 || k == last;
+                masses[outer] += if ends { end } else { (1.0 - 2.0 * end) / f64::from(bins) };
+            }
+        }
+        let gain = masses.iter().zip(edges.windows(2)).filter(|(mass, _)| **mass > 0.0);
+        let gain = gain.map(|(mass, w)| {
+            // Of the two tails the smaller one has the digits.
+            let prior = if w[0] > 0.0 {
+                normal::cdf(-w[0]) - normal::cdf(-w[1])
+            } else {
+                normal::cdf(w[1]) - normal::cdf(w[0])
+            };
+            mass * (mass / prior.max(1e-300)).log2()
+        });
+        gain.sum::<f64>().max(0.0)
     }
 }
 
@@ -178,5 +183,39 @@ pub(crate) fn in_si(coordinate: Coordinate, m: &Moments, moments: (f64, f64, f64
         hdi50: map(&m.hdi50),
         hdi90: map(&m.hdi90),
         hdi95: map(&m.hdi95),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of equal samples at these quantiles of the prior.
+    fn bits(quantiles: impl Iterator<Item = f64>, sd: f64) -> f64 {
+        let z: Vec<f64> = quantiles.map(|p| sd * normal::quantile(p)).collect();
+        let estimator = Estimator::of(vec![0; z.len()], vec![1.0; z.len()], 0.0, 1);
+        Marginal::new(&z, &estimator).information_gain_bits()
+    }
+
+    #[test]
+    fn samples_of_the_prior_have_gained_nothing_however_few_they_are() {
+        for n in [1, 2, 3, 5, 10, 40, 200] {
+            let middle = |k: u32| (f64::from(k) + 0.5) / f64::from(n);
+            let gain = bits((0..n).map(middle), 1.0);
+            assert!(gain < 0.2, "{n}: {gain}");
+        }
+    }
+
+    #[test]
+    fn samples_of_a_narrower_normal_have_gained_its_divergence_on_either_side_of_the_middle() {
+        let sd = 0.25_f64;
+        let exact = -sd.log2() + 0.5 * (sd * sd - 1.0) / std::f64::consts::LN_2;
+        for (n, tolerance) in [(20, 0.15), (2000, 0.03)] {
+            let middle = |k: u32| (f64::from(k) + 0.5) / f64::from(n);
+            let gain = bits((0..n).map(middle), sd);
+            assert!((gain - exact).abs() < tolerance, "{n}: {gain} {exact}");
+        }
+        let [low, high] = [[0.01, 0.1, 0.3], [0.99, 0.9, 0.7]].map(|p| bits(p.into_iter(), 1.0));
+        assert!((low - high).abs() < 1e-9 && low > 0.0, "{low} {high}");
     }
 }

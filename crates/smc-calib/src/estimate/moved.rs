@@ -13,9 +13,9 @@ use crate::surrogate::monomials;
 /// Farthest that a mean is moved, in standard deviations of the samples, and most that a standard deviation changes by.
 const FARTHEST: f64 = 1.0;
 const MOST: f64 = 2.0;
-/// Largest share of the weight in samples that the map would take out of the prior's range: they stop at its end. A hundredth within
-/// two standard deviations changes a variance by a few per cent at most.
-const STOPPED: f64 = 0.01;
+/// Largest part of a standard deviation by which means and standard deviations may miss what they are moved to, because samples that the
+/// map would take out of the prior's range stop at its end.
+const MISSED: f64 = 0.02;
 
 /// What a coordinate is standardised by, and the range of its prior.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,8 +55,8 @@ fn sd(factor: &[f64], d: usize, i: usize) -> f64 {
     factor[i * d..=i * d + i].iter().map(|l| l * l).sum::<f64>().sqrt()
 }
 
-/// 1, x_j and x_i x_j of all samples, moved so that integrals that are `sums` become `wished`. None where more weight than [`STOPPED`]
-/// would leave the prior's range, or a moment change by more than is allowed.
+/// 1, x_j and x_i x_j of all samples, moved so that integrals that are `sums` become `wished`; samples that would leave the prior's range
+/// stop at its end. None where moments are not reached because of these, or change by more than is allowed.
 pub(super) fn moved(
     (weights, features): (&[f64], &[f64]),
     [sums, wished]: [&[f64]; 2],
@@ -73,21 +73,24 @@ pub(super) fn moved(
     }
     let inverse = packed_inverse(&from_factor, d);
     let (mut out, mut white) = (vec![0.0; features.len()], vec![0.0; d]);
-    let mut stopped = 0.0;
-    for ((w, row), out) in weights.iter().zip(features.chunks_exact(p)).zip(out.chunks_exact_mut(p))
-    {
+    for (row, out) in features.chunks_exact(p).zip(out.chunks_exact_mut(p)) {
         whiten(&row[1..=d], &from, &inverse, &mut white);
         let mut x = lower_times(&to_factor, &white);
-        let mut stops = false;
         for ((x, to), axis) in x.iter_mut().zip(&to).zip(axes) {
             *x += to;
             let free = axis.mean + axis.sd * *x;
             if axis.within(free) != free {
-                (*x, stops) = ((axis.within(free) - axis.mean) / axis.sd, true);
+                *x = (axis.within(free) - axis.mean) / axis.sd;
             }
         }
-        stopped += if stops { *w } else { 0.0 };
         monomials(&x, out);
     }
-    (stopped <= STOPPED * weights.iter().sum::<f64>()).then_some(out)
+    let rows = || weights.iter().zip(out.chunks_exact(p));
+    let reached: Vec<f64> = (0..p).map(|a| rows().map(|(w, row)| w * row[a]).sum()).collect();
+    let (mean, factor) = moments(&reached, d)?;
+    let near = (0..d).all(|i| {
+        let [sd, wished] = [&factor, &to_factor].map(|factor| sd(factor, d, i));
+        (mean[i] - to[i]).abs() <= MISSED * wished && (sd - wished).abs() <= MISSED * wished
+    });
+    near.then_some(out)
 }
