@@ -10,7 +10,7 @@
 #[cfg(test)]
 mod tests;
 
-use super::moved::{Axis, moved};
+use super::moved::{Axis, moved, reach};
 use crate::cholesky::{cholesky, solve};
 use std::ops::RangeInclusive;
 
@@ -304,7 +304,8 @@ impl Samples<'_> {
         Some(InPart { held, known, errors, columns: Some(vec![0]), part: 0.0 })
     }
 
-    /// Samples with these weights, moved to what is known, which the weights then are held to; with their features.
+    /// Samples with these weights, moved to what is known, which the weights then are held to; with their features. None where samples
+    /// that stop at the end of the prior keep them from it.
     fn moved_to(
         &self,
         weights: &[f64],
@@ -314,8 +315,10 @@ impl Samples<'_> {
         let Integrals { features, axes, shares, .. } = integrals;
         let p = shares.len();
         let sums = totals(&self.sums(weights, features, p), p);
-        let features = moved((weights, features), [&sums, &totals(known, p)], axes)?;
-        Some((self.with(weights.to_vec(), Spread::One, &features)?, features))
+        let wished = totals(known, p);
+        let features = moved(features, [&sums, &wished], axes)?;
+        let held = self.with(weights.to_vec(), Spread::One, &features)?;
+        reach(&totals(&held.of_pool, p), &wished, axes.len()).then_some((held, features))
     }
 
     /// Weights that are held to the integrals of these features, with what belongs to them.

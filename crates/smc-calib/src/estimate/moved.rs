@@ -56,9 +56,9 @@ fn sd(factor: &[f64], d: usize, i: usize) -> f64 {
 }
 
 /// 1, x_j and x_i x_j of all samples, moved so that integrals that are `sums` become `wished`; samples that would leave the prior's range
-/// stop at its end. None where moments are not reached because of these, or change by more than is allowed.
+/// stop at its end. None where moments change by more than is allowed.
 pub(super) fn moved(
-    (weights, features): (&[f64], &[f64]),
+    features: &[f64],
     [sums, wished]: [&[f64]; 2],
     axes: &[Axis],
 ) -> Option<Vec<f64>> {
@@ -79,18 +79,24 @@ pub(super) fn moved(
         for ((x, to), axis) in x.iter_mut().zip(&to).zip(axes) {
             *x += to;
             let free = axis.mean + axis.sd * *x;
-            if axis.within(free) != free {
-                *x = (axis.within(free) - axis.mean) / axis.sd;
+            let within = axis.within(free);
+            if within != free {
+                *x = (within - axis.mean) / axis.sd;
             }
         }
         monomials(&x, out);
     }
-    let rows = || weights.iter().zip(out.chunks_exact(p));
-    let reached: Vec<f64> = (0..p).map(|a| rows().map(|(w, row)| w * row[a]).sum()).collect();
-    let (mean, factor) = moments(&reached, d)?;
-    let near = (0..d).all(|i| {
+    Some(out)
+}
+
+/// Whether integrals over d coordinates have the means and standard deviations of the wished ones, but for [`MISSED`].
+pub(super) fn reach(sums: &[f64], wished: &[f64], d: usize) -> bool {
+    let (Some((mean, factor)), Some((to, to_factor))) = (moments(sums, d), moments(wished, d))
+    else {
+        return false;
+    };
+    (0..d).all(|i| {
         let [sd, wished] = [&factor, &to_factor].map(|factor| sd(factor, d, i));
         (mean[i] - to[i]).abs() <= MISSED * wished && (sd - wished).abs() <= MISSED * wished
-    });
-    near.then_some(out)
+    })
 }
