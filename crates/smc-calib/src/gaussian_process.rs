@@ -23,13 +23,14 @@
 
 mod errors;
 mod kernel;
+mod metric;
+mod search;
 mod signs;
 
 use self::kernel::Kernel;
 use self::kernel::{Fit, Samples, Shape};
 use crate::cholesky::{dot, narrow, whiten, whitening};
 use crate::normal;
-use crate::sobol::MAX_DIMENSIONS;
 use crate::surrogate::coefficients;
 
 /// Columns of numbers as a function of normal scores.
@@ -37,7 +38,7 @@ use crate::surrogate::coefficients;
 pub(crate) struct GaussianProcess {
     d: usize,
     pub covariance: Found,
-    /// Samples in its coordinates, row by row, and the coefficients of each, one per column.
+    /// Samples in its coordinates, row by row and [`Kernel::extended`], and the coefficients of each, one per column.
     points: Vec<f64>,
     coefficients: Vec<f64>,
     /// All covariances that were tried: the smooth one, and those whose lengths were searched, in the order of [`SEARCHED`].
@@ -164,7 +165,7 @@ impl GaussianProcess {
             let rest = SEARCHED.iter().enumerate().map(|(k, (place, shape))| {
                 found(place.clone(), &|best| match data.covariance {
                     Covariance::Known(known) => Some(known.get(k + 1)?.as_ref()?.kernel.clone()),
-                    _ => best.searched_kernel(m, *shape, size),
+                    _ => best.searched_kernel(m, *shape, size, *place == Place::Cube),
                 })
             });
             let all: Vec<_> = [smooth].into_iter().chain(rest).collect();
@@ -176,6 +177,7 @@ impl GaussianProcess {
         let fit = Fit::new(&samples, &covariance.kernel)?;
         let left_out = fit.left_out(&data.units);
         let Fit { coefficients, factor, .. } = fit;
+        let points = covariance.kernel.extended(&points, d);
         let (offsets, units) = (data.offsets, data.units);
         Some(Self {
             d,
@@ -192,11 +194,8 @@ impl GaussianProcess {
 
     /// Predicted values of all columns.
     pub(crate) fn predict(&self, z: &[f64], out: &mut [f64]) {
-        let mut small = [0.0; MAX_DIMENSIONS];
-        let x = &mut small[..self.d];
-        self.covariance.place.of(z, x);
         out.fill(0.0);
-        let covariances = self.covariances(x);
+        let covariances = self.covariances(&self.coordinates(z));
         for (k, row) in covariances.iter().zip(self.coefficients.chunks_exact(out.len())) {
             for (o, c) in out.iter_mut().zip(row) {
                 *o += k * c;
@@ -207,9 +206,18 @@ impl GaussianProcess {
         }
     }
 
+    /// Coordinates of points z, row by row and [`Kernel::extended`].
+    fn coordinates(&self, z: &[f64]) -> Vec<f64> {
+        let mut x = vec![0.0; z.len()];
+        for (x, z) in x.chunks_exact_mut(self.d).zip(z.chunks_exact(self.d)) {
+            self.covariance.place.of(z, x);
+        }
+        self.covariance.kernel.extended(&x, self.d)
+    }
+
     /// Covariances of coordinates x with all samples.
     fn covariances(&self, x: &[f64]) -> Vec<f64> {
-        let mut covariances = vec![0.0; self.points.len() / self.d];
+        let mut covariances = vec![0.0; self.points.len() / (2 * self.d)];
         self.covariance.kernel.row(x, &self.points, &mut covariances);
         covariances
     }
@@ -226,12 +234,10 @@ impl GaussianProcess {
 
     /// Variance of the process at z, in squared units of the columns: `k(z, z) - |L^-1 k|^2` (section 2.2 of the same).
     pub(crate) fn variance(&self, z: &[f64]) -> f64 {
-        let mut small = [0.0; MAX_DIMENSIONS];
-        let x = &mut small[..self.d];
-        self.covariance.place.of(z, x);
+        let x = self.coordinates(z);
         let mut variance = [0.0];
-        self.covariance.kernel.row(x, x, &mut variance);
-        let solved = self.solved(x);
+        self.covariance.kernel.row(&x, &x, &mut variance);
+        let solved = self.solved(&x);
         (variance[0] - solved.iter().map(|s| s * s).sum::<f64>()).max(0.0)
     }
 }
@@ -239,6 +245,7 @@ impl GaussianProcess {
 #[cfg(test)]
 mod tests {
     use super::kernel::HalfFit;
+    use super::metric::Metric;
     use super::*;
     use crate::stream::{Purpose, normals, stream};
 
@@ -319,10 +326,10 @@ mod tests {
         // Level up to a knee, then a line; the other parameter hardly matters.
         let knee = |z: &[f64]| vec![(normal::cdf(z[0]) - 0.4).max(0.0) + 0.01 * z[1]];
         let process = through(&points(60), 1, knee);
-        let Kernel::Searched { lengths, .. } = &process.covariance.kernel else {
+        let Kernel::Searched { metric, .. } = &process.covariance.kernel else {
             panic!("{:?}", process.covariance.kernel)
         };
-        assert!(lengths[1] > 4.0 * lengths[0], "{lengths:?}");
+        assert!(metric.lengths[1] > 4.0 * metric.lengths[0], "{metric:?}");
         for z in [[-1.5, 0.3], [-0.2, -0.9], [0.1, 1.2], [1.4, -1.0]] {
             let mut out = [0.0];
             process.predict(&z, &mut out);
@@ -366,11 +373,7 @@ mod tests {
         let z = [-0.4, 0.1, 0.5, 0.3];
         let process = through(&points(12), 1, |z| vec![z[0].sin() + z[1]]);
         let kernel = process.covariance.kernel.clone();
-        let at = |z: &[f64]| {
-            let mut x = [0.0; 2];
-            process.covariance.place.of(z, &mut x);
-            x
-        };
+        let at = |z: &[f64]| process.coordinates(z);
         let (a, b, x) = (at(&z[..2]), at(&z[2..]), at(&[0.2, -0.6]));
         let nugget = (1e-3 * kernel.nugget()).powi(2_i32);
         let of = |a: &[f64], b: &[f64]| {
@@ -425,7 +428,7 @@ mod tests {
             shape: Shape::Matern,
             size: 1.0,
             scale: 0.7,
-            lengths: vec![1.0, 2.0],
+            metric: Metric { lengths: vec![1.0, 2.0], mixed: vec![0.3], bent: vec![] },
             nugget: 1.0,
         };
         let squares = |values: &[f64]| {

@@ -15,7 +15,7 @@ impl GaussianProcess {
         values: impl Iterator<Item = &'v [f64]>,
         count: usize,
     ) -> Vec<(Vec<f64>, f64)> {
-        const STEPS: usize = 12;
+        const STEPS: usize = 20;
         let m = self.units.len();
         let rows: Vec<f64> = values
             .flat_map(|row| row.iter().zip(self.offsets.iter().zip(&self.units)))
@@ -61,16 +61,13 @@ impl GaussianProcess {
     pub(super) fn errors_at(&self, z: &[f64]) -> (Vec<f64>, Vec<Vec<f64>>) {
         let d = self.d;
         let m = z.len() / d;
-        let mut x = vec![0.0; z.len()];
-        for (x, z) in x.chunks_exact_mut(d).zip(z.chunks_exact(d)) {
-            self.covariance.place.of(z, x);
-        }
-        let solved: Vec<Vec<f64>> = x.chunks_exact(d).map(|x| self.solved(x)).collect();
+        let x = self.coordinates(z);
+        let solved: Vec<Vec<f64>> = x.chunks_exact(2 * d).map(|x| self.solved(x)).collect();
         let mut covariance = vec![0.0; m * m];
         let mut rounding = vec![0.0; m];
         for (a, row) in covariance.chunks_exact_mut(m).enumerate() {
-            let points = &x[..(a + 1) * d];
-            self.covariance.kernel.row(&points[a * d..], points, &mut row[..=a]);
+            let points = &x[..2 * (a + 1) * d];
+            self.covariance.kernel.row(&points[2 * a * d..], points, &mut row[..=a]);
             rounding[a] = ROUNDING * row[a];
             for (c, solved_b) in row.iter_mut().zip(&solved[..=a]) {
                 *c -= dot(&solved[a], solved_b);

@@ -1,29 +1,16 @@
-//! Covariances of a Gaussian process, the search for the one of largest evidence, and the fit of one.
+//! Covariances of a Gaussian process, their evidence, and the fit of one.
 
+use super::metric::Metric;
 use crate::cholesky::{large_cholesky, packed_inverse};
 use crate::lanes::{LANES, exp_of_nonpositive};
-use crate::nelder_mead::{Start, best_of};
-use crate::sobol::MAX_DIMENSIONS;
 use rayon::prelude::*;
 
 /// Candidates for the squared exponential's standard deviation and length, the latter in standard deviations of the
 /// samples as they are weighted now.
 const SCALES: [f64; 6] = [0.3, 1.0, 4.0, 16.0, 64.0, 256.0];
 const LENGTHS: [f64; 4] = [0.7, 1.5, 3.0, 6.0];
-/// Lengths that the search over the prior's cube starts from; the cube is two wide.
-const STARTS: [f64; 3] = [0.5, 1.5, 4.0];
 /// Candidates for the factor on the nuggets.
 const NUGGETS: [f64; 3] = [1.0, 0.1, 0.01];
-/// First step of the search, in logarithms.
-const STEP: f64 = 0.7;
-/// Logarithms that lengths and the factor on the nuggets stay between.
-const LN_LENGTH: [f64; 2] = [-4.0, 4.0];
-const LN_NUGGET: [f64; 2] = [-5.0, 0.0];
-/// The same of the scale over the values' root mean square, which it starts from (one where that is less): log likelihoods in the
-/// prior are thousands below the best one.
-const LN_SCALE: [f64; 2] = [-6.0, 6.0];
-/// Evaluations of the evidence by the search, per number that is searched.
-const SEARCH: usize = 40;
 /// Nugget up to which the factor of a covariance acts: what far samples are off by beyond it does not shrink with it.
 const NEAR: f64 = 0.6;
 
@@ -32,8 +19,8 @@ const NEAR: f64 = 0.6;
 pub(crate) enum Kernel {
     /// `quadratic (1 + a b)^2 + scale^2 exp(-|a - b|^2 / (2 length^2))`
     Smooth { quadratic: f64, scale: f64, length: f64, nugget: f64 },
-    /// `mean(a, b) + scale^2 shape(sum ((a - b)/length)^2)`, with a length for every parameter.
-    Searched { shape: Shape, size: f64, scale: f64, lengths: Vec<f64>, nugget: f64 },
+    /// `mean(a, b) + scale^2 shape(|metric(a) - metric(b)|^2)`.
+    Searched { shape: Shape, size: f64, scale: f64, metric: Metric, nugget: f64 },
 }
 
 /// How a covariance whose lengths are searched falls with the distance r, and what its mean function is.
@@ -53,47 +40,64 @@ impl Kernel {
         }
     }
 
-    /// Covariances of a with points, row by row.
+    /// Points, row by row, each followed by the coordinates that its distances are measured in.
+    pub(super) fn extended(&self, points: &[f64], d: usize) -> Vec<f64> {
+        let mut extended = vec![0.0; 2 * points.len()];
+        for (x, both) in points.chunks_exact(d).zip(extended.chunks_exact_mut(2 * d)) {
+            let (own, measured) = both.split_at_mut(d);
+            own.copy_from_slice(x);
+            match self {
+                Self::Smooth { length, .. } => {
+                    measured.iter_mut().zip(x).for_each(|(m, x)| *m = x / length);
+                }
+                Self::Searched { metric, .. } => metric.of(x, measured),
+            }
+        }
+        extended
+    }
+
+    /// Covariances of a with points, row by row, all of them [`Self::extended`].
     pub(super) fn row(&self, a: &[f64], points: &[f64], out: &mut [f64]) {
-        let mut inverse = [0.0; MAX_DIMENSIONS];
         match self {
-            Self::Smooth { quadratic, scale, length, .. } => {
+            Self::Smooth { quadratic, scale, .. } => {
                 let variance = scale * scale;
-                inverse.fill(1.0 / length);
-                each(a, points, &inverse, out, |dot, square| {
+                each(a, points, out, |dot, square| {
                     quadratic * dot * dot + variance * exp_of_nonpositive(-0.5 * square)
                 });
             }
-            Self::Searched { shape, size, scale, lengths, .. } => {
+            Self::Searched { shape, size, scale, .. } => {
                 let variance = scale * scale;
-                inverse.iter_mut().zip(lengths).for_each(|(i, length)| *i = 1.0 / length);
                 match shape {
-                    Shape::Matern => each(a, points, &inverse, out, |dot, square| {
+                    Shape::Matern => each(a, points, out, |dot, square| {
                         let s = (5.0 * square).sqrt();
                         size * dot + variance * (1.0 + s + s * s / 3.0) * exp_of_nonpositive(-s)
                     }),
-                    Shape::SquaredExponential => each(a, points, &inverse, out, |dot, square| {
+                    Shape::SquaredExponential => each(a, points, out, |dot, square| {
                         size * dot * dot + variance * exp_of_nonpositive(-0.5 * square)
                     }),
                 }
             }
         }
     }
+
+    /// Log of its density before any sample, without its constant.
+    fn ln_prior(&self) -> f64 {
+        match self {
+            Self::Smooth { .. } => 0.0,
+            Self::Searched { metric, .. } => metric.ln_prior(),
+        }
+    }
 }
 
-/// `covariance(1 + a b, sum ((a - b) inverse)^2)` of a with points b, row by row, in lanes.
-fn each(
-    a: &[f64],
-    points: &[f64],
-    inverse: &[f64],
-    out: &mut [f64],
-    covariance: impl Fn(f64, f64) -> f64,
-) {
+/// `covariance(1 + a b, |a' - b'|^2)` of a with points b, row by row, each followed by its a' or b', in lanes.
+fn each(a: &[f64], points: &[f64], out: &mut [f64], covariance: impl Fn(f64, f64) -> f64) {
+    let (own, measured) = a.split_at(a.len() / 2);
     for (points, out) in points.chunks(LANES * a.len()).zip(out.chunks_mut(LANES)) {
         let (mut dots, mut squares) = ([1.0; LANES], [0.0; LANES]);
         for (k, b) in points.chunks_exact(a.len()).enumerate() {
-            for ((a, b), inverse) in a.iter().zip(b).zip(inverse) {
-                let step = (a - b) * inverse;
+            let (own_b, measured_b) = b.split_at(own.len());
+            for (((a, b), m), n) in own.iter().zip(own_b).zip(measured).zip(measured_b) {
+                let step = m - n;
                 dots[k] += a * b;
                 squares[k] += step * step;
             }
@@ -131,47 +135,11 @@ impl Samples<'_> {
         found.reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(kernel, _)| kernel)
     }
 
-    /// The covariance of this shape of largest evidence.
-    pub(super) fn searched_kernel(&self, m: usize, shape: Shape, size: f64) -> Option<Kernel> {
-        let d = self.d;
-        let bounds = |i: usize| match i {
-            0 => LN_SCALE,
-            i if i > d => LN_NUGGET,
-            _ => LN_LENGTH,
-        };
-        let clamped = |i: usize, x: f64| x.clamp(bounds(i)[0], bounds(i)[1]);
-        // The size of coefficients is one more than the mean square.
-        let unit = (size - 1.0).sqrt().max(1.0);
-        let kernel = |x: &[f64]| Kernel::Searched {
-            shape,
-            size,
-            scale: unit * clamped(0, x[0]).exp(),
-            lengths: (1..=d).map(|i| clamped(i, x[i]).exp()).collect(),
-            nugget: clamped(d + 1, x[d + 1]).exp(),
-        };
-        let numbers = d + 2;
-        let mut axes = vec![0.0; numbers * numbers];
-        (0..numbers).for_each(|i| axes[i * numbers + i] = STEP);
-        axes[numbers * numbers - 1] = -STEP;
-        let starts = STARTS.map(|length| {
-            let mut point = vec![length.ln(); numbers];
-            point[0] = 0.0;
-            point[d + 1] = 0.0;
-            Start { point, axes: axes.clone() }
-        });
-        let mut evidence = |x: &[f64]| {
-            let beyond: f64 = x.iter().enumerate().map(|(i, x)| (x - clamped(i, *x)).abs()).sum();
-            self.evidence(m, &kernel(x)) - beyond
-        };
-        let (x, best, _) = best_of(&starts, SEARCH * numbers, &mut evidence);
-        best.is_finite().then(|| kernel(&x))
-    }
-
     /// Log marginal likelihood of a covariance, without its constant, where these stand for `m` columns: values that were
     /// narrowed have fewer.
     pub(super) fn evidence(&self, m: usize, kernel: &Kernel) -> f64 {
         let half = HalfFit::new(self, kernel);
-        half.map_or(f64::NEG_INFINITY, |half| half.evidence(m))
+        half.map_or(f64::NEG_INFINITY, |half| half.evidence(m) + kernel.ln_prior())
     }
 }
 
@@ -188,10 +156,11 @@ impl HalfFit {
         let Samples { d, points, values, nuggets } = *samples;
         let n = nuggets.len();
         let m = values.len() / n;
+        let points = k.extended(points, d);
         let mut matrix = vec![0.0; n * n];
         for i in 0..n {
-            let point = &points[i * d..(i + 1) * d];
-            k.row(point, &points[..(i + 1) * d], &mut matrix[i * n..=i * n + i]);
+            let before = &points[..2 * (i + 1) * d];
+            k.row(&before[2 * i * d..], before, &mut matrix[i * n..=i * n + i]);
             let nugget = k.nugget() * nuggets[i].min(NEAR) + (nuggets[i] - NEAR).max(0.0);
             matrix[i * n + i] = matrix[i * n + i] * (1.0 + 1e-11) + nugget * nugget;
         }

@@ -54,16 +54,19 @@ impl GaussianProcess {
         let mut longer = self.clone();
         match &mut longer.covariance.kernel {
             Kernel::Smooth { length, .. } => *length *= times_as_long,
-            Kernel::Searched { lengths, .. } => {
-                lengths.iter_mut().for_each(|length| *length *= times_as_long);
+            Kernel::Searched { metric, .. } => {
+                metric.lengths.iter_mut().for_each(|length| *length *= times_as_long);
             }
         }
         let values = lower_times(&self.factor, &self.solved_values());
         let nuggets = vec![nugget; values.len()];
-        let samples =
-            Samples { d: self.d, points: &self.points, values: &values, nuggets: &nuggets };
+        let d = self.d;
+        let points: Vec<f64> =
+            self.points.chunks_exact(2 * d).flat_map(|both| both[..d].iter().copied()).collect();
+        let samples = Samples { d, points: &points, values: &values, nuggets: &nuggets };
         let fit = Fit::new(&samples, &longer.covariance.kernel)?;
         (longer.coefficients, longer.factor) = (fit.coefficients, fit.factor);
+        longer.points = longer.covariance.kernel.extended(&points, d);
         Some(longer)
     }
 
@@ -125,25 +128,21 @@ mod tests {
         let found = through(&[-1.2, -0.4, 0.2, 0.7, 1.9], Covariance::Search).covariance;
         let process = through(&[-0.4, 0.7], Covariance::Like(&found));
         for process in [process.longer(3.0, 0.1).expect("definite"), process] {
-            let place = |z: f64| {
-                let mut x = [0.0];
-                process.covariance.place.of(&[z], &mut x);
-                x
-            };
+            let place = |z: f64| process.coordinates(&[z]);
             let points = [place(-0.4), place(0.7)];
             let kernel = &process.covariance.kernel;
-            let of = |a: [f64; 1], b: [f64; 1]| {
+            let of = |a: &[f64], b: &[f64]| {
                 let mut one = [0.0];
-                kernel.row(&a, &b, &mut one);
+                kernel.row(a, b, &mut one);
                 one[0]
             };
-            let noisy = |a: usize| of(points[a], points[a]) + (0.1 * kernel.nugget()).powi(2_i32);
+            let noisy = |a: usize| of(&points[a], &points[a]) + (0.1 * kernel.nugget()).powi(2_i32);
             let z = [-0.9, -0.2, 0.0, 0.3, 0.6, 1.4];
             let draws = process.draws_of_signs(&z, DRAWS, &mut stream(1, Purpose::Errors, 0, 0));
             for (k, z) in z.iter().enumerate() {
                 let x = place(*z);
-                let with = |a: usize| of(points[a], x) / (noisy(a) * of(x, x)).sqrt();
-                let both = of(points[0], points[1]) / (noisy(0) * noisy(1)).sqrt();
+                let with = |a: usize| of(&points[a], &x) / (noisy(a) * of(&x, &x)).sqrt();
+                let both = of(&points[0], &points[1]) / (noisy(0) * noisy(1)).sqrt();
                 let two = 0.25 - both.asin() / (2.0 * PI);
                 let angles = -both.asin() - with(0).asin() + with(1).asin();
                 let exact = (0.125 + angles / (4.0 * PI)) / two;
