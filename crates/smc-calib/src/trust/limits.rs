@@ -48,13 +48,6 @@ pub const FEWEST_OF_SMALL_BUDGET: f64 = 7.0;
 /// and 0 (1) of PEEK that are off are not.
 pub const FEWEST_BESIDE_PROCESS: f64 = 3.0;
 
-/// Effective samples from which on a process that agrees is enough, however heavy the tail of the weights.
-pub const FEWEST_WITH_ANY_TAIL: f64 = 5.0;
-
-/// K-hat from which on, with fewer samples than that, a few have most of the weight, or moments of a parameter rest on them, and the
-/// process agrees with these: of 100 runs of PS at 50 simulations three that are 1.4 to 7 posterior sds off, and one that is right.
-pub const HEAVIEST_BESIDE_PROCESS: f64 = 1.4;
-
 /// Difference of the log evidences of process and samples up to which they agree.
 pub const PROCESS_AGREES: f64 = 0.5;
 
