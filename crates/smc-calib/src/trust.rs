@@ -316,9 +316,6 @@ impl Posterior {
             if beside.is_some_and(differs) {
                 signs.push("the process through the samples has another evidence");
             }
-            if mean.is_some_and(|mean| mean < PROCESS_KNOWS.start) {
-                signs.push("the process is not known as closely as a good fit needs");
-            }
             if !self.log_evidence.agree {
                 signs.push("the evidence of the last samples is not that of all");
             }

@@ -1,4 +1,5 @@
-//! From a parameter's coordinates to those that distances of a covariance are measured in.
+//! From parameters' coordinates to those that distances of a covariance are measured in (C. E. Rasmussen, C. K. I. Williams (2006), section
+//! 5.1; J. Snoek, K. Swersky, R. Zemel, R. P. Adams, Input warping for Bayesian optimization, ICML 2014).
 
 /// Standard deviations, before any sample, of how far coordinates are mixed and bent.
 const MIXED: f64 = 1.0;

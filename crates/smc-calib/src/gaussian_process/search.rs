@@ -112,3 +112,45 @@ impl Samples<'_> {
         Some(searched.kernel(&x))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Distances from the middle of the cube along these steps, by the covariance that is found for 24 samples of a function.
+    fn distances<const N: usize>(
+        value: impl Fn(f64, f64) -> f64,
+        steps: [[f64; 2]; N],
+    ) -> [f64; N] {
+        let part = |i: usize, by: f64| 2.0 * ((i as f64 + 0.5) * by).fract() - 1.0;
+        let points: Vec<f64> =
+            (0..24).flat_map(|i| [part(i, 0.754_877_67), part(i, 0.569_840_29)]).collect();
+        let values: Vec<f64> = points.chunks_exact(2).map(|x| value(x[0], x[1])).collect();
+        let samples = Samples { d: 2, points: &points, values: &values, nuggets: &[1e-3; 24] };
+        let found = samples.searched_kernel(1, Shape::Matern, 2.0, true).expect("definite");
+        let Kernel::Searched { metric, .. } = found else { panic!("{found:?}") };
+        let at = |x: [f64; 2]| {
+            let mut measured = [0.0; 2];
+            metric.of(&x, &mut measured);
+            measured
+        };
+        let middle = at([0.0; 2]);
+        steps.map(|step| {
+            let end = at(step);
+            (end[0] - middle[0]).hypot(end[1] - middle[1])
+        })
+    }
+
+    #[test]
+    fn what_depends_on_the_sum_of_two_coordinates_is_alike_along_their_difference() {
+        let [along, across] = distances(|x, y| (3.0 * (x + y)).sin(), [[0.5, -0.5], [0.5, 0.5]]);
+        assert!(across > 5.0 * along, "{across} {along}");
+    }
+
+    #[test]
+    fn what_changes_at_one_end_of_a_coordinate_has_shorter_lengths_there() {
+        let [low, high] =
+            distances(|x, y| (4.0 * x).exp() / 20.0 + 0.1 * y, [[-1.0, 0.0], [1.0, 0.0]]);
+        assert!(high > 2.0 * low, "{low} {high}");
+    }
+}
