@@ -66,10 +66,8 @@ const STACKED: usize = 2 * JUDGES;
 /// Fewest samples that a process is held against, and fewest sub-nets: two do not show what pairs of samples do.
 const FEWEST: usize = 32;
 const FEWEST_NETS: usize = 3;
-/// Least share of the variance of f/q that the surrogate must explain; that a process must where there are fewer effective
-/// samples than sub-nets: with half, a run of 8 effective samples was 0.9 posterior standard deviations off and said 0.05.
+/// Least share of the variance of f/q that the surrogate must explain.
 const LEAST_EXPLAINED: f64 = 0.5;
-const LEAST_EXPLAINED_OF_FEW: f64 = 0.9;
 
 /// Normal score of the end of a prior that no sample is moved beyond: all but 1e-12 of it.
 const MOST_SCORE: f64 = 7.0;
@@ -259,11 +257,9 @@ impl<'a> Control<'a> {
             stack.iter().zip(&controls).map(|(part, of_part)| part.shares[a] * of_part[i]).sum()
         };
         if !local {
-            let few = effective_sample_size(self.weights) < r as f64;
-            let least = if few { LEAST_EXPLAINED_OF_FEW } else { LEAST_EXPLAINED };
             // Over all sub-nets: one of a few samples says nothing.
             let controls: Vec<f64> = (0..target.len()).map(|i| control(i, 0)).collect();
-            if left(target, &controls) >= 1.0 - least {
+            if left(target, &controls) >= 1.0 - LEAST_EXPLAINED {
                 return None;
             }
         }

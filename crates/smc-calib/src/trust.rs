@@ -299,7 +299,7 @@ impl Posterior {
                 [e.process_value, e.process_mean].map(|by| by.map(|by| by - cross_fitted));
             // What the process says as well does not rest on a few weights.
             let agrees = beside.is_some_and(|beside| beside.abs() < PROCESS_AGREES)
-                && mean.is_some_and(|mean| PROCESS_KNOWS.contains(&mean));
+                && mean.is_some_and(|mean| mean < PROCESS_HIDES);
             if ess < FEWEST_BESIDE_PROCESS {
                 signs.push("fewer than three effective samples");
             } else if ess < FEWEST_OF_SMALL_BUDGET && !agrees {

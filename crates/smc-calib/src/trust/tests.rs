@@ -316,7 +316,7 @@ fn few_samples_are_enough_where_the_process_says_the_same_and_more_are_not_where
     let enough = |ess, khat| signs(ess, khat, [0.49, -0.5]).is_none();
     assert!(enough(3.0, 0.2) && enough(3.0, 9.0));
     assert!(signs(2.9, 0.2, [0.0, 0.0]).is_some_and(|r| r.contains("fewer than three")));
-    for apart in [[0.51, 0.0], [-0.51, 0.0], [0.0, 5.1], [0.0, -2.1]] {
+    for apart in [[0.51, 0.0], [-0.51, 0.0], [0.0, 5.1]] {
         assert!(signs(6.9, 0.2, apart).is_some_and(|r| r.contains("fewer than seven")));
         assert!(signs(20.0, 0.8, apart).is_some_and(|r| r.contains("heavy tail")));
     }
@@ -325,7 +325,7 @@ fn few_samples_are_enough_where_the_process_says_the_same_and_more_are_not_where
     assert_eq!(signs(9.0, 0.2, [-0.99, 0.0]), None);
     assert_eq!(signs(15.0, 0.2, [2.9, 0.0]), None);
     assert!(signs(15.0, 0.2, [-3.1, 0.0]).is_some_and(|r| r.contains("another evidence")));
-    assert_eq!(signs(7.0, 0.2, [0.0, -15.0]), None);
+    assert_eq!(signs(3.0, 0.8, [0.0, -15.0]), None);
 }
 
 #[test]
