@@ -15,6 +15,7 @@ impl GaussianProcess {
         values: impl Iterator<Item = &'v [f64]>,
         count: usize,
     ) -> Vec<(Vec<f64>, f64)> {
+        // Enough where one variance is two thirds of the next larger one.
         const STEPS: usize = 20;
         let m = self.units.len();
         let rows: Vec<f64> = values

@@ -135,8 +135,8 @@ impl Samples<'_> {
         found.reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(kernel, _)| kernel)
     }
 
-    /// Log marginal likelihood of a covariance, without its constant, where these stand for `m` columns: values that were
-    /// narrowed have fewer.
+    /// Log marginal likelihood of a covariance times the prior of its metric over that of none, without its constant, where these stand
+    /// for `m` columns: values that were narrowed have fewer.
     pub(super) fn evidence(&self, m: usize, kernel: &Kernel) -> f64 {
         let half = HalfFit::new(self, kernel);
         half.map_or(f64::NEG_INFINITY, |half| half.evidence(m) + kernel.ln_prior())

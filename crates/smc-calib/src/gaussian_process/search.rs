@@ -1,4 +1,4 @@
-//! The search for the covariance of largest evidence among those with a metric.
+//! The search for the covariance of largest evidence, times the prior of its metric, among those with a metric.
 
 use super::kernel::{Kernel, Samples, Shape};
 use super::metric::{MOST_BENT, Metric};
@@ -6,7 +6,7 @@ use crate::nelder_mead::{Start, best_of, maximise};
 
 /// Lengths that the search starts from; the prior's cube is two wide.
 const STARTS: [f64; 3] = [0.5, 1.5, 4.0];
-/// First step of the search, in logarithms.
+/// First step of the search, of logarithms, mixes and bends alike.
 const STEP: f64 = 0.7;
 /// Logarithms that lengths and the factor on the nuggets stay between.
 const LN_LENGTH: [f64; 2] = [-4.0, 4.0];
@@ -14,8 +14,8 @@ const LN_NUGGET: [f64; 2] = [-5.0, 0.0];
 /// The same of the scale over the values' root mean square, which it starts from (one where that is less): log likelihoods in the
 /// prior are thousands below the best one.
 const LN_SCALE: [f64; 2] = [-6.0, 6.0];
-/// Evaluations of the evidence per number that is searched: for lengths alone, for lengths that a further search begins from, and by
-/// that. Three times as many give no better answers at 50 simulations.
+/// Evaluations of the evidence per number that is searched: for lengths alone, for lengths that a further search begins from, and in
+/// that further search. Three times as many give no better answers at 50 simulations.
 const SEARCH: [usize; 3] = [40, 20, 30];
 /// Most parameters whose coordinates are mixed and bent.
 const MOST_MIXED: usize = 4;
@@ -36,18 +36,23 @@ impl Searched {
         self.d + 2
     }
 
-    /// Numbers of how coordinates are mixed, and of how they are bent: those of a cube.
-    fn further(&self, cube: bool) -> [usize; 2] {
-        let d = self.d;
-        if d > MOST_MIXED { [0, 0] } else { [d * (d - 1) / 2, if cube { d } else { 0 }] }
+    /// Numbers of how coordinates are mixed.
+    fn mixes(&self) -> usize {
+        if self.d > MOST_MIXED { 0 } else { self.d * (self.d - 1) / 2 }
     }
 
+    /// Numbers of how those of a cube are bent.
+    fn bends(&self) -> usize {
+        if self.d > MOST_MIXED { 0 } else { self.d }
+    }
+
+    /// The nearest number within its limits; mixes have none, their prior holds them.
     fn clamped(&self, i: usize, x: f64) -> f64 {
         let [least, most] = match i {
             0 => LN_SCALE,
             i if i <= self.d => LN_LENGTH,
             i if i == self.d + 1 => LN_NUGGET,
-            i if i < self.numbers() + self.further(false)[0] => return x,
+            i if i < self.numbers() + self.mixes() => return x,
             _ => [-MOST_BENT, MOST_BENT],
         };
         x.clamp(least, most)
@@ -57,7 +62,7 @@ impl Searched {
         let Self { d, shape, size, unit } = *self;
         let at = |i: usize| self.clamped(i, x[i]);
         let first = self.numbers();
-        let bent = x.len().min(first + self.further(false)[0]);
+        let bent = x.len().min(first + self.mixes());
         let metric = Metric {
             lengths: (1..=d).map(|i| at(i).exp()).collect(),
             mixed: (first..bent).map(at).collect(),
@@ -76,8 +81,8 @@ impl Searched {
 }
 
 impl Samples<'_> {
-    /// The covariance of this shape of largest evidence: its lengths first, and from there with coordinates that are mixed and, those of
-    /// a cube, bent.
+    /// The covariance of this shape of largest evidence, times the prior of its metric: its lengths first, and from there with coordinates
+    /// that are mixed and, those of a cube, bent.
     pub(super) fn searched_kernel(
         &self,
         m: usize,
@@ -99,7 +104,7 @@ impl Samples<'_> {
             let beyond: f64 = x.iter().enumerate().map(off).sum();
             self.evidence(m, &searched.kernel(x)) - beyond
         };
-        let all = numbers + searched.further(cube).iter().sum::<usize>();
+        let all = numbers + searched.mixes() + if cube { searched.bends() } else { 0 };
         let each = SEARCH[usize::from(all > numbers)];
         let (mut x, best, _) = best_of(&starts, each * numbers, &mut evidence);
         if !best.is_finite() {
@@ -117,18 +122,41 @@ impl Samples<'_> {
 mod tests {
     use super::*;
 
-    /// Distances from the middle of the cube along these steps, by the covariance that is found for 24 samples of a function.
+    /// The metric that is found for 24 samples of a function of the first two of `d` coordinates.
+    fn metric(d: usize, cube: bool, value: impl Fn(f64, f64) -> f64) -> Metric {
+        const STEPS: [f64; 5] =
+            [0.754_877_67, 0.569_840_29, 0.414_213_56, 0.732_050_81, 0.236_067_98];
+        let points: Vec<f64> = (0..24)
+            .flat_map(|i| STEPS[..d].iter().map(move |by| (f64::from(i) + 0.5) * by))
+            .map(|x| 2.0 * x.fract() - 1.0)
+            .collect();
+        let values: Vec<f64> =
+            points.chunks_exact(d).map(|x| value(x[0], x[d.min(2) - 1])).collect();
+        let samples = Samples { d, points: &points, values: &values, nuggets: &[1e-3; 24] };
+        let found = samples.searched_kernel(1, Shape::Matern, 2.0, cube).expect("definite");
+        let Kernel::Searched { metric, .. } = found else { panic!("{found:?}") };
+        metric
+    }
+
+    #[test]
+    fn up_to_four_coordinates_are_mixed_and_those_of_a_cube_are_bent() {
+        for d in 1..=5 {
+            for cube in [false, true] {
+                let metric = metric(d, cube, |x, y| x * y);
+                let mixed = if d > 4 { 0 } else { d * (d - 1) / 2 };
+                let bent = if d > 4 || !cube { 0 } else { d };
+                assert_eq!((metric.lengths.len(), metric.mixed.len()), (d, mixed));
+                assert_eq!(metric.bent.len(), bent, "{d} {cube}");
+            }
+        }
+    }
+
+    /// Distances from the middle of the cube along these steps, by the metric that is found.
     fn distances<const N: usize>(
         value: impl Fn(f64, f64) -> f64,
         steps: [[f64; 2]; N],
     ) -> [f64; N] {
-        let part = |i: usize, by: f64| 2.0 * ((i as f64 + 0.5) * by).fract() - 1.0;
-        let points: Vec<f64> =
-            (0..24).flat_map(|i| [part(i, 0.754_877_67), part(i, 0.569_840_29)]).collect();
-        let values: Vec<f64> = points.chunks_exact(2).map(|x| value(x[0], x[1])).collect();
-        let samples = Samples { d: 2, points: &points, values: &values, nuggets: &[1e-3; 24] };
-        let found = samples.searched_kernel(1, Shape::Matern, 2.0, true).expect("definite");
-        let Kernel::Searched { metric, .. } = found else { panic!("{found:?}") };
+        let metric = metric(2, true, value);
         let at = |x: [f64; 2]| {
             let mut measured = [0.0; 2];
             metric.of(&x, &mut measured);

@@ -37,7 +37,7 @@ pub const SIMULATIONS_PER_SAMPLE: f64 = 3.0;
 /// Effective samples below which a result is not even rough: the ends of a 95 % interval rest on one or two samples.
 pub const FEWEST_EFFECTIVE_SAMPLES: f64 = 40.0;
 
-/// Effective samples below which a small budget was too small, whatever else is known.
+/// Effective samples below which a small budget was too small, unless the process through them says the same.
 pub const FEWEST_OF_SMALL_BUDGET: f64 = 7.0;
 
 /// The same where the process through the samples has the same log evidence: within [`PROCESS_AGREES`] by the likelihood that it
