@@ -72,8 +72,9 @@ const HUNTS: [usize; 2] = [2, 3];
 /// alone it was not in one of 40, with none in two.
 ///
 /// So few samples that nearly all of the prior is unknown do not know where that is: of those placed by the mean before
-/// [`MEANS_FROM`] one of ten was a better fit than all before it, of the others one of four. Without them, and with lengths
-/// alone for a covariance, 26 of 100 runs of 50 simulations of PEEK are more than one posterior standard deviation off, no longer 36, and 26 of PS, no longer 30.
+/// [`MEANS_FROM`] one of ten was a better fit than all before it, of the others one of four. Without them, and with lengths alone for
+/// a covariance, 26 of 100 runs of 50 simulations of PEEK are more than one posterior standard deviation off, no longer 36, and 26 of
+/// PS, no longer 30.
 const MEANS: usize = 4;
 const MEANS_FROM: usize = 40;
 const OPTIMISM: f64 = 2.0;
