@@ -43,7 +43,9 @@ fn a_population_is_a_run_whose_next_pair_is_less_certain_than_each_of_its_member
     let one = calibrated(&folder, "pa12-r32", PairOptions::default());
     let noise = Noise::Correlated { nu0: 4.0, s0: 0.05, scale: None, nodes: Some([4, 4]) };
     let other = calibrated(&folder, "pa12-r30", PairOptions { noise, ..PairOptions::default() });
-    let job = PopulationJob::read(&of(&[&one, &other])).expect("a population");
+    // By 1024 samples intervals would be known to 5 %, no better than what noise adds to them.
+    let options = PopulationOptions { samples: 8192, ..of(&[&one, &other]) };
+    let job = PopulationJob::read(&options).expect("a population");
     let out = RunFolder::prepare(&folder.path().join("powder"), FILE_NAME).expect("a folder");
     let (found, _) = job.publish(&out, &Unwatched::default()).expect("written");
     let back = record::read(out.path()).expect("a posterior.json");
