@@ -4,7 +4,8 @@
 //! the true likelihood.
 //!
 //! Four covariances are tried, each the same for all columns, and the one of largest marginal likelihood of the best samples,
-//! times the prior of how its coordinates are mixed and bent, is taken (C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning (2006), sections 2.7, 4.2 and 5.4):
+//! times the prior of how its coordinates are mixed and bent, is taken (C. E. Rasmussen, C. K. I. Williams, Gaussian Processes
+//! for Machine Learning (2006), sections 2.7, 4.2 and 5.4):
 //!
 //! - over normal scores, whitened by the samples' weights: a quadratic whose coefficients are as good as unknown, plus a
 //!   squared exponential, its scale, length and nugget from a small table. Exact for a normal posterior.
@@ -14,9 +15,9 @@
 //! - over the prior's cube, and over normal scores: a quadratic plus a squared exponential with a length for every parameter, by
 //!   a search too. These know smooth functions that bend far more along one parameter than along another, and several modes.
 //!
-//! Of up to four parameters distances of a searched one are those of coordinates that are mixed and, over the cube, bent ([`metric`]): curves often depend on ratios of
-//! parameters, and on one of them at one end of its prior only. Of 100 runs of 50 simulations of PS, and of PEEK, 26 were off by more
-//! than a posterior standard deviation without, 5 and 6 are now.
+//! Of up to four parameters distances of a searched one are those of coordinates that are mixed and, over the cube, bent
+//! ([`metric`]): curves often depend on ratios of parameters, and on one of them at one end of its prior only. Of 100 runs of 50
+//! simulations of PS, and of PEEK, 26 were off by more than a posterior standard deviation without, 5 and 6 are now.
 //!
 //! The best samples alone judge (with eight parameters and more all), because one that fits where the posterior is need not fit a hundred units of log
 //! likelihood below.
@@ -31,8 +32,7 @@ mod metric;
 mod search;
 mod signs;
 
-use self::kernel::Kernel;
-use self::kernel::{Fit, Samples, Shape};
+use self::kernel::{Fit, Kernel, Samples, Shape};
 use crate::cholesky::{dot, narrow, whiten, whitening};
 use crate::normal;
 use crate::surrogate::coefficients;
@@ -42,7 +42,7 @@ use crate::surrogate::coefficients;
 pub(crate) struct GaussianProcess {
     d: usize,
     pub covariance: Found,
-    /// Samples in its coordinates, row by row and [`Kernel::extended`], and the coefficients of each, one per column.
+    /// Samples in its coordinates, row by row and [extended](Kernel::extend), and the coefficients of each, one per column.
     points: Vec<f64>,
     coefficients: Vec<f64>,
     /// All covariances that were tried: the smooth one, and those whose lengths were searched, in the order of [`SEARCHED`].
@@ -180,8 +180,7 @@ impl GaussianProcess {
         let samples = Samples { d, points: &points, values: &values, nuggets: data.nuggets };
         let fit = Fit::new(&samples, &covariance.kernel)?;
         let left_out = fit.left_out(&data.units);
-        let Fit { coefficients, factor, .. } = fit;
-        let points = covariance.kernel.extended(&points, d);
+        let Fit { points, coefficients, factor } = fit;
         let (offsets, units) = (data.offsets, data.units);
         Some(Self {
             d,
@@ -210,13 +209,15 @@ impl GaussianProcess {
         }
     }
 
-    /// Coordinates of points z, row by row and [`Kernel::extended`].
+    /// Coordinates of points z, row by row and [extended](Kernel::extend).
     fn coordinates(&self, z: &[f64]) -> Vec<f64> {
-        let mut x = vec![0.0; z.len()];
-        for (x, z) in x.chunks_exact_mut(self.d).zip(z.chunks_exact(self.d)) {
-            self.covariance.place.of(z, x);
+        let Found { place, kernel } = &self.covariance;
+        let mut x = vec![0.0; 2 * z.len()];
+        for (x, z) in x.chunks_exact_mut(2 * self.d).zip(z.chunks_exact(self.d)) {
+            place.of(z, &mut x[..self.d]);
+            kernel.extend(x);
         }
-        self.covariance.kernel.extended(&x, self.d)
+        x
     }
 
     /// Covariances of coordinates x with all samples.
@@ -330,9 +331,8 @@ mod tests {
         // Level up to a knee, then a line; the other parameter hardly matters.
         let knee = |z: &[f64]| vec![(normal::cdf(z[0]) - 0.4).max(0.0) + 0.01 * z[1]];
         let process = through(&points(60), 1, knee);
-        let Kernel::Searched { metric, .. } = &process.covariance.kernel else {
-            panic!("{:?}", process.covariance.kernel)
-        };
+        let Found { place, kernel: Kernel { metric, .. } } = &process.covariance;
+        assert!(!matches!(place, Place::Whitened(..)), "{:?}", process.covariance);
         assert!(metric.lengths[1] > 4.0 * metric.lengths[0], "{metric:?}");
         for z in [[-1.5, 0.3], [-0.2, -0.9], [0.1, 1.2], [1.4, -1.0]] {
             let mut out = [0.0];
@@ -347,7 +347,7 @@ mod tests {
         let valley =
             |z: &[f64]| vec![-1e-3 * ((z[0] * z[0] - z[1]).powi(2) + 0.01 * (z[0] - 1.0).powi(2))];
         let process = through(&points(60), 1, valley);
-        assert!(process.covariance.kernel.nugget() < 0.2, "{:?}", process.covariance.kernel);
+        assert!(process.covariance.kernel.nugget < 0.2, "{:?}", process.covariance.kernel);
         for z in [[0.3, 0.2], [-0.7, 0.9], [1.2, 0.4]] {
             let mut out = [0.0];
             process.predict(&z, &mut out);
@@ -379,7 +379,7 @@ mod tests {
         let kernel = process.covariance.kernel.clone();
         let at = |z: &[f64]| process.coordinates(z);
         let (a, b, x) = (at(&z[..2]), at(&z[2..]), at(&[0.2, -0.6]));
-        let nugget = (1e-3 * kernel.nugget()).powi(2_i32);
+        let nugget = (1e-3 * kernel.nugget).powi(2_i32);
         let of = |a: &[f64], b: &[f64]| {
             let mut one = [0.0];
             kernel.row(a, b, &mut one);
@@ -428,7 +428,7 @@ mod tests {
             .collect();
         let few = narrow(&many, 12);
         assert_eq!(few.len(), 12 * 12);
-        let kernel = Kernel::Searched {
+        let kernel = Kernel {
             shape: Shape::Matern,
             size: 1.0,
             scale: 0.7,
@@ -473,11 +473,8 @@ mod tests {
             covariance: Covariance::Search,
         })
         .expect("has spread");
-        let kernel = &process.covariance.kernel;
-        let quadratic = Shape::SquaredExponential;
-        assert!(
-            matches!(kernel, Kernel::Searched { shape, .. } if *shape == quadratic),
-            "{kernel:?}"
-        );
+        let Found { place, kernel } = &process.covariance;
+        assert!(!matches!(place, Place::Whitened(..)), "{place:?}");
+        assert_eq!(kernel.shape, Shape::SquaredExponential, "{kernel:?}");
     }
 }

@@ -115,7 +115,7 @@ mod tests {
         // With a sample at one of them the variance at another falls by their covariance squared over the variance and nugget there.
         let more = through(&[&z[..], &points[..1]].concat(), Covariance::Like(&process.covariance));
         for b in 1..4 {
-            let nugget = 1e-3 * process.covariance.kernel.nugget();
+            let nugget = 1e-3 * process.covariance.kernel.nugget;
             let explained = covariance(0, b).powi(2) / (covariance(0, 0) + nugget * nugget);
             let left = covariance(b, b) - explained;
             let exact = more.variance(&points[b..=b]);

@@ -14,16 +14,19 @@ const NUGGETS: [f64; 3] = [1.0, 0.1, 0.01];
 /// Nugget up to which the factor of a covariance acts: what far samples are off by beyond it does not shrink with it.
 const NEAR: f64 = 0.6;
 
-/// A covariance.
+/// A covariance `mean(a, b) + scale^2 shape(|metric(a) - metric(b)|^2)`.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Kernel {
-    /// `quadratic (1 + a b)^2 + scale^2 exp(-|a - b|^2 / (2 length^2))`
-    Smooth { quadratic: f64, scale: f64, length: f64, nugget: f64 },
-    /// `mean(a, b) + scale^2 shape(|metric(a) - metric(b)|^2)`.
-    Searched { shape: Shape, size: f64, scale: f64, metric: Metric, nugget: f64 },
+pub(crate) struct Kernel {
+    pub(super) shape: Shape,
+    /// Variance of the coefficients of the mean.
+    pub(super) size: f64,
+    pub(super) scale: f64,
+    pub(super) metric: Metric,
+    /// Factor on the nuggets up to [`NEAR`].
+    pub(super) nugget: f64,
 }
 
-/// How a covariance whose lengths are searched falls with the distance r, and what its mean function is.
+/// How a covariance falls with the distance r, and what its mean function is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Shape {
     /// `(1 + s + s^2/3) exp(-s)` with `s^2 = 5 r^2`, about a linear function `size (1 + a b)`.
@@ -33,58 +36,33 @@ pub(crate) enum Shape {
 }
 
 impl Kernel {
-    /// Factor on the nuggets up to [`NEAR`].
-    pub(super) fn nugget(&self) -> f64 {
-        match self {
-            Self::Smooth { nugget, .. } | Self::Searched { nugget, .. } => *nugget,
-        }
+    /// Fills the second half of a row, the coordinates that distances of the point in its first half are measured in.
+    pub(super) fn extend(&self, row: &mut [f64]) {
+        let (point, measured) = row.split_at_mut(row.len() / 2);
+        self.metric.of(point, measured);
     }
 
-    /// Points, row by row, each followed by the coordinates that its distances are measured in.
-    pub(super) fn extended(&self, points: &[f64], d: usize) -> Vec<f64> {
+    /// Points, row by row, each [extended](Self::extend).
+    fn extended(&self, points: &[f64], d: usize) -> Vec<f64> {
         let mut extended = vec![0.0; 2 * points.len()];
-        for (x, both) in points.chunks_exact(d).zip(extended.chunks_exact_mut(2 * d)) {
-            let (own, measured) = both.split_at_mut(d);
-            own.copy_from_slice(x);
-            match self {
-                Self::Smooth { length, .. } => {
-                    measured.iter_mut().zip(x).for_each(|(m, x)| *m = x / length);
-                }
-                Self::Searched { metric, .. } => metric.of(x, measured),
-            }
+        for (x, row) in points.chunks_exact(d).zip(extended.chunks_exact_mut(2 * d)) {
+            row[..d].copy_from_slice(x);
+            self.extend(row);
         }
         extended
     }
 
-    /// Covariances of a with points, row by row, all of them [`Self::extended`].
+    /// Covariances of a with points, row by row, all of them [extended](Self::extend).
     pub(super) fn row(&self, a: &[f64], points: &[f64], out: &mut [f64]) {
-        match self {
-            Self::Smooth { quadratic, scale, .. } => {
-                let variance = scale * scale;
-                each(a, points, out, |dot, square| {
-                    quadratic * dot * dot + variance * exp_of_nonpositive(-0.5 * square)
-                });
-            }
-            Self::Searched { shape, size, scale, .. } => {
-                let variance = scale * scale;
-                match shape {
-                    Shape::Matern => each(a, points, out, |dot, square| {
-                        let s = (5.0 * square).sqrt();
-                        size * dot + variance * (1.0 + s + s * s / 3.0) * exp_of_nonpositive(-s)
-                    }),
-                    Shape::SquaredExponential => each(a, points, out, |dot, square| {
-                        size * dot * dot + variance * exp_of_nonpositive(-0.5 * square)
-                    }),
-                }
-            }
-        }
-    }
-
-    /// Log of its density before any sample, without its constant.
-    fn ln_prior(&self) -> f64 {
-        match self {
-            Self::Smooth { .. } => 0.0,
-            Self::Searched { metric, .. } => metric.ln_prior(),
+        let (size, variance) = (self.size, self.scale * self.scale);
+        match self.shape {
+            Shape::Matern => each(a, points, out, |dot, square| {
+                let s = (5.0 * square).sqrt();
+                size * dot + variance * (1.0 + s + s * s / 3.0) * exp_of_nonpositive(-s)
+            }),
+            Shape::SquaredExponential => each(a, points, out, |dot, square| {
+                size * dot * dot + variance * exp_of_nonpositive(-0.5 * square)
+            }),
         }
     }
 }
@@ -119,14 +97,16 @@ pub(super) struct Samples<'a> {
 }
 
 impl Samples<'_> {
-    /// The smooth covariance of largest evidence, where these stand for `m` columns.
-    pub(super) fn smooth_kernel(&self, m: usize, quadratic: f64) -> Option<Kernel> {
+    /// The squared exponential of one length of largest evidence, where these stand for `m` columns.
+    pub(super) fn smooth_kernel(&self, m: usize, size: f64) -> Option<Kernel> {
+        let of = |scale: f64, length: f64, nugget: f64| {
+            let metric = Metric { lengths: vec![length; self.d], ..Metric::default() };
+            Kernel { shape: Shape::SquaredExponential, size, scale, metric, nugget }
+        };
         let candidates: Vec<Kernel> = SCALES
             .iter()
             .flat_map(|scale| LENGTHS.map(|length| (*scale, length)))
-            .flat_map(|(scale, length)| {
-                NUGGETS.map(|nugget| Kernel::Smooth { quadratic, scale, length, nugget })
-            })
+            .flat_map(|(scale, length)| NUGGETS.map(|nugget| of(scale, length, nugget)))
             .collect();
         let evidences: Vec<f64> =
             candidates.par_iter().map(|kernel| self.evidence(m, kernel)).collect();
@@ -139,12 +119,14 @@ impl Samples<'_> {
     /// for `m` columns: values that were narrowed have fewer.
     pub(super) fn evidence(&self, m: usize, kernel: &Kernel) -> f64 {
         let half = HalfFit::new(self, kernel);
-        half.map_or(f64::NEG_INFINITY, |half| half.evidence(m) + kernel.ln_prior())
+        half.map_or(f64::NEG_INFINITY, |half| half.evidence(m) + kernel.metric.ln_prior())
     }
 }
 
 /// What the evidence of one kernel takes: half of the way to the process.
 pub(super) struct HalfFit {
+    /// Samples, row by row, each [extended](Kernel::extend).
+    points: Vec<f64>,
     /// Lower Cholesky factor L of the covariance, row by row.
     factor: Vec<f64>,
     /// `L^-1 values`, row by row.
@@ -161,7 +143,7 @@ impl HalfFit {
         for i in 0..n {
             let before = &points[..2 * (i + 1) * d];
             k.row(&before[2 * i * d..], before, &mut matrix[i * n..=i * n + i]);
-            let nugget = k.nugget() * nuggets[i].min(NEAR) + (nuggets[i] - NEAR).max(0.0);
+            let nugget = k.nugget * nuggets[i].min(NEAR) + (nuggets[i] - NEAR).max(0.0);
             matrix[i * n + i] = matrix[i * n + i] * (1.0 + 1e-11) + nugget * nugget;
         }
         let factor = large_cholesky(&matrix, n)?;
@@ -174,7 +156,7 @@ impl HalfFit {
             }
             row.iter_mut().for_each(|r| *r /= factor[i * n + i]);
         }
-        Some(Self { factor, solved })
+        Some(Self { points, factor, solved })
     }
 
     /// Log marginal likelihood of `m` columns, without its constant.
@@ -187,6 +169,8 @@ impl HalfFit {
 
 /// The process with one kernel.
 pub(super) struct Fit {
+    /// Samples, row by row, each [extended](Kernel::extend).
+    pub(super) points: Vec<f64>,
     pub(super) coefficients: Vec<f64>,
     /// Lower Cholesky factor of the covariance, row by row.
     pub(super) factor: Vec<f64>,
@@ -196,7 +180,7 @@ impl Fit {
     pub(super) fn new(samples: &Samples<'_>, k: &Kernel) -> Option<Self> {
         let n = samples.nuggets.len();
         let m = samples.values.len() / n;
-        let HalfFit { factor, solved: mut c } = HalfFit::new(samples, k)?;
+        let HalfFit { points, factor, solved: mut c } = HalfFit::new(samples, k)?;
         for i in (0..n).rev() {
             let (before, rest) = c.split_at_mut(i * m);
             let row = &mut rest[..m];
@@ -205,7 +189,7 @@ impl Fit {
                 other.iter_mut().zip(&*row).for_each(|(o, r)| *o -= l * r);
             }
         }
-        c.iter().all(|c| c.is_finite()).then_some(Self { coefficients: c, factor })
+        c.iter().all(|c| c.is_finite()).then_some(Self { points, coefficients: c, factor })
     }
 
     /// Values minus their predictions from the other samples, `c_i / (K^-1)_ii`.

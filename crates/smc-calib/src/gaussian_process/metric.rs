@@ -10,7 +10,7 @@ pub(super) const MOST_BENT: f64 = 4.0;
 /// `x -> M b(x)` with `b_j(x) = 2 (exp(w_j (x_j + 1)/2) - 1)/(exp(w_j) - 1) - 1`, which leaves -1 and 1 where they are, and a lower
 /// triangular M: row k has 1/length_k on its diagonal and mix_kl/length_k before it. Any matrix of distances has such an M; which are
 /// probable before any sample depends on the order of the parameters.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Metric {
     pub lengths: Vec<f64>,
     /// Of rows 1, 2, ..., one after the other; empty: none.

@@ -68,7 +68,7 @@ impl Searched {
             mixed: (first..bent).map(at).collect(),
             bent: (bent..x.len()).map(at).collect(),
         };
-        Kernel::Searched { shape, size, scale: unit * at(0).exp(), metric, nugget: at(d + 1).exp() }
+        Kernel { shape, size, scale: unit * at(0).exp(), metric, nugget: at(d + 1).exp() }
     }
 
     /// Axes of the first simplex of so many numbers.
@@ -133,9 +133,7 @@ mod tests {
         let values: Vec<f64> =
             points.chunks_exact(d).map(|x| value(x[0], x[d.min(2) - 1])).collect();
         let samples = Samples { d, points: &points, values: &values, nuggets: &[1e-3; 24] };
-        let found = samples.searched_kernel(1, Shape::Matern, 2.0, cube).expect("definite");
-        let Kernel::Searched { metric, .. } = found else { panic!("{found:?}") };
-        metric
+        samples.searched_kernel(1, Shape::Matern, 2.0, cube).expect("definite").metric
     }
 
     #[test]

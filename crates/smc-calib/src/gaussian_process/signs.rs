@@ -5,7 +5,7 @@
 //! right.
 
 use super::GaussianProcess;
-use super::kernel::{Fit, Kernel, Samples};
+use super::kernel::{Fit, Samples};
 use crate::cholesky::{dot, lower_times};
 use crate::stream::normals;
 use rand::{Rng, RngExt as _};
@@ -52,12 +52,8 @@ impl GaussianProcess {
     /// nugget.
     pub(crate) fn longer(&self, times_as_long: f64, nugget: f64) -> Option<Self> {
         let mut longer = self.clone();
-        match &mut longer.covariance.kernel {
-            Kernel::Smooth { length, .. } => *length *= times_as_long,
-            Kernel::Searched { metric, .. } => {
-                metric.lengths.iter_mut().for_each(|length| *length *= times_as_long);
-            }
-        }
+        let lengths = &mut longer.covariance.kernel.metric.lengths;
+        lengths.iter_mut().for_each(|length| *length *= times_as_long);
         let values = lower_times(&self.factor, &self.solved_values());
         let nuggets = vec![nugget; values.len()];
         let d = self.d;
@@ -65,8 +61,8 @@ impl GaussianProcess {
             self.points.chunks_exact(2 * d).flat_map(|both| both[..d].iter().copied()).collect();
         let samples = Samples { d, points: &points, values: &values, nuggets: &nuggets };
         let fit = Fit::new(&samples, &longer.covariance.kernel)?;
-        (longer.coefficients, longer.factor) = (fit.coefficients, fit.factor);
-        longer.points = longer.covariance.kernel.extended(&points, d);
+        (longer.points, longer.coefficients, longer.factor) =
+            (fit.points, fit.coefficients, fit.factor);
         Some(longer)
     }
 
@@ -136,7 +132,7 @@ mod tests {
                 kernel.row(a, b, &mut one);
                 one[0]
             };
-            let noisy = |a: usize| of(&points[a], &points[a]) + (0.1 * kernel.nugget()).powi(2_i32);
+            let noisy = |a: usize| of(&points[a], &points[a]) + (0.1 * kernel.nugget).powi(2_i32);
             let z = [-0.9, -0.2, 0.0, 0.3, 0.6, 1.4];
             let draws = process.draws_of_signs(&z, DRAWS, &mut stream(1, Purpose::Errors, 0, 0));
             for (k, z) in z.iter().enumerate() {
