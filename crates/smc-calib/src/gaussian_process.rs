@@ -15,9 +15,9 @@
 //! - over the prior's cube, and over normal scores: a quadratic plus a squared exponential with a length for every parameter, by
 //!   a search too. These know smooth functions that bend far more along one parameter than along another, and several modes.
 //!
-//! Of up to four parameters distances of a searched one are those of coordinates that are mixed and, over the cube, bent
-//! ([`metric`]): curves often depend on ratios of parameters, and on one of them at one end of its prior only. Of 100 runs of 50
-//! simulations of PS, and of PEEK, 26 were off by more than a posterior standard deviation without, 5 and 6 are now.
+//! Of several columns and up to four parameters distances of a searched one are those of coordinates that are mixed and, over the
+//! cube, bent ([`metric`]): curves often depend on ratios of parameters, and on one of them at one end of its prior only. Of 100 runs
+//! of 50 simulations of PS, and of PEEK, 26 were off by more than a posterior standard deviation without, 5 and 6 are now.
 //!
 //! The best samples alone judge (with eight parameters and more all), because one that fits where the posterior is need not fit a hundred units of log
 //! likelihood below.

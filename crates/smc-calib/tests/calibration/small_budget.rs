@@ -40,11 +40,11 @@ fn a_hundred_simulations_find_narrow_posteriors_that_the_default_sampler_misses(
         let plain = errors(&reference, &default, 5);
         assert!(plain[0] > 10.0 * placed[0], "{d}: {plain:?} {placed:?}");
     }
-    // One run in sixteen decides: seeds 1 to 16 of the banana are .05, 13 % and .013 off, 17 to 32 .02, 10 % and .003.
+    // One run in sixteen can decide.
     for (reference, most) in [
-        (reference::banana(), [0.07, 0.16, 0.016]),
+        (reference::banana(), [0.03, 0.07, 0.01]),
         (reference::heavy_tail(), [0.01, 0.01, 0.01]),
-        (reference::bounded_ridge(), [0.08, 0.08, 0.05]),
+        (reference::bounded_ridge(), [0.06, 0.06, 0.03]),
     ] {
         let found = errors(&reference, &Settings::for_budget(100), 16);
         let close = found.iter().zip(&most).all(|(error, most)| error < most);
@@ -106,11 +106,10 @@ fn a_bent_valley_is_known_far_better_after_a_thousand_simulations_than_by_their_
 #[test]
 #[ignore = "long: run by .ci/run"]
 fn two_thousand_simulations_that_a_process_begins_are_as_close_as_they_can_be() {
-    // Of the default sampler alone (4 seeds): .006, .02, .004 and .01, .01, .01; of the ridge, seeds 1 to 8: .016, .008, .011, and
-    // 9 to 16: .012, .008, .005.
+    // Of the default sampler alone (4 seeds): .006, .02, .004 and .01, .01, .01.
     for reference in [reference::banana(), reference::bounded_ridge(), reference::two_modes()] {
         let placed = errors(&reference, &Settings::for_budget(2048), 8);
-        assert!(placed[0] < 0.02 && placed[1] < 0.02 && placed[2] < 0.014, "{placed:?}");
+        assert!(placed[0] < 0.015 && placed[1] < 0.02 && placed[2] < 0.01, "{placed:?}");
     }
     let begun = sample_density(&reference::banana(), &Settings::for_budget(2048)).unwrap();
     assert!(begun.components.len() > 20, "small stages first: {:?}", begun.components);
