@@ -66,6 +66,39 @@ fn each_material_at_a_thousand_simulations_agrees_with_quadrature() {
     assert!(ran.succeeded().stdout.contains("NOT TO BE TRUSTED"), "{}", ran.stdout);
 }
 
+/// Of so few simulations weights do not have the moments that are known: how far those of the samples are off is said, here with
+/// this seed, and is what `samples.csv` has.
+#[test]
+fn samples_that_do_not_have_the_moments_of_the_result_are_said_to_be_off_by_as_much_as_they_are() {
+    let sandbox = Sandbox::new();
+    let ran = sandbox.run("--material ps --samples 50 --seed 2 --solver quasi-static");
+    assert!(ran.succeeded().stdout.contains("moved to moments known better"), "{}", ran.stdout);
+    let found = sandbox.posterior("results/ps");
+    let text = fs::read_to_string(sandbox.path().join("results/ps/samples.csv")).expect("rows");
+    let rows: Vec<Vec<f64>> =
+        text.lines().filter_map(|line| line.split(',').map(|x| x.parse().ok()).collect()).collect();
+    let header: Vec<&str> = text.lines().next().expect("a header").split(',').collect();
+    let weight = header.iter().position(|name| *name == "weight").expect("weights");
+    assert_eq!(rows.len(), 50);
+    let (mut mean_off, mut sd_off) = (0.0_f64, 0.0_f64);
+    for j in 0..3 {
+        let moment = |power: i32, middle: f64| -> f64 {
+            let of = |row: &Vec<f64>| row[weight] * (row[j].log10() - middle).powi(power);
+            rows.iter().map(of).sum()
+        };
+        let mean = moment(1, 0.0) / moment(0, 0.0);
+        let sd = (moment(2, mean) / moment(0, 0.0)).sqrt();
+        let known =
+            |name: &str| found["parameters"][j]["in_coordinate"][name].as_f64().expect("a number");
+        mean_off = mean_off.max((mean - known("mean")).abs() / known("sd"));
+        sd_off = sd_off.max((sd / known("sd") - 1.0).abs());
+    }
+    for (name, off) in [("mean", mean_off), ("sd", sd_off)] {
+        let said = found["moved"][name].as_f64().expect("a number");
+        assert!(said > 0.01 && (said - off).abs() < 1e-6, "{name}: {said} {off}");
+    }
+}
+
 /// On both sides of the number from which on samples are placed without the surrogate, and of earlier ones.
 #[test]
 #[ignore = "long: run by .ci/run"]

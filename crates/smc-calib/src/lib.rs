@@ -63,13 +63,13 @@ pub use joint::{Group, JointProblem};
 pub use leave_one_out::{LeaveOneOut, LeaveOneOutPoint, leave_one_out, leave_one_out_of};
 pub use noise::{
     DistanceScale, FixedSigma, Likelihood, Noise, NoiseDraw, NoiseError, NoiseQuantity, NoiseShape,
-    ShapeSummary,
+    ShapeSummary, SigmaSummary,
 };
 pub use observations::{ObservationError, Observations};
 pub use posterior::{
     BandPoint, Counters, Draw, EffectiveSampleSize, Evidence, Failing, FailingPlace, Failure,
-    GroupSummary, Interval, MapPoint, Moments, ParameterSummary, PathParameter, PathPoint,
-    Posterior, PredictiveCheck, Residuals, Sample, SigmaSummary, StopReason,
+    GroupSummary, Interval, MapPoint, Moments, Moved, ParameterSummary, PathParameter, PathPoint,
+    Posterior, PredictiveCheck, Residuals, Sample, StopReason,
 };
 pub use predictive::{predictive_band, predictive_band_of_group};
 pub use prior::{Coordinate, Prior, PriorError, PriorSpec};

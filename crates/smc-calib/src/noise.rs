@@ -12,7 +12,7 @@ mod student;
 mod tests;
 
 pub(crate) use draws::NoiseDraws;
-pub use draws::{NoiseDraw, NoiseQuantity, NoiseShape, ShapeSummary};
+pub use draws::{NoiseDraw, NoiseQuantity, NoiseShape, ShapeSummary, SigmaSummary};
 pub use likelihood::Likelihood;
 pub use scale::DistanceScale;
 

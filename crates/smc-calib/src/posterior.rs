@@ -1,7 +1,8 @@
 //! The result of a calibration, as plain data.
 
 use crate::{
-    Coordinate, Noise, NoiseDraw, NoiseShape, Parameter, Settings, ShapeSummary, StageRecord,
+    Coordinate, Noise, NoiseDraw, NoiseShape, Parameter, Settings, ShapeSummary, SigmaSummary,
+    StageRecord,
 };
 use serde::{Deserialize, Serialize};
 
@@ -21,6 +22,9 @@ pub struct Posterior {
     pub draws: Vec<Draw>,
     /// One summary per parameter.
     pub parameters: Vec<ParameterSummary>,
+    /// How far `parameters` and correlations are from the moments of the samples; none where they are those of the samples.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub moved: Option<Moved>,
     /// Correlation matrix in the priors' coordinates, row by row.
     pub correlation: Vec<Vec<f64>>,
     /// Correlation matrix in SI.
@@ -176,6 +180,18 @@ pub struct Interval {
     pub lower_se: f64,
     /// Monte Carlo standard error of the upper end.
     pub upper_se: f64,
+}
+
+/// How far the moments of a small budget's weighted samples, and of draws of them, are from those that are known better: parameters
+/// and correlations are then those of samples moved to the latter, which no weights of so few samples have.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Moved {
+    /// Largest difference of a mean, in posterior standard deviations, in the priors' coordinates.
+    pub mean: f64,
+    /// Largest relative difference of a standard deviation, in the priors' coordinates.
+    pub sd: f64,
 }
 
 /// Moments and intervals of a marginal.
@@ -356,26 +372,6 @@ pub struct MapPoint {
     pub outputs: Vec<f64>,
     /// Simulations of the local search.
     pub simulations: usize,
-}
-
-/// Posterior of the noise standard deviation.
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct SigmaSummary {
-    /// Mean (exact mixture of conditional inverse gammas).
-    pub mean: f64,
-    /// Standard deviation (likewise).
-    pub sd: f64,
-    /// Median of the draws.
-    pub median: f64,
-    /// Equal-tailed 50 % interval of the draws.
-    pub eti50: [f64; 2],
-    /// Equal-tailed 90 % interval of the draws.
-    pub eti90: [f64; 2],
-    /// Equal-tailed 95 % interval of the draws.
-    pub eti95: [f64; 2],
-    /// Whether it is known, not inferred.
-    pub fixed: bool,
 }
 
 /// Residuals, observed minus simulated, of the MAP curve and their independence.

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// Record of one stage.
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StageRecord {
     /// Stage, from 0 (the prior).
     pub stage: usize,

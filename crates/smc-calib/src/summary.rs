@@ -18,7 +18,7 @@ use crate::stream::{Purpose, stream};
 use crate::target::CurveTarget;
 use crate::trust::khat_holds;
 use crate::{
-    CalibrateError, Counters, Draw, EffectiveSampleSize, Evidence, GroupSummary, MapPoint,
+    CalibrateError, Counters, Draw, EffectiveSampleSize, Evidence, GroupSummary, MapPoint, Moved,
     Parameter, ParameterSummary, Posterior, Residuals, Sample, Settings, StageRecord, StopReason,
     psis,
 };
@@ -88,6 +88,7 @@ pub(crate) fn summarise(
         noise: problem.groups[0].noise.clone(),
         settings: settings.clone(),
         samples: samples(pool, &own[0], &estimator, &raw, ln_scale),
+        moved: of.moved.then(|| moved_by(&parameters, &own[1], &estimator)).flatten(),
         correlation: correlation(&of.columns[1], &estimator),
         correlation_si: correlation(&of.columns[0], &estimator),
         log_evidence,
@@ -139,6 +140,9 @@ fn draws(chosen: &[usize], noise: Option<&GroupNoise>) -> Vec<Draw> {
     };
     chosen.iter().enumerate().map(draw).collect()
 }
+
+/// Differences of moments, in standard deviations, that are rounding.
+const ROUNDING: f64 = 1e-9;
 
 /// Columns of the samples that the parameters are summarised by, SI and coordinate.
 struct Of<'a> {
@@ -329,6 +333,22 @@ fn moved(problem: &JointProblem<'_>, estimator: &Estimator) -> Option<[Vec<Vec<f
     });
     let (theta, coordinate) = each.collect::<Option<Vec<_>>>()?.into_iter().unzip();
     Some([theta, coordinate])
+}
+
+/// How far the samples, column by column in the coordinates, are from the moments of the parameters; none where by rounding alone.
+fn moved_by(
+    parameters: &[ParameterSummary],
+    coordinate: &[Vec<f64>],
+    estimator: &Estimator,
+) -> Option<Moved> {
+    let mut by = Moved::default();
+    for (parameter, x) in parameters.iter().zip(coordinate) {
+        let (mean, _, sd, _) = mean_and_sd(x, estimator);
+        let known = parameter.in_coordinate;
+        by.mean = by.mean.max((mean - known.mean).abs() / known.sd);
+        by.sd = by.sd.max((sd / known.sd - 1.0).abs());
+    }
+    (by.mean.max(by.sd) > ROUNDING).then_some(by)
 }
 
 /// Correlation matrix of weighted columns.

@@ -48,6 +48,26 @@ pub enum NoiseShape {
 pub(super) const OUTLIERS: NoiseShape =
     NoiseShape::Robust { outlier_share: OUTLIER_SHARE, outlier_width: OUTLIER_WIDTH };
 
+/// Posterior of the noise standard deviation.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SigmaSummary {
+    /// Mean (exact mixture of conditional inverse gammas).
+    pub mean: f64,
+    /// Standard deviation (likewise).
+    pub sd: f64,
+    /// Median of the draws.
+    pub median: f64,
+    /// Equal-tailed 50 % interval of the draws.
+    pub eti50: [f64; 2],
+    /// Equal-tailed 90 % interval of the draws.
+    pub eti90: [f64; 2],
+    /// Equal-tailed 95 % interval of the draws.
+    pub eti95: [f64; 2],
+    /// Whether it is known, not inferred.
+    pub fixed: bool,
+}
+
 /// Posterior of what a noise model has beside its standard deviation.
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

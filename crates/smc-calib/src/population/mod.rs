@@ -364,6 +364,7 @@ impl Found<'_> {
             stages,
             failures: pool.failures(),
             failing: None,
+            moved: None,
             stop: StopReason::BudgetSpent,
             counters: self.sampler.counters,
             groups: Vec::new(),

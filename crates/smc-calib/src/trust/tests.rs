@@ -30,22 +30,7 @@ fn sample(z: f64, weight: f64) -> Sample {
 }
 
 fn stage(beta: f64) -> StageRecord {
-    StageRecord {
-        stage: 0,
-        last: true,
-        simulations: 0,
-        total: 0,
-        failed: 0,
-        failed_total: 0,
-        beta,
-        ess: 0.0,
-        log_evidence: 0.0,
-        log_evidence_se: 0.0,
-        khat: 0.0,
-        means: Vec::new(),
-        sds: Vec::new(),
-        proposal: crate::MixtureRecord::default(),
-    }
+    StageRecord { last: true, beta, ..StageRecord::default() }
 }
 
 /// A result of two parameters and ten observations that nothing speaks against.
@@ -71,6 +56,7 @@ fn sound() -> Posterior {
         stages: vec![stage(1.0), stage(1.0)],
         failures: Vec::new(),
         failing: None,
+        moved: None,
         stop: StopReason::BudgetSpent,
         counters: Counters { simulations: 10_000, ..Counters::default() },
         groups: Vec::new(),
