@@ -66,37 +66,53 @@ fn each_material_at_a_thousand_simulations_agrees_with_quadrature() {
     assert!(ran.succeeded().stdout.contains("NOT TO BE TRUSTED"), "{}", ran.stdout);
 }
 
-/// Of so few simulations weights do not have the moments that are known: how far those of the samples are off is said, here with
-/// this seed, and is what `samples.csv` has.
+/// Of so few simulations weights may not have the moments that are known: how far those of `samples.csv` are off is said.
 #[test]
 fn samples_that_do_not_have_the_moments_of_the_result_are_said_to_be_off_by_as_much_as_they_are() {
     let sandbox = Sandbox::new();
-    let ran = sandbox.run("--material ps --samples 50 --seed 2 --solver quasi-static");
-    assert!(ran.succeeded().stdout.contains("moved to moments known better"), "{}", ran.stdout);
-    let found = sandbox.posterior("results/ps");
+    let moved = (1..=10).find_map(|seed| {
+        sandbox
+            .run(&format!("--material ps --samples 50 --seed {seed} --solver quasi-static"))
+            .succeeded();
+        let found = sandbox.posterior("results/ps");
+        let concerns = found["trust"]["concerns"].as_array().expect("concerns").clone();
+        let told = concerns.into_iter().find(|concern| concern["kind"] == "samples-moved");
+        told.map(|told| (found, told))
+    });
+    let (found, told) = moved.expect("one of ten seeds");
     let text = fs::read_to_string(sandbox.path().join("results/ps/samples.csv")).expect("rows");
     let rows: Vec<Vec<f64>> =
         text.lines().filter_map(|line| line.split(',').map(|x| x.parse().ok()).collect()).collect();
     let header: Vec<&str> = text.lines().next().expect("a header").split(',').collect();
     let weight = header.iter().position(|name| *name == "weight").expect("weights");
     assert_eq!(rows.len(), 50);
-    let (mut mean_off, mut sd_off) = (0.0_f64, 0.0_f64);
+    let moment = |of: &dyn Fn(&Vec<f64>) -> f64| -> f64 {
+        rows.iter().map(|row| row[weight] * of(row)).sum()
+    };
+    let all = moment(&|_| 1.0);
+    let mean: Vec<f64> = (0..3).map(|j| moment(&|row| row[j].log10()) / all).collect();
+    let covariance = |i: usize, j: usize| {
+        moment(&|row| (row[i].log10() - mean[i]) * (row[j].log10() - mean[j])) / all
+    };
+    let (mut off, mut correlation) = ([0.0_f64; 2], 0.0_f64);
     for j in 0..3 {
-        let moment = |power: i32, middle: f64| -> f64 {
-            let of = |row: &Vec<f64>| row[weight] * (row[j].log10() - middle).powi(power);
-            rows.iter().map(of).sum()
-        };
-        let mean = moment(1, 0.0) / moment(0, 0.0);
-        let sd = (moment(2, mean) / moment(0, 0.0)).sqrt();
+        let sd = covariance(j, j).sqrt();
         let known =
             |name: &str| found["parameters"][j]["in_coordinate"][name].as_f64().expect("a number");
-        mean_off = mean_off.max((mean - known("mean")).abs() / known("sd"));
-        sd_off = sd_off.max((sd / known("sd") - 1.0).abs());
+        off[0] = off[0].max((mean[j] - known("mean")).abs() / known("sd"));
+        off[1] = off[1].max((sd / known("sd") - 1.0).abs());
+        for i in 0..j {
+            let known = found["correlation"][j][i].as_f64().expect("a number");
+            let own = covariance(i, j) / (covariance(i, i) * covariance(j, j)).sqrt();
+            correlation = correlation.max((own - known).abs());
+        }
     }
-    for (name, off) in [("mean", mean_off), ("sd", sd_off)] {
-        let said = found["moved"][name].as_f64().expect("a number");
-        assert!(said > 0.01 && (said - off).abs() < 1e-6, "{name}: {said} {off}");
+    for (name, off) in [("mean", off[0]), ("sd", off[1]), ("correlation", correlation)] {
+        let told = told[name].as_f64().expect("a number");
+        assert!((told - off).abs() < 1e-6, "{name}: {told} {off}");
     }
+    let table = fs::read_to_string(sandbox.path().join("results/ps/table.md")).expect("a table");
+    assert!(table.contains("samples-moved"), "{table}");
 }
 
 /// On both sides of the number from which on samples are placed without the surrogate, and of earlier ones.

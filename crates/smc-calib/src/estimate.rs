@@ -11,7 +11,7 @@ pub(crate) use self::moved::Axis;
 
 use self::held::{Known, Samples};
 use crate::cholesky::solve;
-use crate::pool::Pool;
+use crate::pool::{Pool, effective_sample_size};
 
 /// Weights of all samples for estimation, and what is needed for error bars.
 pub(crate) struct Estimator {
@@ -25,6 +25,18 @@ pub(crate) struct Estimator {
     /// Log of the factor taken out of the weights.
     pub ln_scale: f64,
     known: Option<Known>,
+    /// Factor on the variance that sub-nets show.
+    wider: f64,
+}
+
+/// Fewest degrees of freedom that [`few`] takes: with two there is no variance.
+const FEWEST_FREE: f64 = 3.0;
+
+/// Mean square of an error over its standard error by these weights, of so few effective samples: that of Student's t with one degree
+/// of freedom less than these (Student, Biometrika 6 (1908) 1).
+fn few(weights: &[f64]) -> f64 {
+    let free = (effective_sample_size(weights) - 1.0).max(FEWEST_FREE);
+    free / (free - 2.0)
 }
 
 impl Estimator {
@@ -36,15 +48,28 @@ impl Estimator {
     /// From the sub-net of each sample and its weight.
     pub(crate) fn of(label: Vec<u32>, weights: Vec<f64>, ln_scale: f64, replicates: usize) -> Self {
         let total = weights.iter().sum();
-        Self { n: weights.len(), replicates, label, total, weights, ln_scale, known: None }
+        Self {
+            n: weights.len(),
+            replicates,
+            label,
+            total,
+            weights,
+            ln_scale,
+            known: None,
+            wider: 1.0,
+        }
     }
 
-    /// Holds the weights to integrals over `d` coordinates, with `far` as far as it takes ([`Samples::held_to`]); false, and nothing is
+    /// Holds the weights to integrals over `d` coordinates, with `far` as far as it takes ([`Samples::held_to`]), where few effective samples
+    /// count as [`few`]; false, and nothing is
     /// changed, where that would change a weight by too much.
     pub(crate) fn hold_to(&mut self, integrals: Integrals, d: usize, far: bool) -> bool {
         let Self { weights, label, replicates, .. } = &*self;
         let samples = Samples { weights, label, replicates: *replicates };
         let Some((weights, known)) = samples.held_to(integrals, d, far) else { return false };
+        if far {
+            self.wider = few(&self.weights);
+        }
         self.total = weights.iter().sum();
         self.weights = weights;
         self.known = Some(known);
@@ -123,7 +148,7 @@ impl Estimator {
         let mean = parts.iter().sum::<f64>() * scale / r as f64;
         let squares: f64 = parts.iter().map(|p| (p * scale - mean).powi(2)).sum();
         // Sub-nets share what no sample has shown: the process knows of it, and their spread does not.
-        (squares / (r * (r - 1)) as f64).max(unknown).sqrt()
+        (self.wider * squares / (r * (r - 1)) as f64).max(unknown).sqrt()
     }
 
     /// Whether the sub-nets have unequal numbers of samples.
@@ -157,6 +182,19 @@ mod tests {
     }
 
     #[test]
+    fn errors_by_few_effective_samples_are_those_of_students_t() {
+        use statrs::distribution::StudentsT;
+        use statrs::statistics::Distribution as _;
+        for n in 4..200 {
+            let t = StudentsT::new(0.0, 1.0, f64::from(n - 1)).expect("a distribution");
+            let variance = t.variance().expect("three degrees of freedom and more");
+            let weights = vec![0.3; n as usize];
+            assert!((few(&weights) - variance).abs() < 1e-9, "{n}");
+        }
+        assert_eq!([few(&[1.0; 3]), few(&[1.0]), few(&[])], [3.0; 3]);
+    }
+
+    #[test]
     fn moved_samples_have_the_known_moments_and_their_errors() {
         // Within -1 and 1 no weights have a variance of 1.4; sub-nets are off by these.
         let (n, r) = (48, 4);
@@ -175,8 +213,10 @@ mod tests {
         let (mean, mean_se, sd, sd_se) = crate::marginal::mean_and_sd(&moved, &estimator);
         assert!((mean - 5.4).abs() < 1e-9, "{mean}");
         assert!((sd - 2.0 * 1.4f64.sqrt()).abs() < 1e-9, "{sd}");
-        // Standard error of four numbers, twice as large in the coordinate; the variance, x^2 - 0.4 x and a constant, has none.
-        let exact = 2.0 * (off.iter().map(|off| off * off).sum::<f64>() / 12.0).sqrt();
+        // Standard error of four numbers, twice as large in the coordinate, by 48 samples; the variance, x^2 - 0.4 x and a constant,
+        // has none.
+        let of_four = (off.iter().map(|off| off * off).sum::<f64>() / 12.0).sqrt();
+        let exact = 2.0 * of_four * (47.0f64 / 45.0).sqrt();
         assert!((mean_se - exact).abs() < 1e-9 && sd_se < 1e-9, "{mean_se} {exact} {sd_se}");
     }
 
@@ -201,7 +241,8 @@ mod tests {
             assert!(estimator.hold_to(integrals, 1, true));
             estimator.log_evidence().1
         };
-        let of_sub_nets = 0.1 / 3f64.sqrt();
+        // Of twelve samples.
+        let of_sub_nets = 0.1 / 3f64.sqrt() * (11.0f64 / 9.0).sqrt();
         assert!((evidence_se(0.1, 0.0) - of_sub_nets).abs() < 1e-12);
         assert!((evidence_se(0.1, 0.03) - of_sub_nets).abs() < 1e-12);
         assert!((evidence_se(0.1, 0.2) - 0.2 * 2f64.sqrt()).abs() < 1e-12);

@@ -68,7 +68,7 @@ pub use noise::{
 pub use observations::{ObservationError, Observations};
 pub use posterior::{
     BandPoint, Counters, Draw, EffectiveSampleSize, Evidence, Failing, FailingPlace, Failure,
-    GroupSummary, Interval, MapPoint, Moments, Moved, ParameterSummary, PathParameter, PathPoint,
+    GroupSummary, Interval, MapPoint, Moments, MovedBy, ParameterSummary, PathParameter, PathPoint,
     Posterior, PredictiveCheck, Residuals, Sample, StopReason,
 };
 pub use predictive::{predictive_band, predictive_band_of_group};

@@ -22,9 +22,9 @@ pub struct Posterior {
     pub draws: Vec<Draw>,
     /// One summary per parameter.
     pub parameters: Vec<ParameterSummary>,
-    /// How far `parameters` and correlations are from the moments of the samples; none where they are those of the samples.
+    /// How far the samples are from the moments in `parameters` and correlations; none where these are of the samples.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub moved: Option<Moved>,
+    pub moved: Option<MovedBy>,
     /// Correlation matrix in the priors' coordinates, row by row.
     pub correlation: Vec<Vec<f64>>,
     /// Correlation matrix in SI.
@@ -182,16 +182,18 @@ pub struct Interval {
     pub upper_se: f64,
 }
 
-/// How far the moments of a small budget's weighted samples, and of draws of them, are from those that are known better: parameters
-/// and correlations are then those of samples moved to the latter, which no weights of so few samples have.
+/// How far the moments of a small budget's weighted samples are from those that are known better, in the priors' coordinates: parameters
+/// and correlations are of samples moved to the latter, which no weights of so few samples have; all else is of the samples where they are.
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Moved {
-    /// Largest difference of a mean, in posterior standard deviations, in the priors' coordinates.
+pub struct MovedBy {
+    /// Largest difference of a mean, in posterior standard deviations.
     pub mean: f64,
-    /// Largest relative difference of a standard deviation, in the priors' coordinates.
+    /// Largest relative difference of a standard deviation.
     pub sd: f64,
+    /// Largest difference of a correlation.
+    pub correlation: f64,
 }
 
 /// Moments and intervals of a marginal.

@@ -18,7 +18,7 @@ use crate::stream::{Purpose, stream};
 use crate::target::CurveTarget;
 use crate::trust::khat_holds;
 use crate::{
-    CalibrateError, Counters, Draw, EffectiveSampleSize, Evidence, GroupSummary, MapPoint, Moved,
+    CalibrateError, Counters, Draw, EffectiveSampleSize, Evidence, GroupSummary, MapPoint, MovedBy,
     Parameter, ParameterSummary, Posterior, Residuals, Sample, Settings, StageRecord, StopReason,
     psis,
 };
@@ -88,7 +88,7 @@ pub(crate) fn summarise(
         noise: problem.groups[0].noise.clone(),
         settings: settings.clone(),
         samples: samples(pool, &own[0], &estimator, &raw, ln_scale),
-        moved: of.moved.then(|| moved_by(&parameters, &own[1], &estimator)).flatten(),
+        moved: of.moved.then(|| moved_by(&of.columns[1], &own[1], &estimator)),
         correlation: correlation(&of.columns[1], &estimator),
         correlation_si: correlation(&of.columns[0], &estimator),
         log_evidence,
@@ -140,9 +140,6 @@ fn draws(chosen: &[usize], noise: Option<&GroupNoise>) -> Vec<Draw> {
     };
     chosen.iter().enumerate().map(draw).collect()
 }
-
-/// Differences of moments, in standard deviations, that are rounding.
-const ROUNDING: f64 = 1e-9;
 
 /// Columns of the samples that the parameters are summarised by, SI and coordinate.
 struct Of<'a> {
@@ -335,20 +332,21 @@ fn moved(problem: &JointProblem<'_>, estimator: &Estimator) -> Option<[Vec<Vec<f
     Some([theta, coordinate])
 }
 
-/// How far the samples, column by column in the coordinates, are from the moments of the parameters; none where by rounding alone.
-fn moved_by(
-    parameters: &[ParameterSummary],
-    coordinate: &[Vec<f64>],
-    estimator: &Estimator,
-) -> Option<Moved> {
-    let mut by = Moved::default();
-    for (parameter, x) in parameters.iter().zip(coordinate) {
-        let (mean, _, sd, _) = mean_and_sd(x, estimator);
-        let known = parameter.in_coordinate;
-        by.mean = by.mean.max((mean - known.mean).abs() / known.sd);
-        by.sd = by.sd.max((sd / known.sd - 1.0).abs());
+/// How far columns of the samples, in the coordinates, are from the moments of the moved ones.
+fn moved_by(moved: &[Vec<f64>], own: &[Vec<f64>], e: &Estimator) -> MovedBy {
+    let moments = |x: &[f64]| {
+        let mean = e.mean(|i| x[i]);
+        (mean, e.mean(|i| (x[i] - mean).powi(2)).sqrt())
+    };
+    let mut by = MovedBy::default();
+    for (moved, own) in moved.iter().zip(own) {
+        let ((known, known_sd), (mean, sd)) = (moments(moved), moments(own));
+        by.mean = by.mean.max((mean - known).abs() / known_sd);
+        by.sd = by.sd.max((sd / known_sd - 1.0).abs());
     }
-    (by.mean.max(by.sd) > ROUNDING).then_some(by)
+    let [moved, own] = [moved, own].map(|columns| correlation(columns, e).concat());
+    by.correlation = moved.iter().zip(&own).map(|(m, o)| (m - o).abs()).fold(0.0, f64::max);
+    by
 }
 
 /// Correlation matrix of weighted columns.

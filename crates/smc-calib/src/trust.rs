@@ -14,7 +14,7 @@ pub use concern::Concern;
 
 use self::limits::*;
 use self::modes::two_modes;
-use crate::posterior::{Evidence, Failing, ParameterSummary, Posterior, Residuals};
+use crate::posterior::{Evidence, Failing, MovedBy, ParameterSummary, Posterior, Residuals};
 use crate::prior::PriorSpec;
 use crate::{Noise, StageRecord};
 use serde::{Deserialize, Serialize};
@@ -233,6 +233,7 @@ impl Posterior {
         if self.is_posterior {
             list.extend(self.about_weights());
             list.extend(self.about_budget(wished));
+            list.extend(self.moved.and_then(about_moved));
             list.extend(self.parameters.iter().filter_map(about_information));
             list.extend(two_modes(self));
         }
@@ -420,6 +421,11 @@ impl Posterior {
             commonest: self.failures.first().map_or_else(String::new, |f| f.cause.clone()),
         })
     }
+}
+
+fn about_moved(MovedBy { mean, sd, correlation }: MovedBy) -> Option<Concern> {
+    let most = mean.max(sd).max(correlation);
+    (most > MOVED).then_some(Concern::SamplesMoved { mean, sd, correlation })
 }
 
 fn about_information(p: &ParameterSummary) -> Option<Concern> {

@@ -17,9 +17,9 @@ const LN_SCALE: [f64; 2] = [-6.0, 6.0];
 /// Evaluations of the evidence per number that is searched: for lengths alone, for lengths that a further search begins from, and in
 /// that further search. Three times as many give no better answers at 50 simulations.
 const SEARCH: [usize; 3] = [40, 20, 30];
-/// Most parameters whose coordinates are mixed and bent, where there are several columns. One column says too little of that: with
-/// mixes and bends the bounded ridge was .08 posterior standard deviations off by 100 simulations, without them .03; the banana .03
-/// and .01.
+/// Most parameters whose coordinates are mixed and bent, where there are several columns. One column (log likelihoods, failures) says
+/// too little of that: with mixes and bends the bounded ridge was .08 posterior standard deviations off by 100 simulations, without
+/// them .03; the banana .03 and .01.
 const MOST_MIXED: usize = 4;
 
 /// What the numbers of a point of the search stand for: logarithms of the scale, of the lengths and of the factor on the nuggets; then
@@ -30,6 +30,7 @@ struct Searched {
     size: f64,
     /// What the scale is measured in.
     unit: f64,
+    /// Whether coordinates are mixed and bent.
     mixed: bool,
 }
 
@@ -84,8 +85,8 @@ impl Searched {
 }
 
 impl Samples<'_> {
-    /// The covariance of this shape of largest evidence, times the prior of its metric: its lengths first, and from there, where these
-    /// stand for more than one column, with coordinates that are mixed and, those of a cube, bent.
+    /// The covariance of this shape of largest evidence, times the prior of its metric: its lengths first, and from there, of several
+    /// columns, with coordinates that are mixed and, those of a cube, bent.
     pub(super) fn searched_kernel(
         &self,
         m: usize,

@@ -42,6 +42,15 @@ pub enum Concern {
         /// Standard error of the difference.
         se: f64,
     },
+    /// Means, intervals and correlations are of samples that were moved to moments known better than by their weights.
+    SamplesMoved {
+        /// Largest difference of a mean of the samples where they are, in posterior standard deviations.
+        mean: f64,
+        /// Largest relative difference of a standard deviation.
+        sd: f64,
+        /// Largest difference of a correlation.
+        correlation: f64,
+    },
     /// Budget too small for the result wished for.
     BudgetTooSmall {
         /// Simulations done.
@@ -188,6 +197,10 @@ impl Concern {
             Self::EvidenceDisagrees { pooled, frozen, se } => format!(
                 "two estimates of the log evidence differ ({pooled:.3} from all samples, {frozen:.3} from the final ones, standard error {se:.3})"
             ),
+            Self::SamplesMoved { mean, sd, correlation } => format!(
+                "means, intervals and correlations are of samples moved to moments that are known better than by their weights (where they were simulated, means differ by up to {mean:.2} posterior sds, sds by {:.0} %, correlations by {correlation:.2})",
+                100.0 * sd
+            ),
             Self::BudgetTooSmall { simulations, .. } => format!("{simulations} simulations were too few"),
             Self::NotInformed { parameter, bits } => format!(
                 "the data say {}about {parameter} ({bits:.2} bits)",
@@ -257,6 +270,9 @@ impl Concern {
             Self::FewEffectiveSamples { .. } => "means and intervals are rough",
             Self::HighKhat { .. } => "the posterior may be incomplete",
             Self::EvidenceDisagrees { .. } => "part of the posterior may be unseen",
+            Self::SamplesMoved { .. } => {
+                "samples, draws, curves, figures and all that is computed from them have the other moments"
+            }
             Self::BudgetTooSmall { reason, .. } => reason,
             Self::NotInformed { bits, .. } if *bits < UNINFORMED_BITS => {
                 "its posterior is its prior"
@@ -298,6 +314,7 @@ impl Concern {
             Self::FewEffectiveSamples { .. }
             | Self::HighKhat { .. }
             | Self::EvidenceDisagrees { .. }
+            | Self::SamplesMoved { .. }
             | Self::BudgetTooSmall { .. } => "run more simulations",
             Self::NotInformed { .. } | Self::OrderOfMagnitude { .. } => {
                 "measure where it matters, or give a prior that holds what is known of it"

@@ -108,6 +108,9 @@ pub const TAIL_SCORE: f64 = 3.0;
 /// is then more than ten times narrower than along the other.
 pub const CORRELATION_LIMIT: f64 = 0.995;
 
+/// Difference of the samples' moments from those of the parameters, in standard deviations and of correlations, above which it is told.
+pub const MOVED: f64 = 0.01;
+
 /// Root mean square residual of the best curve, in expected noise standard deviations, above which the fit is poor.
 pub const MISFIT_LIMIT: f64 = 2.0;
 

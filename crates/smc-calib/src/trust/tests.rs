@@ -470,6 +470,17 @@ fn an_interval_over_more_than_two_decades_is_knowledge_of_the_magnitude() {
 }
 
 #[test]
+fn samples_more_than_a_hundredth_off_the_moments_of_the_parameters_are_told() {
+    let with =
+        |mean, sd, correlation| concern(|p| p.moved = Some(MovedBy { mean, sd, correlation }));
+    assert_eq!((concern(|p| p.moved = None), with(0.01, 0.01, 0.01)), (None, None));
+    for [mean, sd, correlation] in [[0.011, 0.0, 0.0], [0.0, 0.011, 0.0], [0.0, 0.0, 0.011]] {
+        let told = Concern::SamplesMoved { mean, sd, correlation };
+        assert_eq!(with(mean, sd, correlation), Some(told));
+    }
+}
+
+#[test]
 fn a_thinned_path_is_told() {
     let with = |kept: usize| concern(|p| p.path.truncate(kept));
     assert_eq!(with(10), None);

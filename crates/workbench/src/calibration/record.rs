@@ -62,7 +62,6 @@ pub(super) fn record(
         stages: posterior.stages.clone(),
         failures: posterior.failures.clone(),
         failing: posterior.failing.clone(),
-        moved: posterior.moved,
         stop: posterior.stop,
         sensitivity: None,
         population: None,

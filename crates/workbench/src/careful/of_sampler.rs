@@ -38,6 +38,7 @@ fn option(concern: &Concern, asked: Simulations) -> Option<String> {
         Concern::FewEffectiveSamples { .. }
         | Concern::HighKhat { .. }
         | Concern::EvidenceDisagrees { .. }
+        | Concern::SamplesMoved { .. }
         | Concern::BudgetTooSmall { .. } => {
             let more = more_than(asked);
             let extend = if asked.of_programs { "--resume" } else { "--continue-from" };
@@ -69,6 +70,7 @@ fn argument(concern: &Concern, asked: Simulations) -> Option<String> {
         Concern::FewEffectiveSamples { .. }
         | Concern::HighKhat { .. }
         | Concern::EvidenceDisagrees { .. }
+        | Concern::SamplesMoved { .. }
         | Concern::BudgetTooSmall { .. } => Some(format!("samples={}", 2 * asked.number)),
         alike if alike.is_alike() => Some("noise=Correlated(s0=ABOUT)".to_owned()),
         Concern::NotAPosterior => Some("noise=Inferred(s0=ABOUT)".to_owned()),

@@ -266,7 +266,6 @@ impl PopulationJob {
             stages: next.stages.clone(),
             failures: next.failures.clone(),
             failing: None,
-            moved: None,
             stop: next.stop,
             sensitivity: None,
             population: Some(population),

@@ -14,7 +14,7 @@ mod sensitivity;
 
 use serde::{Deserialize, Serialize};
 use smc_calib::{
-    BandPoint, Counters, EffectiveSampleSize, Evidence, Failing, Failure, MapPoint, Moved,
+    BandPoint, Counters, EffectiveSampleSize, Evidence, Failing, Failure, MapPoint,
     ParameterSummary, PathPoint, PredictiveCheck, Residuals, ShapeSummary, SigmaSummary,
     StageRecord, StopReason, Trust,
 };
@@ -70,9 +70,6 @@ pub struct Record {
     /// Whether failing depends on the parameters, where, and what that means; none where nothing failed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failing: Option<Failing>,
-    /// How far parameters and correlations are from the moments of the samples; none where they are those of the samples.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub moved: Option<Moved>,
     /// Why the run ended.
     pub stop: StopReason,
     /// The result under correlated errors, where the residuals are alike and the noise model has them independent.

@@ -90,9 +90,6 @@ pub fn text(record: &Record, seconds: Option<f64>, out: Option<&Path>) -> String
     if let Some(line) = failing_line(record) {
         let _ = writeln!(text, "  {line}");
     }
-    if let Some(line) = moved_line(record) {
-        let _ = writeln!(text, "  {line}");
-    }
     for line in &record.advice {
         let _ = writeln!(text, "  careful: {line}");
     }
@@ -129,18 +126,6 @@ pub(super) fn failing_line(record: &Record) -> Option<String> {
         zero.value,
         significant(failing.log_evidence_if_random_se, 2),
     ))
-}
-
-/// That the samples have other moments than the parameters.
-pub(super) fn moved_line(record: &Record) -> Option<String> {
-    record.moved.map(|by| {
-        format!(
-            "means and intervals are of samples that were moved to moments known better; in samples.csv, draws.csv and figures means \
-             are off by up to {} posterior sds, sds by up to {} %",
-            significant(by.mean, 2),
-            significant(100.0 * by.sd, 2),
-        )
-    })
 }
 
 fn headline(record: &Record, seconds: Option<f64>) -> String {

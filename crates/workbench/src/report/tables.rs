@@ -7,9 +7,7 @@ use smc_calib::trust::limits::khat_in_words;
 use smc_calib::{Coordinate, ShapeSummary};
 
 use super::noise::{beside_markdown, length_unit, noise_line, or_one};
-use super::summary::{
-    OF_TABLE3, failing_line, is_uninformed, moved_line, neck_growth, paper_place,
-};
+use super::summary::{OF_TABLE3, failing_line, is_uninformed, neck_growth, paper_place};
 use crate::careful::{as_far_in_words, counted};
 use crate::input::data_table::quoted;
 use crate::number::{digits_of, shown_unit, significant, with_error};
@@ -183,9 +181,6 @@ pub fn markdown(record: &Record) -> String {
     }
     if let Some(line) = failing_line(record) {
         let _ = writeln!(text, "\n> {}", line.replace("+-", "±"));
-    }
-    if let Some(line) = moved_line(record) {
-        let _ = writeln!(text, "\n> {line}");
     }
     for line in &record.advice {
         let _ = writeln!(text, "\n> {line}");
