@@ -53,8 +53,8 @@ const PATCHES: [Patch; 11] = [
     ),
     (
         "estimate.rs",
-        "(squares / (r * (r - 1)) as f64).max(unknown).sqrt()",
-        "crate::planted::standard_error((squares / (r * (r - 1)) as f64).max(unknown).sqrt(), r)",
+        "(self.wider * squares / (r * (r - 1)) as f64).max(unknown).sqrt()",
+        "crate::planted::standard_error((self.wider * squares / (r * (r - 1)) as f64).max(unknown).sqrt(), r)",
     ),
     (
         "noise_summary.rs",
