@@ -62,9 +62,8 @@ impl Estimator {
         }
     }
 
-    /// Holds the weights to integrals over `d` coordinates, with `far` as far as it takes ([`Samples::held_to`]), where few effective samples
-    /// count as [`few`]; false, and nothing is
-    /// changed, where that would change a weight by too much.
+    /// Holds the weights to integrals over `d` coordinates, with `far` as far as it takes ([`Samples::held_to`]), where few effective
+    /// samples count as [`few`]; false, and nothing is changed, where that would change a weight by too much.
     pub(crate) fn hold_to(&mut self, integrals: Integrals, d: usize, far: bool) -> bool {
         let Self { weights, label, replicates, .. } = &*self;
         let samples = Samples { weights, label, replicates: *replicates };

@@ -139,10 +139,15 @@ impl<'a> Marginal<'a> {
     }
 }
 
+/// Mean and variance.
+pub(crate) fn mean_and_variance(x: &[f64], e: &Estimator) -> (f64, f64) {
+    let mean = e.mean(|i| x[i]);
+    (mean, e.mean(|i| (x[i] - mean).powi(2)).max(0.0))
+}
+
 /// Mean, its standard error, standard deviation, its standard error.
 pub(crate) fn mean_and_sd(x: &[f64], e: &Estimator) -> (f64, f64, f64, f64) {
-    let mean = e.mean(|i| x[i]);
-    let variance = e.mean(|i| (x[i] - mean).powi(2)).max(0.0);
+    let (mean, variance) = mean_and_variance(x, e);
     let sd = variance.sqrt();
     let mean_se = e.standard_error(|i| x[i] - mean);
     let sd_se = if sd > 0.0 {

@@ -5,7 +5,7 @@ use crate::estimate::Estimator;
 use crate::failing::failing;
 use crate::joint::JointProblem;
 use crate::map_search::find_map;
-use crate::marginal::{Marginal, in_si, mean_and_sd};
+use crate::marginal::{Marginal, in_si, mean_and_sd, mean_and_variance};
 use crate::noise_summary::{GroupNoise, Part};
 use crate::path::path;
 use crate::pool::{Pool, effective_sample_size};
@@ -65,6 +65,7 @@ pub(crate) fn summarise(
     let moved = moved(problem, &estimator);
     let of = Of { moved: moved.is_some(), columns: moved.as_ref().unwrap_or(&own) };
     let parameters = of.parameters(problem, pool, &raw, &estimator, &map);
+    let correlated = correlation(&of.columns[1], &estimator);
     let khat = parameters.iter().map(|p| p.khat).fold(f64::NEG_INFINITY, f64::max);
 
     finishing.after_integrals(2, "noise and predictions");
@@ -88,8 +89,8 @@ pub(crate) fn summarise(
         noise: problem.groups[0].noise.clone(),
         settings: settings.clone(),
         samples: samples(pool, &own[0], &estimator, &raw, ln_scale),
-        moved: of.moved.then(|| moved_by(&of.columns[1], &own[1], &estimator)),
-        correlation: correlation(&of.columns[1], &estimator),
+        moved: of.moved.then(|| moved_by((&parameters, &correlated), &own[1], &estimator)),
+        correlation: correlated,
         correlation_si: correlation(&of.columns[0], &estimator),
         log_evidence,
         ess: of_size(effective_sample_size(&raw), n),
@@ -332,20 +333,21 @@ fn moved(problem: &JointProblem<'_>, estimator: &Estimator) -> Option<[Vec<Vec<f
     Some([theta, coordinate])
 }
 
-/// How far columns of the samples, in the coordinates, are from the moments of the moved ones.
-fn moved_by(moved: &[Vec<f64>], own: &[Vec<f64>], e: &Estimator) -> MovedBy {
-    let moments = |x: &[f64]| {
-        let mean = e.mean(|i| x[i]);
-        (mean, e.mean(|i| (x[i] - mean).powi(2)).sqrt())
-    };
+/// How far columns of the samples, in the coordinates, are from the moments and correlations that are reported.
+fn moved_by(
+    (parameters, correlated): (&[ParameterSummary], &[Vec<f64>]),
+    own: &[Vec<f64>],
+    e: &Estimator,
+) -> MovedBy {
     let mut by = MovedBy::default();
-    for (moved, own) in moved.iter().zip(own) {
-        let ((known, known_sd), (mean, sd)) = (moments(moved), moments(own));
-        by.mean = by.mean.max((mean - known).abs() / known_sd);
-        by.sd = by.sd.max((sd / known_sd - 1.0).abs());
+    for (parameter, own) in parameters.iter().zip(own) {
+        let ((mean, variance), known) = (mean_and_variance(own, e), parameter.in_coordinate);
+        by.mean = by.mean.max((mean - known.mean).abs() / known.sd);
+        by.sd = by.sd.max((variance.sqrt() / known.sd - 1.0).abs());
     }
-    let [moved, own] = [moved, own].map(|columns| correlation(columns, e).concat());
-    by.correlation = moved.iter().zip(&own).map(|(m, o)| (m - o).abs()).fold(0.0, f64::max);
+    let own = correlation(own, e).concat();
+    let off = correlated.iter().flatten().zip(own).map(|(known, own)| (known - own).abs());
+    by.correlation = off.fold(0.0, f64::max);
     by
 }
 

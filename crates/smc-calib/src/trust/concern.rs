@@ -5,6 +5,9 @@ use crate::posterior::FailingPlace;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
+/// The remedy of what more simulations mend.
+const MORE: &str = "run more simulations";
+
 /// A reason to be careful with a result.
 ///
 /// [`Concern::what`] says what is wrong and by how much, [`Concern::meaning`] what that means for the result,
@@ -183,6 +186,11 @@ impl Concern {
         matches!(self, Self::ResidualsNotIndependent { lag1, modelled: false, .. } if *lag1 > 0.0)
     }
 
+    /// Whether more simulations are the remedy.
+    pub fn wants_simulations(&self) -> bool {
+        self.remedy() == MORE
+    }
+
     /// The problem and its size.
     pub fn what(&self) -> String {
         match self {
@@ -315,7 +323,7 @@ impl Concern {
             | Self::HighKhat { .. }
             | Self::EvidenceDisagrees { .. }
             | Self::SamplesMoved { .. }
-            | Self::BudgetTooSmall { .. } => "run more simulations",
+            | Self::BudgetTooSmall { .. } => MORE,
             Self::NotInformed { .. } | Self::OrderOfMagnitude { .. } => {
                 "measure where it matters, or give a prior that holds what is known of it"
             }

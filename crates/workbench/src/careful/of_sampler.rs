@@ -35,11 +35,7 @@ fn option(concern: &Concern, asked: Simulations) -> Option<String> {
         return argument(concern, asked);
     }
     match concern {
-        Concern::FewEffectiveSamples { .. }
-        | Concern::HighKhat { .. }
-        | Concern::EvidenceDisagrees { .. }
-        | Concern::SamplesMoved { .. }
-        | Concern::BudgetTooSmall { .. } => {
+        few if few.wants_simulations() => {
             let more = more_than(asked);
             let extend = if asked.of_programs { "--resume" } else { "--continue-from" };
             if asked.extendable {
@@ -67,11 +63,7 @@ fn option(concern: &Concern, asked: Simulations) -> Option<String> {
 /// The argument of a program that calibrates its own function that does what the remedy of a concern says.
 fn argument(concern: &Concern, asked: Simulations) -> Option<String> {
     match concern {
-        Concern::FewEffectiveSamples { .. }
-        | Concern::HighKhat { .. }
-        | Concern::EvidenceDisagrees { .. }
-        | Concern::SamplesMoved { .. }
-        | Concern::BudgetTooSmall { .. } => Some(format!("samples={}", 2 * asked.number)),
+        few if few.wants_simulations() => Some(format!("samples={}", 2 * asked.number)),
         alike if alike.is_alike() => Some("noise=Correlated(s0=ABOUT)".to_owned()),
         Concern::NotAPosterior => Some("noise=Inferred(s0=ABOUT)".to_owned()),
         Concern::AtPriorBound { parameter, bound, .. } => {
