@@ -1,13 +1,17 @@
 //! Error over the number of simulations, from a few dozen to tens of thousands: whether more is always better.
 
+use std::fs::{self, File, OpenOptions};
+use std::io::Write as _;
 use std::path::Path;
+use std::sync::Mutex;
 
 use figures::{Band, Role, WorkPrecisionFigure, WorkPrecisionGrid, WorkPrecisionSeries};
+use serde::{Deserialize, Serialize};
 use smc_calib::Settings;
-use workbench::error::Failure;
+use workbench::error::{Failure, RunError};
 
 use crate::args::BudgetsArgs;
-use crate::cases::{Case, Errors, Run};
+use crate::cases::{Case, Errors};
 use crate::report::{Report, Table, seconds};
 use crate::seeds::over_seeds;
 use crate::small_budget::{problems, rms};
@@ -44,6 +48,7 @@ struct Point {
 
 pub(crate) fn run(args: &BudgetsArgs, out: &Path) -> Result<(), Failure> {
     let mut report = Report::begin(out, "budgets")?;
+    let runs = Runs::open(&report)?;
     let mut table = Table::new(&[
         "problem",
         "simulations",
@@ -59,7 +64,8 @@ pub(crate) fn run(args: &BudgetsArgs, out: &Path) -> Result<(), Failure> {
         let mut points: Vec<Point> = Vec::new();
         for samples in budgets(args.most) {
             eprintln!("{name}, {samples} simulations");
-            let point = Point::of(&case, samples, args.seeds)?;
+            let runs = over_seeds(args.seeds, &|seed| runs.of(&name, &case, samples, seed))?;
+            let point = Point::of(&case, samples, &runs);
             let growth = growth(&points, &point);
             if growth.is_some_and(|ratio| ratio > CLIFF) {
                 let ratio = growth.unwrap_or_default();
@@ -72,7 +78,6 @@ pub(crate) fn run(args: &BudgetsArgs, out: &Path) -> Result<(), Failure> {
             points.push(point);
         }
         curves.push((name, points));
-        // The study takes hours: what is done is there if it is ended.
         report.table(&table)?;
         report.figure("figure", &figure(&curves))?;
         let found = if cliffs.is_empty() {
@@ -98,31 +103,82 @@ fn budgets(most: usize) -> Vec<usize> {
 }
 
 impl Point {
-    fn of(case: &Case, samples: usize, seeds: u64) -> Result<Self, Failure> {
-        let found = over_seeds(seeds, &|seed| {
-            let settings = Settings { seed, ..Settings::for_budget(samples) };
-            let (time_s, run) = Clock::Thread.measure(|| case.sampled(&settings));
-            Ok((time_s, run.ok()))
-        })?;
-        let times_s = found.iter().map(|(time_s, _)| *time_s).collect();
-        let of = |run: &Option<Run>| run.as_ref().map(|r| Errors::of(&case.exact, &r.estimate));
-        let errors: Vec<Option<Errors>> = found.iter().map(|(_, run)| of(run)).collect();
+    fn of(case: &Case, samples: usize, runs: &[Run]) -> Self {
         // A run without an answer counts as much as one that is off by as much as counts.
         let over = |error: &dyn Fn(&Errors) -> f64| {
-            rms(errors.iter().map(|e| e.as_ref().map_or(LARGEST, error)))
+            rms(runs.iter().map(|run| run.errors.as_ref().map_or(LARGEST, error)))
         };
         let worst = |of: &dyn Fn(&Errors, usize) -> f64| {
             (0..case.exact.mean.len()).map(|j| over(&|e| of(e, j))).fold(0.0, f64::max)
         };
-        Ok(Self {
+        Self {
             samples,
             errors: [
                 worst(&|e, j| e.mean[j]),
                 worst(&|e, j| e.sd[j]),
                 over(&|e| e.log_evidence.unwrap_or(f64::NAN)),
             ],
-            time_s: Timing::of(times_s).median_s,
-        })
+            time_s: Timing::of(runs.iter().map(|run| run.time_s).collect()).median_s,
+        }
+    }
+}
+
+/// One run of the study.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Run {
+    problem: String,
+    samples: usize,
+    seed: u64,
+    time_s: f64,
+    /// None where there is no answer.
+    errors: Option<Errors>,
+    revision: String,
+}
+
+/// The runs, kept in `runs.jsonl` beside the report: the study takes hours, and one that is begun again with the same revision goes on.
+struct Runs {
+    revision: String,
+    before: Vec<Run>,
+    file: Mutex<File>,
+}
+
+impl Runs {
+    fn open(report: &Report) -> Result<Self, RunError> {
+        let path = report.path("runs.jsonl");
+        let place = |error| RunError::new(format_args!("{}: {error}", path.display()));
+        let text = fs::read_to_string(&path).unwrap_or_default();
+        let revision = report.revision().to_owned();
+        // A line that a kill has cut is no run.
+        let lines = text.lines().filter_map(|line| serde_json::from_str::<Run>(line).ok());
+        let before: Vec<Run> = lines.filter(|run| run.revision == revision).collect();
+        let mut file = OpenOptions::new().create(true).append(true).open(&path).map_err(place)?;
+        if !text.is_empty() && !text.ends_with('\n') {
+            writeln!(file).map_err(place)?;
+        }
+        Ok(Self { revision, before, file: Mutex::new(file) })
+    }
+
+    fn of(&self, problem: &str, case: &Case, samples: usize, seed: u64) -> Result<Run, RunError> {
+        let same = |run: &&Run| (&*run.problem, run.samples, run.seed) == (problem, samples, seed);
+        if let Some(run) = self.before.iter().find(same) {
+            return Ok(run.clone());
+        }
+        let settings = Settings { seed, ..Settings::for_budget(samples) };
+        let (time_s, found) = Clock::Thread.measure(|| case.sampled(&settings));
+        let errors = found.ok().map(|run| Errors::of(&case.exact, &run.estimate));
+        let finite = |e: &Errors| e.mean.iter().chain(&e.sd).all(|x| x.is_finite());
+        let run = Run {
+            problem: problem.to_owned(),
+            samples,
+            seed,
+            time_s,
+            errors: errors.filter(finite),
+            revision: self.revision.clone(),
+        };
+        let line = serde_json::to_string(&run).map_err(RunError::new)? + "\n";
+        let mut file = self.file.lock().map_err(|_| RunError::new("a thread has ended"))?;
+        file.write_all(line.as_bytes()).map_err(RunError::new)?;
+        Ok(run)
     }
 }
 

@@ -1,6 +1,7 @@
 //! The posteriors that calibration methods are held against: three materials and three reference problems, each
 //! with its exact answer.
 
+use serde::{Deserialize, Serialize};
 use smc_calib::quadrature::{QuadratureSettings, quadrature};
 use smc_calib::reference::{self, Reference};
 use smc_calib::{
@@ -219,7 +220,7 @@ impl Bayes for Case {
 }
 
 /// Errors of an estimate in units of the exact posterior.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Errors {
     /// Per parameter: mean off by so many posterior sds.
     pub(crate) mean: Vec<f64>,

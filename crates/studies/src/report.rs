@@ -45,6 +45,16 @@ impl Report {
         })
     }
 
+    /// Path of a file in the report's folder.
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.folder.join(name)
+    }
+
+    /// Revision of the code that the report is made by.
+    pub(crate) fn revision(&self) -> &str {
+        &self.header.revision
+    }
+
     /// Writes `table.csv`.
     pub(crate) fn table(&self, table: &Table) -> Result<(), RunError> {
         self.write("table.csv", &table.csv(&self.header)?)
