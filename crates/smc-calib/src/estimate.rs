@@ -8,6 +8,7 @@ mod moved;
 
 pub(crate) use self::held::Integrals;
 pub(crate) use self::moved::Axis;
+pub use self::moved::MovedBy;
 
 use self::held::{Known, Samples};
 use crate::cholesky::solve;

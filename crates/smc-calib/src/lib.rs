@@ -58,6 +58,7 @@ pub use calibrate::{calibrate, calibrate_joint};
 pub use density::{DensitySummary, sample_density, sample_density_in};
 pub use design::calibrate_design;
 pub use error::CalibrateError;
+pub use estimate::MovedBy;
 pub use first_proposal::FirstProposal;
 pub use joint::{Group, JointProblem};
 pub use leave_one_out::{LeaveOneOut, LeaveOneOutPoint, leave_one_out, leave_one_out_of};
@@ -68,7 +69,7 @@ pub use noise::{
 pub use observations::{ObservationError, Observations};
 pub use posterior::{
     BandPoint, Counters, Draw, EffectiveSampleSize, Evidence, Failing, FailingPlace, Failure,
-    GroupSummary, Interval, MapPoint, Moments, MovedBy, ParameterSummary, PathParameter, PathPoint,
+    GroupSummary, Interval, MapPoint, Moments, ParameterSummary, PathParameter, PathPoint,
     Posterior, PredictiveCheck, Residuals, Sample, StopReason,
 };
 pub use predictive::{predictive_band, predictive_band_of_group};

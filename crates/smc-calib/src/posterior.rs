@@ -1,8 +1,8 @@
 //! The result of a calibration, as plain data.
 
 use crate::{
-    Coordinate, Noise, NoiseDraw, NoiseShape, Parameter, Settings, ShapeSummary, SigmaSummary,
-    StageRecord,
+    Coordinate, MovedBy, Noise, NoiseDraw, NoiseShape, Parameter, Settings, ShapeSummary,
+    SigmaSummary, StageRecord,
 };
 use serde::{Deserialize, Serialize};
 
@@ -142,10 +142,20 @@ pub struct Sample {
     /// Normalised weight; in sum over the samples it gives the means and covariances of the result, which surrogates know better than
     /// the importance weights do. Of a small budget whose weights cannot give them, `parameters` are of samples that are moved to them.
     pub weight: f64,
+    /// Parameters in SI where the sample was moved to; empty where samples stay where they were simulated.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub moved: Vec<f64>,
     /// Stage that drew it.
     pub stage: usize,
     /// Sub-net that it belongs to.
     pub replicate: usize,
+}
+
+impl Sample {
+    /// Parameters in SI as the summaries have them: [`moved`](Self::moved), or [`theta`](Self::theta) where it was not moved.
+    pub fn estimated(&self) -> &[f64] {
+        if self.moved.is_empty() { &self.theta } else { &self.moved }
+    }
 }
 
 /// One equally weighted posterior draw.
@@ -180,20 +190,6 @@ pub struct Interval {
     pub lower_se: f64,
     /// Monte Carlo standard error of the upper end.
     pub upper_se: f64,
-}
-
-/// How far the moments of a small budget's weighted samples are from those that are known better, in the priors' coordinates: parameters
-/// and correlations are of samples moved to the latter, which no weights of so few samples have; all else is of the samples where they are.
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct MovedBy {
-    /// Largest difference of a mean, in posterior standard deviations.
-    pub mean: f64,
-    /// Largest relative difference of a standard deviation.
-    pub sd: f64,
-    /// Largest difference of a correlation.
-    pub correlation: f64,
 }
 
 /// Moments and intervals of a marginal.

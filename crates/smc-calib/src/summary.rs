@@ -88,7 +88,7 @@ pub(crate) fn summarise(
         is_posterior: !tuned,
         noise: problem.groups[0].noise.clone(),
         settings: settings.clone(),
-        samples: samples(pool, &own[0], &estimator, &raw, ln_scale),
+        samples: samples(pool, [&own[0], of.moved()], &estimator, (&raw, ln_scale)),
         moved: of.moved.then(|| moved_by((&parameters, &correlated), &own[1], &estimator)),
         correlation: correlated,
         correlation_si: correlation(&of.columns[0], &estimator),
@@ -150,6 +150,11 @@ struct Of<'a> {
 }
 
 impl Of<'_> {
+    /// Columns of moved samples, SI; none where they stay where they are.
+    fn moved(&self) -> &[Vec<f64>] {
+        if self.moved { &self.columns[0] } else { &[] }
+    }
+
     /// Summaries of all parameters, each with the k-hat of the weights where that is larger.
     fn parameters(
         &self,
@@ -223,13 +228,13 @@ pub(crate) fn tail(values: &[f64]) -> (f64, f64) {
     (khat, if khat_holds(khat) { 0.0 } else { psis::tail_share(values) })
 }
 
-/// All samples as plain data. `raw` are their importance weights over `exp(ln_scale)`.
+/// All samples as plain data, from the columns of their parameters and of where they were moved to, if they were. `raw` are their
+/// importance weights over `exp(ln_scale)`.
 fn samples(
     pool: &Pool,
-    theta: &[Vec<f64>],
+    [theta, moved]: [&[Vec<f64>]; 2],
     estimator: &Estimator,
-    raw: &[f64],
-    ln_scale: f64,
+    (raw, ln_scale): (&[f64], f64),
 ) -> Vec<Sample> {
     (0..pool.len())
         .into_par_iter()
@@ -240,6 +245,7 @@ fn samples(
             log_likelihood: Some(pool.ln_l[i]).filter(|l| l.is_finite()),
             log_weight: Some(ln_scale + raw[i].ln()).filter(|l| l.is_finite()),
             weight: estimator.weights[i] / estimator.total,
+            moved: moved.iter().map(|t| t[i]).collect(),
             stage: pool.stage[i] as usize,
             replicate: pool.replicate[i] as usize,
         })

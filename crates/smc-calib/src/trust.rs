@@ -14,7 +14,8 @@ pub use concern::Concern;
 
 use self::limits::*;
 use self::modes::two_modes;
-use crate::posterior::{Evidence, Failing, MovedBy, ParameterSummary, Posterior, Residuals};
+use crate::estimate::MovedBy;
+use crate::posterior::{Evidence, Failing, ParameterSummary, Posterior, Residuals};
 use crate::prior::PriorSpec;
 use crate::{Noise, StageRecord};
 use serde::{Deserialize, Serialize};

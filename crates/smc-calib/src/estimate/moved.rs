@@ -5,10 +5,11 @@
 //! `x -> m + L L_w^-1 (x - m_w)`, `C = L L^T`, `C_w = L_w L_w^T`,
 //!
 //! gives those of mean m_w and covariance C_w the known m and C (T. Paananen, J. Piironen, P.-C. Buerkner, A. Vehtari, Stat. Comput. 31
-//! (2021) 16, section 2.2). Only what is said of the parameters is of moved samples: simulations stay where they are.
+//! (2021) 16, section 2.2). What is said of parameters, and of what follows from them, is of moved samples: simulations stay where they are.
 
 use crate::cholesky::{cholesky, lower_times, packed_inverse, whiten};
 use crate::surrogate::monomials;
+use serde::{Deserialize, Serialize};
 
 /// Farthest that a mean is moved, in standard deviations of the samples, and most that a standard deviation changes by.
 const FARTHEST: f64 = 1.0;
@@ -35,6 +36,21 @@ impl Axis {
     fn within(&self, coordinate: f64) -> f64 {
         coordinate.max(self.range[0]).min(self.range[1])
     }
+}
+
+/// How far the moments of a small budget's weighted samples are from those that are known better, in the priors' coordinates: parameters,
+/// correlations and what follows from parameters are of samples moved to the latter, which no weights of so few samples have; draws and
+/// curves are of the samples where they were simulated.
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MovedBy {
+    /// Largest difference of a mean, in posterior standard deviations.
+    pub mean: f64,
+    /// Largest relative difference of a standard deviation.
+    pub sd: f64,
+    /// Largest difference of a correlation.
+    pub correlation: f64,
 }
 
 /// Mean and Cholesky factor of the covariance of d coordinates, from the integrals of 1, x_j and x_i x_j.

@@ -334,6 +334,7 @@ impl Found<'_> {
             log_likelihood: Some(pool.ln_l[i]).filter(|l| l.is_finite()),
             log_weight: Some(ln_scale + self.raw[i].ln()).filter(|l| l.is_finite()),
             weight: estimator.weights[i] / estimator.total,
+            moved: Vec::new(),
             stage: pool.stage[i] as usize,
             replicate: pool.replicate[i] as usize,
         };

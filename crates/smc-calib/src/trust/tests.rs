@@ -26,7 +26,8 @@ fn parameter(name: &str) -> ParameterSummary {
 fn sample(z: f64, weight: f64) -> Sample {
     let (theta, z) = (vec![0.0; 2], vec![z, 0.0]);
     let (log_likelihood, log_weight) = (Some(0.0), Some(0.0));
-    Sample { z, theta, log_likelihood, log_weight, weight, stage: 0, replicate: 0 }
+    let (moved, stage, replicate) = (Vec::new(), 0, 0);
+    Sample { z, theta, log_likelihood, log_weight, weight, moved, stage, replicate }
 }
 
 fn stage(beta: f64) -> StageRecord {

@@ -128,7 +128,7 @@ impl OfPair<'_> {
         let at = |theta: &[f64]| self.model.frozen_contact_ratio(theta).ok().flatten();
         let map = at(&self.posterior.map.theta)?;
         let samples = self.posterior.samples.iter().filter(|sample| sample.weight > 0.0);
-        let values = samples.filter_map(|sample| Some((at(&sample.theta)?, sample.weight)));
+        let values = samples.filter_map(|sample| Some((at(sample.estimated())?, sample.weight)));
         let marginal = Weighted::new(values);
         Some(Derived {
             map,
@@ -156,7 +156,7 @@ impl OfPair<'_> {
         let knees: Vec<(Knee, f64)> = samples
             .iter()
             .filter(|sample| sample.weight > 0.0)
-            .filter_map(|sample| at(&sample.theta).map(|knee| (knee, sample.weight)))
+            .filter_map(|sample| at(sample.estimated()).map(|knee| (knee, sample.weight)))
             .collect();
         let with_knee: f64 = knees.iter().map(|(_, weight)| weight).sum();
         let scene = self.pair.scene()?;

@@ -48,7 +48,7 @@ impl<'a> OfPair<'a> {
     /// Values with the weights of their samples.
     pub(super) fn weighted(&self, value: impl Fn(&[f64]) -> f64) -> Weighted {
         let samples = self.posterior.samples.iter().filter(|sample| sample.weight > 0.0);
-        Weighted::new(samples.map(|sample| (value(&sample.theta), sample.weight)))
+        Weighted::new(samples.map(|sample| (value(sample.estimated()), sample.weight)))
     }
 }
 

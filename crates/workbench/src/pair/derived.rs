@@ -30,7 +30,7 @@ pub(crate) fn estimate(
         .iter()
         .filter(|sample| sample.weight > 0.0)
         .filter_map(|sample| {
-            let value = value(&sample.theta).filter(|value| value.is_finite())?;
+            let value = value(sample.estimated()).filter(|value| value.is_finite())?;
             Some((value, sample.weight, sample.replicate))
         })
         .collect();
@@ -81,13 +81,15 @@ mod tests {
     use crate::watch::Unwatched;
 
     fn posterior(seed: u64) -> Posterior {
-        let options = PairOptions {
-            material: Some(Material::Pa12),
-            kinetics: dem_core::Kinetics::Frenkel,
-            samples: 8192,
-            seed,
-            ..PairOptions::default()
-        };
+        let frenkel = PairOptions { kinetics: dem_core::Kinetics::Frenkel, ..options(8192, seed) };
+        calibrated(&frenkel)
+    }
+
+    fn options(samples: usize, seed: u64) -> PairOptions {
+        PairOptions { material: Some(Material::Pa12), samples, seed, ..PairOptions::default() }
+    }
+
+    fn calibrated(options: &PairOptions) -> Posterior {
         let planned = options.plan().expect("a plan");
         Calibration::run(&planned, &Unwatched::default()).expect("a posterior").posterior
     }
@@ -103,6 +105,22 @@ mod tests {
         assert!((found.probability - 1.0).abs() < 1e-12, "{}", found.probability);
         let ratio = found.se[1] / own.median_se;
         assert!((0.3..3.0).contains(&ratio), "error {} against {}", found.se[1], own.median_se);
+    }
+
+    #[test]
+    fn what_follows_from_the_parameters_of_few_simulations_is_of_the_samples_that_they_are_of() {
+        // Moved to moments that no weights of 40 samples have.
+        let posterior = calibrated(&options(40, 2));
+        assert!(posterior.moved.is_some_and(|by| by.mean > 0.01), "{:?}", posterior.moved);
+        for (j, parameter) in posterior.parameters.iter().enumerate() {
+            let (found, marginal) =
+                estimate(&posterior, |theta| Some(theta[j].log10())).expect("an estimate");
+            let own = &parameter.in_coordinate;
+            let (mean, sd) = marginal.moments();
+            assert!((mean - own.mean).abs() < 1e-9 * own.sd, "{mean} {own:?}");
+            assert!((sd / own.sd - 1.0).abs() < 1e-9, "{sd} {own:?}");
+            assert!((found.median - own.median).abs() < 1e-9 * own.sd, "{found:?} {own:?}");
+        }
     }
 
     #[test]

@@ -26,7 +26,7 @@ pub(crate) fn summary(
     let of = |theta: &[f64]| theta[c1] * theta[delta_c] * theta[delta_c];
     let weighted = |value: &dyn Fn(f64) -> f64| {
         Weighted::new(
-            posterior.samples.iter().map(|sample| (value(of(&sample.theta)), sample.weight)),
+            posterior.samples.iter().map(|sample| (value(of(sample.estimated())), sample.weight)),
         )
     };
     let log10 = weighted(&f64::log10);
