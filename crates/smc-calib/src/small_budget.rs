@@ -47,10 +47,10 @@ impl Points {
     }
 }
 
-/// Lengths over the prior's cube are searched at every stage up to so many samples, and then whenever the number has grown by
-/// this factor.
-const FEW: usize = 128;
-const GROWN: f64 = 1.2;
+/// Covariances are searched at every stage that is not a hunt up to so many samples, and then whenever the number has grown by this
+/// factor.
+const FEW: usize = 64;
+const GROWN: f64 = 1.4;
 /// Nugget of log likelihoods: at the best sample, and per unit of log density below it.
 const NUGGET: [f64; 2] = [0.02, 0.1];
 /// Nugget of curves, in units of their spread: at the best sample, and per unit of distance from its curve.
