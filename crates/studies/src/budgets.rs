@@ -24,10 +24,10 @@ const SOLVED: f64 = 1.0;
 /// Each error counts as this much at most.
 const LARGEST: f64 = 10.0;
 /// Budgets at which the code changes its ways: the first with stages of two, three and four (51, 101, 151, where a process does not run
-/// through all samples either), with covariances not searched at every stage (66), in half as many stages (201), without stacked
+/// through all samples either), with covariances not searched at every stage (128), in half as many stages (201), without stacked
 /// surrogates (301), only in part by a process, and without one.
 const THRESHOLDS: [usize; 8] =
-    [51, 66, 101, 151, 201, 301, Settings::PLAIN, Settings::WHOLLY_PLAIN];
+    [51, 101, 128, 151, 201, 301, Settings::PLAIN, Settings::WHOLLY_PLAIN];
 
 const QUANTITIES: [(&str, &str); 3] =
     [("error of the mean", "posterior sd"), ("error of the sd", ""), ("error of ln Z", "")];
@@ -247,7 +247,7 @@ mod tests {
     #[test]
     fn budgets_double_in_two_steps_and_hold_both_sides_of_every_threshold() {
         let budgets = budgets(4096);
-        assert!(budgets.starts_with(&[32, 48, 50, 51, 64, 65, 66, 96, 100, 101]), "{budgets:?}");
+        assert!(budgets.starts_with(&[32, 48, 50, 51, 64, 96, 100, 101, 127, 128]), "{budgets:?}");
         for threshold in THRESHOLDS.into_iter().filter(|n| *n <= 4096) {
             assert!(budgets.windows(2).any(|pair| pair == [threshold - 1, threshold]));
         }
