@@ -157,7 +157,7 @@ pub(crate) struct SmallBudgetArgs {
 /// Error over the number of simulations.
 #[derive(Debug, Clone, PartialEq, Eq, ArgsOf)]
 pub(crate) struct BudgetsArgs {
-    /// Runs of each number of simulations
+    /// Runs of each number of simulations; those of this commit that are in the output folder are not made again
     #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) seeds: u64,
 

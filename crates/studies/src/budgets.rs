@@ -36,7 +36,8 @@ const TEXT: &str = "\
 Errors of `Settings::for_budget` (root mean square over the seeds, each error counted as 10 at most; mean and sd of the worst parameter) at
 32, 48, 64, 96, ... simulations and on both sides of the thresholds of the code. \"Grows by\" is the largest ratio of an error to the same error at half as
 many simulations (on thresholds, at one fewer), where that is below 1 and above 0.01; it has an uncertainty of about a tenth from 50 seeds and a quarter from 10. Time is the
-processor time of one run with one thread, median, everything beside the simulations of the closed form included.
+processor time of one run with one thread, median, everything beside the simulations of the closed form included. Where the study was ended and
+begun again, its run time and date are those of the last part.
 ";
 
 /// Errors of mean, sd and log evidence, and the time of a run.
@@ -130,16 +131,22 @@ struct Run {
     samples: usize,
     seed: u64,
     time_s: f64,
-    /// None where there is no answer.
+    /// None where there is no answer, or none of some number (JSON has no infinity).
     errors: Option<Errors>,
     revision: String,
 }
 
-/// The runs, kept in `runs.jsonl` beside the report: the study takes hours, and one that is begun again with the same revision goes on.
+/// The runs, kept in `runs.jsonl` beside the report: the study takes hours, and one that is begun again at the same commit goes on.
 struct Runs {
     revision: String,
     before: Vec<Run>,
     file: Mutex<File>,
+}
+
+/// Runs of a commit among the lines of a file; a line that a kill has cut is none.
+fn of_commit(text: &str, commit: &str) -> Vec<Run> {
+    let lines = text.lines().filter_map(|line| serde_json::from_str::<Run>(line).ok());
+    lines.filter(|run| run.revision == commit).collect()
 }
 
 impl Runs {
@@ -147,10 +154,9 @@ impl Runs {
         let path = report.path("runs.jsonl");
         let place = |error| RunError::new(format_args!("{}: {error}", path.display()));
         let text = fs::read_to_string(&path).unwrap_or_default();
-        let revision = report.revision().to_owned();
-        // A line that a kill has cut is no run.
-        let lines = text.lines().filter_map(|line| serde_json::from_str::<Run>(line).ok());
-        let before: Vec<Run> = lines.filter(|run| run.revision == revision).collect();
+        let commit = report.commit();
+        let before = commit.map_or_else(Vec::new, |commit| of_commit(&text, commit));
+        let revision = commit.unwrap_or_default().to_owned();
         let mut file = OpenOptions::new().create(true).append(true).open(&path).map_err(place)?;
         if !text.is_empty() && !text.ends_with('\n') {
             writeln!(file).map_err(place)?;
@@ -242,6 +248,22 @@ mod tests {
         assert_eq!(growth(&before, &point(192, 0.1)), Some(0.5));
         assert_eq!(growth(&before, &point(2048, 6.0)), None);
         assert_eq!(growth(&before, &point(100, 6.0)), None);
+    }
+
+    #[test]
+    fn runs_of_the_same_commit_are_read_back_and_a_line_that_was_cut_is_none() {
+        let run = |seed, revision: &str| Run {
+            problem: "banana".to_owned(),
+            samples: 64,
+            seed,
+            time_s: 0.1,
+            errors: Some(Errors { mean: vec![0.1], sd: vec![-0.2], log_evidence: Some(0.3) }),
+            revision: revision.to_owned(),
+        };
+        let runs = [run(1, "abc"), run(2, "abd"), run(3, "abc")];
+        let lines = runs.each_ref().map(|run| serde_json::to_string(run).expect("JSON") + "\n");
+        let text = lines.concat() + &lines[0][..40];
+        assert_eq!(of_commit(&text, "abc"), [runs[0].clone(), runs[2].clone()]);
     }
 
     #[test]

@@ -14,7 +14,7 @@ use crate::pair::{Calibration, settings};
 use crate::rivals::{Bayes, Estimate};
 
 /// The true posterior.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Exact {
     /// Means in the priors' coordinates.
     pub(crate) mean: Vec<f64>,

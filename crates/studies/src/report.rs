@@ -50,9 +50,9 @@ impl Report {
         self.folder.join(name)
     }
 
-    /// Revision of the code that the report is made by.
-    pub(crate) fn revision(&self) -> &str {
-        &self.header.revision
+    /// Revision of the code that the report is made by; none where it is not that of a commit.
+    pub(crate) fn commit(&self) -> Option<&str> {
+        Some(&*self.header.revision).filter(|revision| !revision.contains(' '))
     }
 
     /// Writes `table.csv`.

@@ -5,7 +5,7 @@
 //! `x -> m + L L_w^-1 (x - m_w)`, `C = L L^T`, `C_w = L_w L_w^T`,
 //!
 //! gives those of mean m_w and covariance C_w the known m and C (T. Paananen, J. Piironen, P.-C. Buerkner, A. Vehtari, Stat. Comput. 31
-//! (2021) 16, section 2.2). What is said of parameters, and of what follows from them, is of moved samples: simulations stay where they are.
+//! (2021) 16, section 2.2). Summaries of parameters, and of what follows from them, are of moved samples: simulations stay where they are.
 
 use crate::cholesky::{cholesky, lower_times, packed_inverse, whiten};
 use crate::surrogate::monomials;
@@ -39,8 +39,8 @@ impl Axis {
 }
 
 /// How far the moments of a small budget's weighted samples are from those that are known better, in the priors' coordinates: parameters,
-/// correlations and what follows from parameters are of samples moved to the latter, which no weights of so few samples have; draws and
-/// curves are of the samples where they were simulated.
+/// correlations and what follows from parameters are of samples moved to the latter, which no weights of so few samples have; draws, curves
+/// and all else are of the samples where they were simulated.
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -279,7 +279,7 @@ impl Concern {
             Self::HighKhat { .. } => "the posterior may be incomplete",
             Self::EvidenceDisagrees { .. } => "part of the posterior may be unseen",
             Self::SamplesMoved { .. } => {
-                "samples, draws, curves, figures and all that is computed from them have the other moments"
+                "samples, draws, curves, figures and predictions have the other moments"
             }
             Self::BudgetTooSmall { reason, .. } => reason,
             Self::NotInformed { bits, .. } if *bits < UNINFORMED_BITS => {

@@ -162,7 +162,8 @@ fn weighted(
     let parameters = posterior.parameters.iter().enumerate().map(|(j, old)| {
         let prior = &old.parameter.prior;
         let column = posterior.samples.iter().zip(&found.weights);
-        let values = Weighted::new(column.map(|(s, w)| (prior.to_coordinate(s.theta[j]), *w)));
+        let values =
+            Weighted::new(column.map(|(s, w)| (prior.to_coordinate(s.estimated()[j]), *w)));
         let si = |p: f64| old.coordinate.theta(values.quantile(p));
         parameter(old, values.moments(), si(0.5), [si(0.025), si(0.975)])
     });
