@@ -182,7 +182,7 @@ mod tests {
     /// Two models with draws of their own: three-stage and three-stage-pokluda of PEEK with correlated errors.
     fn two_models() -> KeptModels {
         let options =
-            PairOptions { material: Some(Material::Peek), samples: 1024, ..PairOptions::default() };
+            PairOptions { material: Some(Material::Peek), samples: 2048, ..PairOptions::default() };
         let noises = [Noise::correlated()];
         let compared =
             Compared::new(&options, &noises, false, TimeScale::ByData, &Unwatched::default());
