@@ -3,9 +3,9 @@
 //! It decides only where samples are placed, and takes noise out of estimates ([`crate::control`]); weights come from
 //! the true likelihood.
 //!
-//! Four covariances are tried, each the same for all columns, and the one of largest marginal likelihood,
-//! times the prior of how its coordinates are mixed and bent, is taken (C. E. Rasmussen, C. K. I. Williams, Gaussian Processes
-//! for Machine Learning (2006), sections 2.7, 4.2 and 5.4):
+//! Four covariances are tried, each the same for all columns, and the one of largest marginal likelihood, times the prior of how its
+//! coordinates are mixed and bent, is taken (C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning (2006),
+//! sections 2.7, 4.2 and 5.4):
 //!
 //! - over normal scores, whitened by the samples' weights: a quadratic whose coefficients are as good as unknown, plus a
 //!   squared exponential, its scale, length and nugget from a small table. Exact for a normal posterior.
@@ -19,8 +19,9 @@
 //! cube, bent ([`metric`]): curves often depend on ratios of parameters, and on one of them at one end of its prior only. Of 100 runs
 //! of 50 simulations of PS, and of PEEK, 26 were off by more than a posterior standard deviation without, 5 and 6 are now.
 //!
-//! Where a covariance is searched, all samples that the process runs through judge it. With the best 80 alone covariances were right for the middle of the posterior and
-//! not for its tails: PS was no closer at 256 simulations than at 100 (means .05 posterior sds, sds 7 %; with all .02 and 2 %).
+//! Where a covariance is searched, all samples that the process runs through judge it. With the best 80 alone covariances were right for
+//! the middle of the posterior and not for its tails: PS was no closer at 256 simulations than at 100 (means .05 posterior sds, sds 7 %;
+//! with all .02 and 2 %).
 //!
 //! Each sample has a nugget of its own: curves far from the data need not be met closely. How large all of them are comes with
 //! the covariance: values of a smooth function are met far closer than those of one with kinks. The error of the process is

@@ -48,8 +48,8 @@ impl Points {
 }
 
 /// Covariances are searched at every stage that is not a hunt up to so many samples, and then whenever the number has grown by this
-/// factor. With 64 and 1.4 one run in ten of 256 simulations of the banana keeps a covariance that is wrong (sd
-/// off by 15 % and more).
+/// factor. With 64 and 1.4 one run in ten of 256 simulations of the banana keeps a covariance that is wrong (sd off by
+/// 15 % and more).
 const FEW: usize = 128;
 const GROWN: f64 = 1.2;
 /// Nugget of log likelihoods: at the best sample, and per unit of log density below it.

@@ -63,9 +63,9 @@ pub(crate) fn summarise(
     finishing.after_integrals(1, "intervals");
     // What is said of the parameters is of the samples where the estimates have them.
     let moved = moved(problem, &estimator);
-    let of = Of { moved: moved.is_some(), columns: moved.as_ref().unwrap_or(&own) };
+    let of = Of { own: &own, moved: moved.as_ref() };
     let parameters = of.parameters(problem, pool, &raw, &estimator, &map);
-    let correlated = correlation(&of.columns[1], &estimator);
+    let correlated = correlation(&of.columns()[1], &estimator);
     let khat = parameters.iter().map(|p| p.khat).fold(f64::NEG_INFINITY, f64::max);
 
     finishing.after_integrals(2, "noise and predictions");
@@ -88,10 +88,10 @@ pub(crate) fn summarise(
         is_posterior: !tuned,
         noise: problem.groups[0].noise.clone(),
         settings: settings.clone(),
-        samples: samples(pool, [&own[0], of.moved()], &estimator, (&raw, ln_scale)),
-        moved: of.moved.then(|| moved_by((&parameters, &correlated), &own[1], &estimator)),
+        samples: samples(pool, &of, &estimator, (&raw, ln_scale)),
+        moved: of.moved.map(|_| moved_by((&parameters, &correlated), &own[1], &estimator)),
         correlation: correlated,
-        correlation_si: correlation(&of.columns[0], &estimator),
+        correlation_si: correlation(&of.columns()[0], &estimator),
         log_evidence,
         ess: of_size(effective_sample_size(&raw), n),
         khat,
@@ -142,17 +142,16 @@ fn draws(chosen: &[usize], noise: Option<&GroupNoise>) -> Vec<Draw> {
     chosen.iter().enumerate().map(draw).collect()
 }
 
-/// Columns of the samples that the parameters are summarised by, SI and coordinate.
+/// Columns of the samples where they were simulated, SI and coordinate, and of where they were moved to, if they were.
 struct Of<'a> {
-    /// Whether they were moved.
-    moved: bool,
-    columns: &'a [Vec<Vec<f64>>; 2],
+    own: &'a [Vec<Vec<f64>>; 2],
+    moved: Option<&'a [Vec<Vec<f64>>; 2]>,
 }
 
 impl Of<'_> {
-    /// Columns of moved samples, SI; none where they stay where they are.
-    fn moved(&self) -> &[Vec<f64>] {
-        if self.moved { &self.columns[0] } else { &[] }
+    /// The columns that the parameters are summarised by.
+    fn columns(&self) -> &[Vec<Vec<f64>>; 2] {
+        self.moved.unwrap_or(self.own)
     }
 
     /// Summaries of all parameters, each with the k-hat of the weights where that is larger.
@@ -166,10 +165,10 @@ impl Of<'_> {
     ) -> Vec<ParameterSummary> {
         let (weight_khat, weight_share) = tail(raw);
         let judged = estimator.judged(raw);
-        let [theta, coordinate] = self.columns;
+        let [theta, coordinate] = self.columns();
         let of_parameter = |j: usize| {
             let parameter = &problem.parameters[j];
-            let z: Vec<f64> = if self.moved {
+            let z: Vec<f64> = if self.moved.is_some() {
                 theta[j].iter().map(|x| parameter.prior.to_z(*x)).collect()
             } else {
                 pool.z.iter().skip(j).step_by(pool.d).copied().collect()
@@ -228,11 +227,10 @@ pub(crate) fn tail(values: &[f64]) -> (f64, f64) {
     (khat, if khat_holds(khat) { 0.0 } else { psis::tail_share(values) })
 }
 
-/// All samples as plain data, from the columns of their parameters and of where they were moved to, if they were. `raw` are their
-/// importance weights over `exp(ln_scale)`.
+/// All samples as plain data. `raw` are their importance weights over `exp(ln_scale)`.
 fn samples(
     pool: &Pool,
-    [theta, moved]: [&[Vec<f64>]; 2],
+    of: &Of<'_>,
     estimator: &Estimator,
     (raw, ln_scale): (&[f64], f64),
 ) -> Vec<Sample> {
@@ -241,11 +239,11 @@ fn samples(
         .with_min_len(256)
         .map(|i| Sample {
             z: pool.point(i).to_vec(),
-            theta: theta.iter().map(|t| t[i]).collect(),
+            theta: of.own[0].iter().map(|t| t[i]).collect(),
             log_likelihood: Some(pool.ln_l[i]).filter(|l| l.is_finite()),
             log_weight: Some(ln_scale + raw[i].ln()).filter(|l| l.is_finite()),
             weight: estimator.weights[i] / estimator.total,
-            moved: moved.iter().map(|t| t[i]).collect(),
+            moved: of.moved.iter().flat_map(|[theta, _]| theta).map(|t| t[i]).collect(),
             stage: pool.stage[i] as usize,
             replicate: pool.replicate[i] as usize,
         })

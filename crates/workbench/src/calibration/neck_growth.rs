@@ -8,6 +8,7 @@ use super::of_pair::{OfPair, simulation_failure};
 use crate::careful::Careful;
 use crate::error::Failure;
 use crate::input::material::Material;
+use crate::pair::derived::{of_samples, weighted};
 use crate::pair::frenkel_fit;
 use crate::pair::parameter::ParameterName;
 use crate::pair::product;
@@ -127,9 +128,7 @@ impl OfPair<'_> {
     fn freezes_at(&self) -> Option<Derived> {
         let at = |theta: &[f64]| self.model.frozen_contact_ratio(theta).ok().flatten();
         let map = at(&self.posterior.map.theta)?;
-        let samples = self.posterior.samples.iter().filter(|sample| sample.weight > 0.0);
-        let values = samples.filter_map(|sample| Some((at(sample.estimated())?, sample.weight)));
-        let marginal = Weighted::new(values);
+        let marginal = weighted(self.posterior, at);
         Some(Derived {
             map,
             median: marginal.quantile(0.5),
@@ -151,13 +150,9 @@ impl OfPair<'_> {
             (knee.has_zipping && knee.has_stretching).then_some(Knee { time_s, ..knee })
         };
         let Some(at_map) = at(&self.posterior.map.theta) else { return Ok(None) };
-        let samples = &self.posterior.samples;
-        let total: f64 = samples.iter().map(|sample| sample.weight).sum();
-        let knees: Vec<(Knee, f64)> = samples
-            .iter()
-            .filter(|sample| sample.weight > 0.0)
-            .filter_map(|sample| at(sample.estimated()).map(|knee| (knee, sample.weight)))
-            .collect();
+        let total: f64 = self.posterior.samples.iter().map(|sample| sample.weight).sum();
+        let knees: Vec<(Knee, f64)> =
+            of_samples(self.posterior, at).map(|(knee, sample)| (knee, sample.weight)).collect();
         let with_knee: f64 = knees.iter().map(|(_, weight)| weight).sum();
         let scene = self.pair.scene()?;
         // The paper's pair in the clock of this table.

@@ -4,6 +4,7 @@ use dem_core::Sintering;
 use smc_calib::{Parameter, Posterior, Problem, Settings, SimError, Weighted, calibrate};
 
 use crate::error::{Failure, InputError, RunError};
+use crate::pair::derived::weighted;
 use crate::pair::model::NeckGrowth;
 use crate::plan::{ObservablePlan, PairPlan, Plan};
 
@@ -47,8 +48,7 @@ impl<'a> OfPair<'a> {
 
     /// Values with the weights of their samples.
     pub(super) fn weighted(&self, value: impl Fn(&[f64]) -> f64) -> Weighted {
-        let samples = self.posterior.samples.iter().filter(|sample| sample.weight > 0.0);
-        Weighted::new(samples.map(|sample| (value(sample.estimated()), sample.weight)))
+        weighted(self.posterior, |theta| Some(value(theta)))
     }
 }
 

@@ -1,9 +1,7 @@
 //! Quantities that follow from the parameters, under the posterior, with Monte Carlo errors.
 
 use serde::Serialize;
-use smc_calib::Posterior;
-
-use smc_calib::Weighted;
+use smc_calib::{Posterior, Sample, Weighted};
 
 /// Median and 95 % interval of a quantity, and how far the next seed may be from them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -20,19 +18,29 @@ pub struct Estimate {
     pub se: [f64; 3],
 }
 
+/// What follows from the parameters of each sample that has weight, as the summaries have them, with the sample; without those of which
+/// it does not exist.
+pub(crate) fn of_samples<T>(
+    posterior: &Posterior,
+    of: impl Fn(&[f64]) -> Option<T>,
+) -> impl Iterator<Item = (T, &Sample)> {
+    let samples = posterior.samples.iter().filter(|sample| sample.weight > 0.0);
+    samples.filter_map(move |sample| Some((of(sample.estimated())?, sample)))
+}
+
+/// A quantity of each sample that has it, with its weight.
+pub(crate) fn weighted(posterior: &Posterior, value: impl Fn(&[f64]) -> Option<f64>) -> Weighted {
+    Weighted::new(of_samples(posterior, value).map(|(value, sample)| (value, sample.weight)))
+}
+
 /// The quantity `value` under a posterior, with its weighted samples; none where no sample has it.
 pub(crate) fn estimate(
     posterior: &Posterior,
     value: impl Fn(&[f64]) -> Option<f64>,
 ) -> Option<(Estimate, Weighted)> {
-    let values: Vec<(f64, f64, usize)> = posterior
-        .samples
-        .iter()
-        .filter(|sample| sample.weight > 0.0)
-        .filter_map(|sample| {
-            let value = value(sample.estimated()).filter(|value| value.is_finite())?;
-            Some((value, sample.weight, sample.replicate))
-        })
+    let finite = |theta: &[f64]| value(theta).filter(|value| value.is_finite());
+    let values: Vec<(f64, f64, usize)> = of_samples(posterior, finite)
+        .map(|(value, sample)| (value, sample.weight, sample.replicate))
         .collect();
     if values.is_empty() {
         return None;

@@ -3,6 +3,7 @@
 use smc_calib::normal::{self, Tails};
 use smc_calib::{Posterior, Prior};
 
+use crate::pair::derived::weighted;
 use crate::pair::parameter::ParameterName;
 use crate::plan::{PairPlan, Plan};
 use crate::record::ProductSummary;
@@ -24,14 +25,9 @@ pub(crate) fn summary(
     let place = |model| plan.parameters.iter().position(|p| p.name == pair.calibrated(model));
     let (c1, delta_c) = (place(ParameterName::C1)?, place(ParameterName::DeltaC)?);
     let of = |theta: &[f64]| theta[c1] * theta[delta_c] * theta[delta_c];
-    let weighted = |value: &dyn Fn(f64) -> f64| {
-        Weighted::new(
-            posterior.samples.iter().map(|sample| (value(of(sample.estimated())), sample.weight)),
-        )
-    };
-    let log10 = weighted(&f64::log10);
+    let log10 = weighted(posterior, |theta| Some(of(theta).log10()));
     let prior = ProductPrior::new(&plan.parameters[c1].prior, &plan.parameters[delta_c].prior);
-    let scores = weighted(&|value| prior.score(value));
+    let scores = weighted(posterior, |theta| Some(prior.score(of(theta))));
     let (mean_log10, sd_log10) = log10.moments();
     let paper = pair.material.map(|material| {
         let si = material.table3_sintering();
