@@ -104,7 +104,7 @@ fn a_bent_valley_is_known_far_better_after_a_thousand_simulations_than_by_their_
 }
 
 #[test]
-#[ignore = "long: run by .ci/run"]
+#[ignore = "longer: run by .ci/long"]
 fn two_thousand_simulations_that_a_process_begins_are_as_close_as_they_can_be() {
     // Of the default sampler alone (4 seeds): .006, .02, .004 and .01, .01, .01.
     for reference in [reference::banana(), reference::bounded_ridge(), reference::two_modes()] {

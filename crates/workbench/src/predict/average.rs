@@ -178,17 +178,22 @@ mod tests {
     use crate::report::TimeScale;
     use crate::watch::Unwatched;
     use smc_calib::{Noise, Weighted};
+    use std::sync::LazyLock;
 
-    /// Two models with draws of their own: three-stage and three-stage-pokluda of PEEK with correlated errors.
+    /// Two models with draws of their own: three-stage and three-stage-pokluda of PEEK with correlated errors, calibrated once for
+    /// all tests.
     fn two_models() -> KeptModels {
-        let options =
-            PairOptions { material: Some(Material::Peek), samples: 2048, ..PairOptions::default() };
-        let noises = [Noise::correlated()];
-        let compared =
-            Compared::new(&options, &noises, false, TimeScale::ByData, &Unwatched::default());
-        let mut kept = compared.expect("a comparison").kept.remove(0);
-        kept.models.truncate(2);
-        kept
+        static KEPT: LazyLock<KeptModels> = LazyLock::new(|| {
+            let material = Some(Material::Peek);
+            let options = PairOptions { material, samples: 2048, ..PairOptions::default() };
+            let noises = [Noise::correlated()];
+            let compared =
+                Compared::new(&options, &noises, false, TimeScale::ByData, &Unwatched::default());
+            let mut kept = compared.expect("a comparison").kept.remove(0);
+            kept.models.truncate(2);
+            kept
+        });
+        KEPT.clone()
     }
 
     #[test]
