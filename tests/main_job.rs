@@ -53,7 +53,7 @@ fn each_material_at_the_default_budget_agrees_with_quadrature() {
 
 /// A thousand simulations, placed by the surrogate, against quadrature. The default sampler has no answer there.
 #[test]
-#[ignore = "long: run by .ci/run"]
+#[ignore = "longer: run by .ci/long"]
 fn each_material_at_a_thousand_simulations_agrees_with_quadrature() {
     for material in ["ps", "pa12", "peek"] {
         let sandbox = Sandbox::new();

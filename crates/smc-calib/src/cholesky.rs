@@ -3,23 +3,33 @@
 //! Written here because their bits are part of every result: samples are placed and weighted by these factors, and
 //! another order of the sums would move them.
 
-use crate::lanes::LANES;
+use crate::lanes::{LANES, wide};
 
 /// Lower Cholesky factor of a symmetric matrix (row by row), or none where it is not positive definite.
 pub(crate) fn cholesky(matrix: &[f64], d: usize) -> Option<Vec<f64>> {
-    factor(matrix, d, |a, b| a.iter().zip(b).map(|(a, b)| a * b).sum(), positive_root)
+    let mut l = vec![0.0; d * d];
+    for i in 0..d {
+        let (above, row) = l.split_at_mut(i * d);
+        for j in 0..=i {
+            let before = if j < i { &above[j * d..j * d + j] } else { &row[..j] };
+            let dot: f64 = row[..j].iter().zip(before).map(|(a, b)| a * b).sum();
+            let rest = matrix[i * d + j] - dot;
+            row[j] = if j < i { rest / above[j * d + j] } else { positive_root(i, rest)? };
+        }
+    }
+    Some(l)
 }
 
 /// The same of a large matrix, with sums in several lanes.
 pub(crate) fn large_cholesky(matrix: &[f64], n: usize) -> Option<Vec<f64>> {
-    factor(matrix, n, dot, positive_root)
+    factor(matrix, n, positive_root)
 }
 
 /// Lower factor of a large positive semidefinite matrix. A row whose rest by those above is no more than its `rounding` depends on
 /// them alone.
 pub(crate) fn semidefinite_cholesky(matrix: &[f64], n: usize, rounding: &[f64]) -> Vec<f64> {
     let root = |i: usize, rest: f64| Some(if rest > rounding[i] { rest.sqrt() } else { 0.0 });
-    factor(matrix, n, dot, root).unwrap_or_default()
+    factor(matrix, n, root).unwrap_or_default()
 }
 
 /// Square root of what is left of a diagonal element; none where it is not positive.
@@ -47,25 +57,137 @@ pub(crate) fn lower_times(factor: &[f64], x: &[f64]) -> Vec<f64> {
     rows.map(|(i, row)| dot(&row[..=i], &x[..=i])).collect()
 }
 
+/// Rows that a factor gains together, and blocks of columns that are solved for together.
+const ROWS: usize = 4;
+const BLOCKS: usize = 2;
+
 /// Lower factor whose diagonal elements are the `root`s of what is left of the matrix there; a row of root zero has no part in others.
-fn factor(
-    matrix: &[f64],
-    d: usize,
-    dot: impl Fn(&[f64], &[f64]) -> f64,
-    root: impl Fn(usize, f64) -> Option<f64>,
-) -> Option<Vec<f64>> {
-    let mut l = vec![0.0; d * d];
-    for i in 0..d {
-        let (above, row) = l.split_at_mut(i * d);
-        for j in 0..i {
-            let pivot = above[j * d + j];
-            if pivot > 0.0 {
-                row[j] = (matrix[i * d + j] - dot(&row[..j], &above[j * d..j * d + j])) / pivot;
+///
+/// In panels of [`LANES`] columns: sums over the columns before a panel are those of several rows at a time. Every element is what the
+/// [`dot`] of the two rows before it leaves, to the bit.
+fn factor(matrix: &[f64], n: usize, root: impl Fn(usize, f64) -> Option<f64>) -> Option<Vec<f64>> {
+    wide(
+        #[inline(always)]
+        || {
+            let mut l = vec![0.0; n * n];
+            for start in (0..n).step_by(LANES) {
+                let end = (start + LANES).min(n);
+                for i in start..end {
+                    let (above, row) = l.split_at_mut(i * n);
+                    let panel = Panel { n, start, rows: &above[start * n..] };
+                    panel.columns::<1>(&matrix[i * n..], row);
+                    row[i] = root(i, matrix[i * n + i] - dot(&row[..i], &row[..i]))?;
+                }
+                let (above, rows) = l.split_at_mut(end * n);
+                let panel = Panel { n, start, rows: &above[start * n..] };
+                let below = rows.chunks_mut(ROWS * n).zip(matrix[end * n..].chunks(ROWS * n));
+                for (rows, matrix) in below {
+                    if rows.len() == ROWS * n {
+                        panel.columns::<ROWS>(matrix, rows);
+                    } else {
+                        let each = rows.chunks_mut(n).zip(matrix.chunks(n));
+                        each.for_each(|(row, matrix)| panel.columns::<1>(matrix, row));
+                    }
+                }
+            }
+            Some(l)
+        },
+    )
+}
+
+/// Rows of a factor of n columns whose diagonal elements are from column `start` on, at most [`LANES`].
+struct Panel<'a> {
+    n: usize,
+    start: usize,
+    rows: &'a [f64],
+}
+
+impl Panel<'_> {
+    /// Fills the columns of these rows' diagonal elements in R further rows.
+    #[inline(always)]
+    fn columns<const R: usize>(&self, matrix: &[f64], rows: &mut [f64]) {
+        let Self { n, start, rows: panel } = *self;
+        let mut sums = [[0.0; R]; LANES];
+        let mut before = rows.chunks(n).map(|row| row[..start].as_chunks::<LANES>().0);
+        let before: [_; R] = std::array::from_fn(|_| before.next().unwrap_or_default());
+        for (pivots, sums) in panel.chunks_exact(n).zip(&mut sums) {
+            let mut lanes = [[0.0; LANES]; R];
+            for (k, b) in pivots[..start].as_chunks::<LANES>().0.iter().enumerate() {
+                for r in 0..R {
+                    let a = &before[r][k];
+                    for l in 0..LANES {
+                        lanes[r][l] += a[l] * b[l];
+                    }
+                }
+            }
+            *sums = lanes.map(|lanes| lanes.iter().sum());
+        }
+        let mut values = [[0.0; R]; LANES];
+        for (j, pivots) in panel.chunks_exact(n).enumerate() {
+            let pivots = &pivots[start..=start + j];
+            let mut rest = [0.0; R];
+            for (value, pivot) in values.iter().zip(&pivots[..j]) {
+                for r in 0..R {
+                    rest[r] += value[r] * pivot;
+                }
+            }
+            if pivots[j] > 0.0 {
+                for r in 0..R {
+                    let left = matrix[r * n + start + j] - (sums[j][r] + rest[r]);
+                    values[j][r] = left / pivots[j];
+                    rows[r * n + start + j] = values[j][r];
+                }
             }
         }
-        row[i] = root(i, matrix[i * d + i] - dot(&row[..i], &row[..i]))?;
     }
-    Some(l)
+}
+
+/// `factor^-1 values` of n rows, the factor lower triangular; both row by row.
+pub(crate) fn lower_solve(factor: &[f64], mut values: Vec<f64>, n: usize) -> Vec<f64> {
+    let m = values.len() / n;
+    wide(
+        #[inline(always)]
+        || {
+            for from in (0..m).step_by(BLOCKS * LANES) {
+                if m - from > LANES {
+                    solve_columns::<BLOCKS>(factor, &mut values, n, from);
+                } else {
+                    solve_columns::<1>(factor, &mut values, n, from);
+                }
+            }
+        },
+    );
+    values
+}
+
+/// The same of at most W blocks of [`LANES`] columns.
+#[inline(always)]
+fn solve_columns<const W: usize>(factor: &[f64], values: &mut [f64], n: usize, from: usize) {
+    let m = values.len() / n;
+    let mut blocks = vec![[[0.0; LANES]; W]; n];
+    for (row, blocks) in values.chunks_exact(m).zip(&mut blocks) {
+        blocks.as_flattened_mut().iter_mut().zip(&row[from..]).for_each(|(b, v)| *b = *v);
+    }
+    for (i, l) in factor.chunks_exact(n).enumerate() {
+        let (before, rest) = blocks.split_at_mut(i);
+        let mut value = rest[0];
+        for (l, other) in l.iter().zip(before) {
+            for w in 0..W {
+                for c in 0..LANES {
+                    value[w][c] -= l * other[w][c];
+                }
+            }
+        }
+        for w in 0..W {
+            for c in 0..LANES {
+                value[w][c] /= l[i];
+            }
+        }
+        rest[0] = value;
+    }
+    for (row, blocks) in values.chunks_exact_mut(m).zip(&blocks) {
+        row[from..].iter_mut().zip(blocks.as_flattened()).for_each(|(v, b)| *v = *b);
+    }
 }
 
 /// Inverse of a lower triangular factor, lower triangle packed row by row.
@@ -163,5 +285,74 @@ pub(crate) fn whiten(z: &[f64], centre: &[f64], inverse: &[f64], out: &mut [f64]
     for i in 0..z.len() {
         out[i] = (0..=i).map(|j| inverse[row + j] * (z[j] - centre[j])).sum();
         row += i + 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stream::{Purpose, normals, stream};
+
+    /// Products of the rows of n random points in `rank` dimensions, with so much more on the diagonal.
+    fn products(n: usize, rank: usize, more: f64) -> Vec<f64> {
+        let points = normals(n * rank, &mut stream(n as u64, Purpose::Errors, 0, 0));
+        let mut matrix = vec![0.0; n * n];
+        for (i, a) in points.chunks_exact(rank).enumerate() {
+            for (j, b) in points.chunks_exact(rank).enumerate() {
+                matrix[i * n + j] = dot(a, b) + if i == j { more } else { 0.0 };
+            }
+        }
+        matrix
+    }
+
+    #[test]
+    fn a_factor_in_panels_has_the_bits_of_one_element_by_element() {
+        for n in 1..=45 {
+            for (rank, more) in [(n, 0.1), (n.div_ceil(2), 0.0)] {
+                let matrix = products(n, rank, more);
+                let rounding = vec![1e-9; n];
+                let mut exact = vec![0.0; n * n];
+                for i in 0..n {
+                    for j in 0..=i {
+                        let before = dot(&exact[i * n..i * n + j], &exact[j * n..j * n + j]);
+                        let rest = matrix[i * n + j] - before;
+                        exact[i * n + j] = match exact[j * n + j] {
+                            _ if i == j => {
+                                if rest > rounding[i] {
+                                    rest.sqrt()
+                                } else {
+                                    0.0
+                                }
+                            }
+                            pivot if pivot > 0.0 => rest / pivot,
+                            _ => 0.0,
+                        };
+                    }
+                }
+                assert_eq!(semidefinite_cholesky(&matrix, n, &rounding), exact, "{n} {rank}");
+                let found = large_cholesky(&matrix, n);
+                assert!(rank < n || found == Some(exact), "{n}");
+            }
+        }
+        assert_eq!(large_cholesky(&[1.0, 2.0, 2.0, 1.0], 2), None);
+    }
+
+    #[test]
+    fn systems_that_are_solved_together_have_the_bits_of_one_at_a_time() {
+        for (n, m) in (1..=20).flat_map(|n| (1..=35).map(move |m| (n, m))) {
+            let factor = large_cholesky(&products(n, n, 0.1), n).expect("definite");
+            let values = normals(n * m, &mut stream(m as u64, Purpose::Errors, 0, 0));
+            let mut exact = values.clone();
+            for i in 0..n {
+                for c in 0..m {
+                    let mut value = exact[i * m + c];
+                    for k in 0..i {
+                        value -= factor[i * n + k] * exact[k * m + c];
+                    }
+                    exact[i * m + c] = value / factor[i * n + i];
+                }
+            }
+            assert_eq!(lower_solve(&factor, values, n), exact, "{n} {m}");
+        }
     }
 }

@@ -5,7 +5,7 @@
 
 use crate::cholesky::{cholesky, packed_inverse};
 use crate::cloud::{Cloud, Gaussian};
-use crate::lanes::{LANES, exp_of_nonpositive, ln_of_positive};
+use crate::lanes::{LANES, exp_of_nonpositive, ln_of_positive, wide};
 use crate::stream::{Purpose, stream};
 use rand::RngExt;
 use rayon::prelude::*;
@@ -169,14 +169,16 @@ impl Cloud {
     /// Weight times responsibility of each component, block of points by block of points, component by component
     /// within; the mean log density.
     fn expect(&self, mixture: &Mixture, shares: &mut [f64]) -> f64 {
-        // Wider instructions where the machine has them; the same sums in the same order.
-        pulp::Arch::new().dispatch(|| match self.d {
-            1 => self.expect_of::<1>(mixture, shares),
-            2 => self.expect_of::<2>(mixture, shares),
-            3 => self.expect_of::<3>(mixture, shares),
-            4 => self.expect_of::<4>(mixture, shares),
-            _ => self.expect_of::<0>(mixture, shares),
-        })
+        wide(
+            #[inline(always)]
+            || match self.d {
+                1 => self.expect_of::<1>(mixture, shares),
+                2 => self.expect_of::<2>(mixture, shares),
+                3 => self.expect_of::<3>(mixture, shares),
+                4 => self.expect_of::<4>(mixture, shares),
+                _ => self.expect_of::<0>(mixture, shares),
+            },
+        )
     }
 
     /// D is the dimension where it is known at compile time, else 0.
@@ -248,13 +250,16 @@ impl Cloud {
 
     /// Weights, means and covariances from the components' shares, covariances shrunk towards a K-th of the cloud.
     fn maximise(&self, mixture: &mut Mixture, shares: &[f64]) {
-        pulp::Arch::new().dispatch(|| match self.d {
-            1 => self.maximise_of::<1>(mixture, shares),
-            2 => self.maximise_of::<2>(mixture, shares),
-            3 => self.maximise_of::<3>(mixture, shares),
-            4 => self.maximise_of::<4>(mixture, shares),
-            _ => self.maximise_of::<0>(mixture, shares),
-        });
+        wide(
+            #[inline(always)]
+            || match self.d {
+                1 => self.maximise_of::<1>(mixture, shares),
+                2 => self.maximise_of::<2>(mixture, shares),
+                3 => self.maximise_of::<3>(mixture, shares),
+                4 => self.maximise_of::<4>(mixture, shares),
+                _ => self.maximise_of::<0>(mixture, shares),
+            },
+        );
     }
 
     #[inline(always)]

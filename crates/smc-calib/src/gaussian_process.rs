@@ -33,17 +33,18 @@ mod metric;
 mod search;
 mod signs;
 
-use self::kernel::{Fit, Kernel, Samples, Shape};
+use self::kernel::{Fit, Kernel, Points, Samples, Shape};
 use crate::cholesky::{dot, narrow, whiten, whitening};
 use crate::normal;
+use rayon::prelude::*;
 
 /// Columns of numbers as a function of normal scores.
 #[derive(Clone, Debug)]
 pub(crate) struct GaussianProcess {
     d: usize,
     pub covariance: Found,
-    /// Samples in its coordinates, row by row and [extended](Kernel::extend), and the coefficients of each, one per column.
-    points: Vec<f64>,
+    /// Samples in its coordinates, [extended](Kernel::extend), and the coefficients of each, one per column.
+    points: Points,
     coefficients: Vec<f64>,
     /// All covariances that were tried: the smooth one, and those whose lengths were searched, in the order of [`SEARCHED`].
     pub found: Vec<Option<Found>>,
@@ -158,12 +159,13 @@ impl GaussianProcess {
             let (centre, inverse) = whitening(d, data.z, data.weights)?;
             let smooth =
                 found(Place::Whitened(centre, inverse), &|samples| samples.smooth_kernel(m, size));
-            let rest = SEARCHED.iter().enumerate().map(|(k, (place, shape))| {
+            let rest = SEARCHED.par_iter().enumerate().map(|(k, (place, shape))| {
                 found(place.clone(), &|samples| match data.covariance {
                     Covariance::Known(known) => Some(known.get(k + 1)?.as_ref()?.kernel.clone()),
                     _ => samples.searched_kernel(m, *shape, size, *place == Place::Cube),
                 })
             });
+            let rest: Vec<_> = rest.collect();
             let all: Vec<_> = [smooth].into_iter().chain(rest).collect();
             tried = all.iter().map(|f| f.as_ref().map(|(_, (found, _))| found.clone())).collect();
             // Of equal ones the first.
@@ -214,7 +216,7 @@ impl GaussianProcess {
 
     /// Covariances of coordinates x with all samples.
     fn covariances(&self, x: &[f64]) -> Vec<f64> {
-        let mut covariances = vec![0.0; self.points.len() / (2 * self.d)];
+        let mut covariances = vec![0.0; self.factor.len().isqrt()];
         self.covariance.kernel.row(x, &self.points, &mut covariances);
         covariances
     }
@@ -232,10 +234,9 @@ impl GaussianProcess {
     /// Variance of the process at z, in squared units of the columns: `k(z, z) - |L^-1 k|^2` (section 2.2 of the same).
     pub(crate) fn variance(&self, z: &[f64]) -> f64 {
         let x = self.coordinates(z);
-        let mut variance = [0.0];
-        self.covariance.kernel.row(&x, &x, &mut variance);
+        let variance = self.covariance.kernel.between(&x, &x);
         let solved = self.solved(&x);
-        (variance[0] - solved.iter().map(|s| s * s).sum::<f64>()).max(0.0)
+        (variance - solved.iter().map(|s| s * s).sum::<f64>()).max(0.0)
     }
 }
 
@@ -372,11 +373,7 @@ mod tests {
         let at = |z: &[f64]| process.coordinates(z);
         let (a, b, x) = (at(&z[..2]), at(&z[2..]), at(&[0.2, -0.6]));
         let nugget = (1e-3 * kernel.nugget).powi(2_i32);
-        let of = |a: &[f64], b: &[f64]| {
-            let mut one = [0.0];
-            kernel.row(a, b, &mut one);
-            one[0]
-        };
+        let of = |a: &[f64], b: &[f64]| kernel.between(a, b);
         let (aa, bb) = (of(&a, &a) + nugget, of(&b, &b) + nugget);
         let (ab, ax, bx) = (of(&a, &b), of(&a, &x), of(&b, &x));
         let explained = (bb * ax * ax - 2.0 * ab * ax * bx + aa * bx * bx) / (aa * bb - ab * ab);

@@ -6,6 +6,24 @@
 /// Number of values that are computed together; sums run in this many lanes, in a fixed order.
 pub(crate) const LANES: usize = 8;
 
+/// What this work gives, by wider instructions where the machine has them: bits are the same, as no product is fused with a sum.
+/// Only what is inlined into the work gains by it.
+pub(crate) fn wide<R>(work: impl FnMut() -> R) -> R {
+    pulp::Arch::new().dispatch(Wide(work))
+}
+
+/// As a closure of its own it would be called through a function of the narrow instructions.
+struct Wide<F>(F);
+
+impl<R, F: FnMut() -> R> pulp::NullaryFnOnce for Wide<F> {
+    type Output = R;
+
+    #[inline(always)]
+    fn call(mut self) -> R {
+        (self.0)()
+    }
+}
+
 /// exp(x) for x not above 0; numbers below -700 count as -700.
 #[inline(always)]
 pub(crate) fn exp_of_nonpositive(x: f64) -> f64 {

@@ -1,6 +1,7 @@
 //! Errors of a process: from column to column, and at many points together.
 
 use super::GaussianProcess;
+use super::kernel::Points;
 use crate::cholesky::{dot, semidefinite_cholesky};
 
 /// Variance, over that of the process at the same point before any sample, up to which rounding can have made it.
@@ -64,11 +65,11 @@ impl GaussianProcess {
         let m = z.len() / d;
         let x = self.coordinates(z);
         let solved: Vec<Vec<f64>> = x.chunks_exact(2 * d).map(|x| self.solved(x)).collect();
+        let points = Points::new(2 * d, &x);
         let mut covariance = vec![0.0; m * m];
         let mut rounding = vec![0.0; m];
         for (a, row) in covariance.chunks_exact_mut(m).enumerate() {
-            let points = &x[..2 * (a + 1) * d];
-            self.covariance.kernel.row(&points[2 * a * d..], points, &mut row[..=a]);
+            self.covariance.kernel.row(&x[2 * a * d..][..2 * d], &points, &mut row[..=a]);
             rounding[a] = ROUNDING * row[a];
             for (c, solved_b) in row.iter_mut().zip(&solved[..=a]) {
                 *c -= dot(&solved[a], solved_b);

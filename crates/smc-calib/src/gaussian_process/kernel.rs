@@ -1,8 +1,8 @@
 //! Covariances of a Gaussian process, their evidence, and the fit of one.
 
 use super::metric::Metric;
-use crate::cholesky::{large_cholesky, packed_inverse};
-use crate::lanes::{LANES, exp_of_nonpositive};
+use crate::cholesky::{large_cholesky, lower_solve, packed_inverse};
+use crate::lanes::{LANES, exp_of_nonpositive, wide};
 use rayon::prelude::*;
 
 /// Candidates for the squared exponential's standard deviation and length, the latter in standard deviations of the
@@ -52,36 +52,72 @@ impl Kernel {
         extended
     }
 
-    /// Covariances of a with points, row by row, all of them [extended](Self::extend).
-    pub(super) fn row(&self, a: &[f64], points: &[f64], out: &mut [f64]) {
+    /// Covariance of two points, both [extended](Self::extend).
+    pub(super) fn between(&self, a: &[f64], b: &[f64]) -> f64 {
+        let mut covariance = [0.0];
+        self.row(a, &Points::new(b.len(), b), &mut covariance);
+        covariance[0]
+    }
+
+    /// Covariances of a, [extended](Self::extend), with the first points, as many as there is room for.
+    pub(super) fn row(&self, a: &[f64], points: &Points, out: &mut [f64]) {
         let (size, variance) = (self.size, self.scale * self.scale);
-        match self.shape {
-            Shape::Matern => each(a, points, out, |dot, square| {
-                let s = (5.0 * square).sqrt();
-                size * dot + variance * (1.0 + s + s * s / 3.0) * exp_of_nonpositive(-s)
-            }),
-            Shape::SquaredExponential => each(a, points, out, |dot, square| {
-                size * dot * dot + variance * exp_of_nonpositive(-0.5 * square)
-            }),
-        }
+        wide(
+            #[inline(always)]
+            || match self.shape {
+                Shape::Matern => points.each(a, out, |dot, square| {
+                    let s = (5.0 * square).sqrt();
+                    size * dot + variance * (1.0 + s + s * s / 3.0) * exp_of_nonpositive(-s)
+                }),
+                Shape::SquaredExponential => points.each(a, out, |dot, square| {
+                    size * dot * dot + variance * exp_of_nonpositive(-0.5 * square)
+                }),
+            },
+        );
     }
 }
 
-/// `covariance(1 + a b, |a' - b'|^2)` of a with points b, row by row, each followed by its a' or b', in lanes.
-fn each(a: &[f64], points: &[f64], out: &mut [f64], covariance: impl Fn(f64, f64) -> f64) {
-    let (own, measured) = a.split_at(a.len() / 2);
-    for (points, out) in points.chunks(LANES * a.len()).zip(out.chunks_mut(LANES)) {
-        let (mut dots, mut squares) = ([1.0; LANES], [0.0; LANES]);
-        for (k, b) in points.chunks_exact(a.len()).enumerate() {
-            let (own_b, measured_b) = b.split_at(own.len());
-            for (((a, b), m), n) in own.iter().zip(own_b).zip(measured).zip(measured_b) {
-                let step = m - n;
-                dots[k] += a * b;
-                squares[k] += step * step;
-            }
+/// Points, each [extended](Kernel::extend): numbers in each, and blocks of [`LANES`] points, number by number within.
+#[derive(Clone, Debug)]
+pub(super) struct Points(usize, Vec<f64>);
+
+impl Points {
+    /// From rows of `width` numbers.
+    pub(super) fn new(width: usize, rows: &[f64]) -> Self {
+        let count = rows.len() / width;
+        let mut blocks = vec![0.0; count.next_multiple_of(LANES) * width];
+        for (i, row) in rows.chunks_exact(width).enumerate() {
+            let block = &mut blocks[i / LANES * LANES * width..];
+            row.iter().enumerate().for_each(|(j, x)| block[j * LANES + i % LANES] = *x);
         }
-        let values: [f64; LANES] = std::array::from_fn(|k| covariance(dots[k], squares[k]));
-        out.copy_from_slice(&values[..out.len()]);
+        Self(width, blocks)
+    }
+
+    /// The first `count` points, row by row, without what distances are measured in.
+    pub(super) fn own(&self, count: usize) -> Vec<f64> {
+        let Self(width, blocks) = self;
+        let at = |i: usize| &blocks[i / LANES * LANES * width + i % LANES..];
+        (0..count).flat_map(|i| (0..width / 2).map(move |j| at(i)[j * LANES])).collect()
+    }
+
+    /// `covariance(1 + a b, |a' - b'|^2)` of a with these points b, each followed by its a' or b', in lanes.
+    #[inline(always)]
+    fn each(&self, a: &[f64], out: &mut [f64], covariance: impl Fn(f64, f64) -> f64) {
+        let Self(width, blocks) = self;
+        let (own, measured) = a.split_at(width / 2);
+        for (block, out) in blocks.chunks_exact(LANES * width).zip(out.chunks_mut(LANES)) {
+            let (own_b, measured_b) = block.as_chunks::<LANES>().0.split_at(own.len());
+            let (mut dots, mut squares) = ([1.0; LANES], [0.0; LANES]);
+            for (((a, b), m), n) in own.iter().zip(own_b).zip(measured).zip(measured_b) {
+                for l in 0..LANES {
+                    let step = m - n[l];
+                    dots[l] += a * b[l];
+                    squares[l] += step * step;
+                }
+            }
+            let values: [f64; LANES] = std::array::from_fn(|l| covariance(dots[l], squares[l]));
+            out.copy_from_slice(&values[..out.len()]);
+        }
     }
 }
 
@@ -125,8 +161,7 @@ impl Samples<'_> {
 
 /// What the evidence of one kernel takes: half of the way to the process.
 pub(super) struct HalfFit {
-    /// Samples, row by row, each [extended](Kernel::extend).
-    points: Vec<f64>,
+    points: Points,
     /// Lower Cholesky factor L of the covariance, row by row.
     factor: Vec<f64>,
     /// `L^-1 values`, row by row.
@@ -137,25 +172,16 @@ impl HalfFit {
     pub(super) fn new(samples: &Samples<'_>, k: &Kernel) -> Option<Self> {
         let Samples { d, points, values, nuggets } = *samples;
         let n = nuggets.len();
-        let m = values.len() / n;
-        let points = k.extended(points, d);
+        let rows = k.extended(points, d);
+        let points = Points::new(2 * d, &rows);
         let mut matrix = vec![0.0; n * n];
-        for i in 0..n {
-            let before = &points[..2 * (i + 1) * d];
-            k.row(&before[2 * i * d..], before, &mut matrix[i * n..=i * n + i]);
+        for (i, row) in rows.chunks_exact(2 * d).enumerate() {
+            k.row(row, &points, &mut matrix[i * n..=i * n + i]);
             let nugget = k.nugget * nuggets[i].min(NEAR) + (nuggets[i] - NEAR).max(0.0);
             matrix[i * n + i] = matrix[i * n + i] * (1.0 + 1e-11) + nugget * nugget;
         }
         let factor = large_cholesky(&matrix, n)?;
-        let mut solved = values.to_vec();
-        for i in 0..n {
-            let (before, rest) = solved.split_at_mut(i * m);
-            let row = &mut rest[..m];
-            for (l, other) in factor[i * n..].iter().zip(before.chunks_exact(m)) {
-                row.iter_mut().zip(other).for_each(|(r, o)| *r -= l * o);
-            }
-            row.iter_mut().for_each(|r| *r /= factor[i * n + i]);
-        }
+        let solved = lower_solve(&factor, values.to_vec(), n);
         Some(Self { points, factor, solved })
     }
 
@@ -169,8 +195,7 @@ impl HalfFit {
 
 /// The process with one kernel.
 pub(super) struct Fit {
-    /// Samples, row by row, each [extended](Kernel::extend).
-    pub(super) points: Vec<f64>,
+    pub(super) points: Points,
     pub(super) coefficients: Vec<f64>,
     /// Lower Cholesky factor of the covariance, row by row.
     pub(super) factor: Vec<f64>,

@@ -56,10 +56,8 @@ impl GaussianProcess {
         lengths.iter_mut().for_each(|length| *length *= times_as_long);
         let values = lower_times(&self.factor, &self.solved_values());
         let nuggets = vec![nugget; values.len()];
-        let d = self.d;
-        let points: Vec<f64> =
-            self.points.chunks_exact(2 * d).flat_map(|both| both[..d].iter().copied()).collect();
-        let samples = Samples { d, points: &points, values: &values, nuggets: &nuggets };
+        let points = self.points.own(values.len());
+        let samples = Samples { d: self.d, points: &points, values: &values, nuggets: &nuggets };
         let fit = Fit::new(&samples, &longer.covariance.kernel)?;
         (longer.points, longer.coefficients, longer.factor) =
             (fit.points, fit.coefficients, fit.factor);
@@ -127,11 +125,7 @@ mod tests {
             let place = |z: f64| process.coordinates(&[z]);
             let points = [place(-0.4), place(0.7)];
             let kernel = &process.covariance.kernel;
-            let of = |a: &[f64], b: &[f64]| {
-                let mut one = [0.0];
-                kernel.row(a, b, &mut one);
-                one[0]
-            };
+            let of = |a: &[f64], b: &[f64]| kernel.between(a, b);
             let noisy = |a: usize| of(&points[a], &points[a]) + (0.1 * kernel.nugget).powi(2_i32);
             let z = [-0.9, -0.2, 0.0, 0.3, 0.6, 1.4];
             let draws = process.draws_of_signs(&z, DRAWS, &mut stream(1, Purpose::Errors, 0, 0));

@@ -11,7 +11,7 @@ use super::rule::{Lane, gauss_legendre, ln_sum_exp};
 use super::scale::DistanceScale;
 use super::student::student_constants;
 use crate::Observations;
-use crate::lanes::{LANES, ln_of_positive};
+use crate::lanes::{LANES, ln_of_positive, wide};
 
 /// Shortest correlation length, as a share of the range of the observations; the longest is the range.
 const SHORTEST: f64 = 0.01;
@@ -208,11 +208,14 @@ impl Correlated {
 
     /// Log likelihood of the curve.
     pub(crate) fn ln_joint(&self, values: &[f64], outputs: &[f64]) -> f64 {
-        pulp::Arch::new().dispatch(|| {
-            let mut terms = vec![[0.0; LANES]; self.nodes.len().div_ceil(LANES)];
-            self.terms(values, outputs, &mut terms);
-            self.constants[self.rows - 1] + ln_sum_exp(&terms)
-        })
+        wide(
+            #[inline(always)]
+            || {
+                let mut terms = vec![[0.0; LANES]; self.nodes.len().div_ceil(LANES)];
+                self.terms(values, outputs, &mut terms);
+                self.constants[self.rows - 1] + ln_sum_exp(&terms)
+            },
+        )
     }
 
     /// Log of prior weight times density of every node, without the constant.
@@ -233,22 +236,25 @@ impl Correlated {
 
     /// Log likelihood of the first 1, 2, .. observations.
     pub(crate) fn ln_cumulative(&self, values: &[f64], outputs: &[f64], cumulative: &mut [f64]) {
-        pulp::Arch::new().dispatch(|| {
-            let blocks = self.nodes.len().div_ceil(LANES);
-            let mut state = vec![([0.0; LANES], [0.0; LANES]); blocks];
-            let mut terms = vec![[0.0; LANES]; blocks];
-            for k in 0..self.rows {
-                let residual = values[k] - outputs[k];
-                for (b, (expected, sum)) in state.iter_mut().enumerate() {
-                    advance(&self.steps[b * self.rows + k], residual, expected, sum);
+        wide(
+            #[inline(always)]
+            || {
+                let blocks = self.nodes.len().div_ceil(LANES);
+                let mut state = vec![([0.0; LANES], [0.0; LANES]); blocks];
+                let mut terms = vec![[0.0; LANES]; blocks];
+                for k in 0..self.rows {
+                    let residual = values[k] - outputs[k];
+                    for (b, (expected, sum)) in state.iter_mut().enumerate() {
+                        advance(&self.steps[b * self.rows + k], residual, expected, sum);
+                    }
+                    let ln = match self.powers.get(k) {
+                        Some(power) => self.ln_sum_of_powers(k, power, &state, &mut terms),
+                        None => self.ln_sum_of_logs(k, &state, &mut terms),
+                    };
+                    cumulative[k] = self.constants[k] + ln;
                 }
-                let ln = match self.powers.get(k) {
-                    Some(power) => self.ln_sum_of_powers(k, power, &state, &mut terms),
-                    None => self.ln_sum_of_logs(k, &state, &mut terms),
-                };
-                cumulative[k] = self.constants[k] + ln;
-            }
-        });
+            },
+        );
     }
 
     /// Log of the sum over the nodes of weight times `(1 + S/(nu0 s0^2))^(-(nu0 + k)/2)`, by logarithms.

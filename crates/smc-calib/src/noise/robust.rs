@@ -13,7 +13,7 @@
 use super::NoiseError;
 use super::rule::{Lane, ln_sum_exp};
 use crate::Observations;
-use crate::lanes::{LANES, exp_of_nonpositive, ln_of_positive};
+use crate::lanes::{LANES, exp_of_nonpositive, ln_of_positive, wide};
 use crate::normal::{self, LN_SQRT_2PI};
 use statrs::function::gamma::ln_gamma;
 
@@ -101,19 +101,23 @@ impl Robust {
     /// Log likelihood of the curve.
     pub(crate) fn ln_joint(&self, values: &[f64], outputs: &[f64]) -> f64 {
         let squares = squares(values, outputs);
-        pulp::Arch::new().dispatch(|| {
-            let bounds: Vec<f64> = (0..self.sigma.len()).map(|b| self.bound(b, &squares)).collect();
-            let best = (0..bounds.len())
-                .max_by(|a, b| bounds[*a].total_cmp(&bounds[*b]).then(b.cmp(a)))
-                .unwrap_or_default();
-            let first = self.terms(best, &squares);
-            let floor = first.iter().copied().fold(f64::NEG_INFINITY, f64::max) - DEPTH;
-            let mut terms = vec![first];
-            for b in (0..bounds.len()).filter(|b| *b != best && bounds[*b] > floor) {
-                terms.push(self.terms(b, &squares));
-            }
-            ln_sum_exp(&terms) - self.rows as f64 * LN_SQRT_2PI
-        })
+        wide(
+            #[inline(always)]
+            || {
+                let bounds: Vec<f64> =
+                    (0..self.sigma.len()).map(|b| self.bound(b, &squares)).collect();
+                let best = (0..bounds.len())
+                    .max_by(|a, b| bounds[*a].total_cmp(&bounds[*b]).then(b.cmp(a)))
+                    .unwrap_or_default();
+                let first = self.terms(best, &squares);
+                let floor = first.iter().copied().fold(f64::NEG_INFINITY, f64::max) - DEPTH;
+                let mut terms = vec![first];
+                for b in (0..bounds.len()).filter(|b| *b != best && bounds[*b] > floor) {
+                    terms.push(self.terms(b, &squares));
+                }
+                ln_sum_exp(&terms) - self.rows as f64 * LN_SQRT_2PI
+            },
+        )
     }
 
     /// No log density of a block is above this: of the two parts of each error's density the larger one.
@@ -158,11 +162,14 @@ impl Robust {
     /// Log likelihood of the first 1, 2, .. observations.
     pub(crate) fn ln_cumulative(&self, values: &[f64], outputs: &[f64], cumulative: &mut [f64]) {
         let squares = squares(values, outputs);
-        pulp::Arch::new().dispatch(|| {
-            if !self.ln_of_products(&squares, cumulative) {
-                self.ln_of_logs(&squares, cumulative);
-            }
-        });
+        wide(
+            #[inline(always)]
+            || {
+                if !self.ln_of_products(&squares, cumulative) {
+                    self.ln_of_logs(&squares, cumulative);
+                }
+            },
+        );
     }
 
     /// By products of densities that are kept relative to their sum; false where one of them leaves the range of numbers,
@@ -223,8 +230,10 @@ impl Robust {
     /// Every sigma with its posterior probability given the curve.
     pub(crate) fn posterior(&self, values: &[f64], outputs: &[f64]) -> Vec<(f64, f64)> {
         let squares = squares(values, outputs);
-        let terms: Vec<Lane> = pulp::Arch::new()
-            .dispatch(|| (0..self.sigma.len()).map(|b| self.terms(b, &squares)).collect());
+        let terms: Vec<Lane> = wide(
+            #[inline(always)]
+            || (0..self.sigma.len()).map(|b| self.terms(b, &squares)).collect(),
+        );
         let total = ln_sum_exp(&terms);
         let sigmas = self.sigma.iter().flatten();
         sigmas.zip(terms.iter().flatten()).map(|(s, term)| (*s, (term - total).exp())).collect()

@@ -81,7 +81,7 @@ fn the_answer_does_not_depend_on_whether_the_earlier_posterior_is_right() {
 }
 
 #[test]
-#[ignore = "long: run by .ci/run"]
+#[ignore = "longer: run by .ci/long"]
 fn sixty_runs_find_the_posterior_from_a_right_and_from_a_wrong_one() {
     for (off, width) in [(0.0, 1.0), (3.0, 1.0), (30.0, 0.3)] {
         let (rms, _) = errors(&Settings::for_budget(60), 8, off, width);

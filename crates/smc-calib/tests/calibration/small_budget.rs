@@ -40,6 +40,11 @@ fn a_hundred_simulations_find_narrow_posteriors_that_the_default_sampler_misses(
         let plain = errors(&reference, &default, 5);
         assert!(plain[0] > 10.0 * placed[0], "{d}: {plain:?} {placed:?}");
     }
+}
+
+#[test]
+#[ignore = "longer: run by .ci/long"]
+fn a_hundred_simulations_find_bent_cut_and_heavy_posteriors() {
     // One run in sixteen can decide.
     for (reference, most) in [
         (reference::banana(), [0.03, 0.07, 0.01]),
@@ -320,7 +325,7 @@ fn three_hundred_simulations_of_an_easy_problem_are_enough_and_right() {
 }
 
 #[test]
-#[ignore = "long: run by .ci/run"]
+#[ignore = "longer: run by .ci/long"]
 fn failing_simulations_do_not_stop_a_small_budget() {
     // A third of the prior cannot be simulated; the posterior ends at its edge.
     let simulator = FnSimulator::new(2, 12, |p: &[f64], out: &mut [f64]| {
