@@ -307,7 +307,7 @@ mod tests {
 
     #[test]
     fn a_factor_in_panels_has_the_bits_of_one_element_by_element() {
-        for n in 1..=45 {
+        for n in 1..=45_usize {
             for (rank, more) in [(n, 0.1), (n.div_ceil(2), 0.0)] {
                 let matrix = products(n, rank, more);
                 let rounding = vec![1e-9; n];
