@@ -316,16 +316,13 @@ mod tests {
                     for j in 0..=i {
                         let before = dot(&exact[i * n..i * n + j], &exact[j * n..j * n + j]);
                         let rest = matrix[i * n + j] - before;
-                        exact[i * n + j] = match exact[j * n + j] {
-                            _ if i == j => {
-                                if rest > rounding[i] {
-                                    rest.sqrt()
-                                } else {
-                                    0.0
-                                }
-                            }
-                            pivot if pivot > 0.0 => rest / pivot,
-                            _ => 0.0,
+                        let pivot = exact[j * n + j];
+                        exact[i * n + j] = if i == j && rest > rounding[i] {
+                            rest.sqrt()
+                        } else if i > j && pivot > 0.0 {
+                            rest / pivot
+                        } else {
+                            0.0
                         };
                     }
                 }
