@@ -1,10 +1,9 @@
 //! Correlated errors: an independent part beside an Ornstein-Uhlenbeck process.
 //!
-//! `e = sqrt(1 - w) u + sqrt(w) n`, both of variance sigma^2: covariance `sigma^2 K`,
-//! `K_ij = w [i = j] + (1 - w) exp(-|s_i - s_j|/l)`, with the distance measured in s. Given the correlation length l and
-//! the white share w, the Kalman filter whitens the residuals (G. E. Uhlenbeck, L. S. Ornstein, Phys. Rev. 36 (1930) 823;
-//! J. Durbin, S. J. Koopman, Time Series Analysis by State Space Methods (2012), chapter 4); its gains do not depend on the
-//! curve. sigma^2 is integrated out as for independent errors, l and w by quadrature.
+//! `e = sqrt(1 - w) u + sqrt(w) n`, both of variance sigma^2: covariance `sigma^2 K`, `K_ij = w [i = j] + (1 - w) exp(-|s_i - s_j|/l)`,
+//! with the distance measured in s. Given the correlation length l and the white share w, the Kalman filter whitens the residuals
+//! (G. E. Uhlenbeck, L. S. Ornstein, Phys. Rev. 36 (1930) 823; J. Durbin, S. J. Koopman, Time Series Analysis by State Space Methods
+//! (2012), chapter 4); its gains do not depend on the curve. sigma^2 is integrated out as for independent errors, l and w by quadrature.
 
 use super::NoiseError;
 use super::rule::{Lane, gauss_legendre, ln_sum_exp};
@@ -210,19 +209,16 @@ impl Correlated {
     pub(crate) fn ln_joint(&self, values: &[f64], outputs: &[f64]) -> f64 {
         wide(
             #[inline(always)]
-            || {
-                let mut terms = vec![[0.0; LANES]; self.nodes.len().div_ceil(LANES)];
-                self.terms(values, outputs, &mut terms);
-                self.constants[self.rows - 1] + ln_sum_exp(&terms)
-            },
+            || self.constants[self.rows - 1] + ln_sum_exp(&self.terms(values, outputs)),
         )
     }
 
     /// Log of prior weight times density of every node, without the constant.
     #[inline(always)]
-    fn terms(&self, values: &[f64], outputs: &[f64], terms: &mut [Lane]) {
+    fn terms(&self, values: &[f64], outputs: &[f64]) -> Vec<Lane> {
+        let mut terms = vec![[0.0; LANES]; self.nodes.len().div_ceil(LANES)];
         let power = 0.5 * (self.nu0 + self.rows as f64);
-        for (steps, terms) in self.steps.chunks_exact(self.rows).zip(terms) {
+        for (steps, terms) in self.steps.chunks_exact(self.rows).zip(&mut terms) {
             let (mut expected, mut sum) = ([0.0; LANES], [0.0; LANES]);
             for ((step, value), output) in steps.iter().zip(values).zip(outputs) {
                 advance(step, value - output, &mut expected, &mut sum);
@@ -232,6 +228,7 @@ impl Correlated {
                 *t = scale - power * ln_one_plus(s / self.sum0);
             }
         }
+        terms
     }
 
     /// Log likelihood of the first 1, 2, .. observations.
@@ -239,13 +236,12 @@ impl Correlated {
         wide(
             #[inline(always)]
             || {
-                let blocks = self.nodes.len().div_ceil(LANES);
-                let mut state = vec![([0.0; LANES], [0.0; LANES]); blocks];
-                let mut terms = vec![[0.0; LANES]; blocks];
+                let mut terms = vec![[0.0; LANES]; self.nodes.len().div_ceil(LANES)];
+                let mut state = vec![([0.0; LANES], [0.0; LANES]); terms.len()];
                 for k in 0..self.rows {
-                    let residual = values[k] - outputs[k];
                     for (b, (expected, sum)) in state.iter_mut().enumerate() {
-                        advance(&self.steps[b * self.rows + k], residual, expected, sum);
+                        let step = &self.steps[b * self.rows + k];
+                        advance(step, values[k] - outputs[k], expected, sum);
                     }
                     let ln = match self.powers.get(k) {
                         Some(power) => self.ln_sum_of_powers(k, power, &state, &mut terms),
@@ -270,8 +266,7 @@ impl Correlated {
         ln_sum_exp(terms)
     }
 
-    /// The same by multiplications, four times faster: for whole nu0, and few enough observations that no number leaves the
-    /// range.
+    /// The same by multiplications, four times faster: for whole nu0, and few enough observations that no number leaves the range.
     #[inline(always)]
     fn ln_sum_of_powers(
         &self,
@@ -315,8 +310,7 @@ impl Correlated {
 
     /// Posterior probability of every node given the curve, and its sum of squares of whitened residuals.
     pub(crate) fn posterior(&self, values: &[f64], outputs: &[f64]) -> Vec<(f64, f64)> {
-        let mut terms = vec![[0.0; LANES]; self.nodes.len().div_ceil(LANES)];
-        self.terms(values, outputs, &mut terms);
+        let terms = self.terms(values, outputs);
         let total = ln_sum_exp(&terms);
         let power = 0.5 * (self.nu0 + self.rows as f64);
         let last = |j: usize| self.steps[j / LANES * self.rows + self.rows - 1].ln_scale[j % LANES];
