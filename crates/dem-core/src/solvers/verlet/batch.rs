@@ -6,6 +6,7 @@ use super::pair::{Pair, Scheme};
 use crate::kinetics::{RateCoefficients, WithLaw, with_law};
 use crate::lanes::{F64x8, Lanes, WIDTH};
 use crate::{Kinetic, Kinetics, PairScene, Sintering, SolveError, SolveReport, SolverSettings};
+use std::marker::PhantomData;
 
 /// Contact ratios of many parameter vectors by the Verlet solver, eight at a time in the lanes of the
 /// processor's vectors; the same bits as one by one.
@@ -34,11 +35,17 @@ pub fn verlet_batch(
     impl WithLaw for Work<'_> {
         type Output = Vec<Result<SolveReport, SolveError>>;
         fn run<K: Kinetic>(self) -> Self::Output {
-            let Self { scene, sinterings, solver, times_s, contact_ratio } = self;
-            pulp::Arch::new().dispatch(
-                #[inline(always)]
-                || run_lanes::<K>(scene, sinterings, &solver, times_s, contact_ratio),
-            )
+            pulp::Arch::new().dispatch(InLanes::<K>(self, PhantomData))
+        }
+    }
+    /// As a closure the work would be called through a function of the narrow instructions.
+    struct InLanes<'a, K>(Work<'a>, PhantomData<K>);
+    impl<K: Kinetic> pulp::NullaryFnOnce for InLanes<'_, K> {
+        type Output = Vec<Result<SolveReport, SolveError>>;
+        #[inline(always)]
+        fn call(self) -> Self::Output {
+            let Work { scene, sinterings, solver, times_s, contact_ratio } = self.0;
+            run_lanes::<K>(scene, sinterings, &solver, times_s, contact_ratio)
         }
     }
     crate::solvers::entry::check_times(times_s)?;
