@@ -158,6 +158,13 @@ impl Sample {
     }
 }
 
+impl Posterior {
+    /// Parameters of a draw in SI: those of its sample, [`estimated`](Sample::estimated).
+    pub fn theta(&self, draw: &Draw) -> &[f64] {
+        self.samples[draw.sample].estimated()
+    }
+}
+
 /// One equally weighted posterior draw.
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

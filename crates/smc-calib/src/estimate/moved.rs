@@ -39,8 +39,8 @@ impl Axis {
 }
 
 /// How far the moments of a small budget's weighted samples are from those that are known better, in the priors' coordinates: parameters,
-/// correlations and what follows from parameters are of samples moved to the latter, which no weights of so few samples have; draws, curves
-/// and all else are of the samples where they were simulated.
+/// correlations, draws and what follows from parameters are of samples moved to the latter, which no weights of so few samples have; outputs
+/// are those of the samples where they were simulated.
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -91,8 +91,11 @@ fn bands(of: &OfPair<'_>, on_grid: &NeckGrowth) -> Result<Bands, Failure> {
     let mut distinct: Vec<usize> = draws.iter().map(|&(sample, _)| sample).collect();
     distinct.sort_unstable();
     distinct.dedup();
-    let thetas: Vec<f64> =
-        distinct.iter().flat_map(|&sample| &posterior.samples[sample].theta).copied().collect();
+    let thetas: Vec<f64> = distinct
+        .iter()
+        .flat_map(|&sample| posterior.samples[sample].estimated())
+        .copied()
+        .collect();
     let mut outputs = vec![0.0; distinct.len() * points];
     let results = on_grid.simulate_batch(0, &thetas, &mut outputs);
     let errors = Errors::new(of)?;
@@ -184,7 +187,7 @@ impl Errors {
     ) -> Vec<[f64; 2]> {
         let (Some(likelihood), Some(noise)) = (&self.0, noise) else { return Vec::new() };
         let mut curve = vec![0.0; of.measured.values.len()];
-        match of.model.simulate(&of.posterior.samples[sample].theta, &mut curve) {
+        match of.model.simulate(of.posterior.samples[sample].estimated(), &mut curve) {
             Ok(()) => likelihood.errors_at(&noise, &curve, times),
             Err(_) => Vec::new(),
         }

@@ -76,7 +76,7 @@ impl KeptModel {
     pub(super) fn of(calibration: &Calibration, noise: &str) -> Result<Self, InputError> {
         let Calibration { record, posterior } = calibration;
         let draws = &posterior.draws;
-        let thetas = || draws.iter().map(|draw| &posterior.samples[draw.sample].theta);
+        let thetas = || draws.iter().map(|draw| posterior.theta(draw));
         let outliers = match draws.first().and_then(|draw| draw.shape) {
             Some(NoiseShape::Robust { outlier_share, outlier_width }) => {
                 Some([outlier_share, outlier_width])

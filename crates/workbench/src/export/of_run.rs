@@ -4,7 +4,7 @@
 //! random stream of its own, each with noise drawn for its curve), taken at even steps, in an order that means nothing. There
 //! are no more of them than the effective sample size, so that programs that count draws do not see more than there is.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
 use campaign::Contents;
@@ -26,7 +26,7 @@ use crate::output::CAMPAIGN;
 use crate::pair::parameter::ParameterName;
 use crate::plan::{noise_in_words, prior_in_words, run_number};
 use crate::record::{self, Record};
-use crate::report::{DrawColumns, read_samples};
+use crate::report::{DrawColumns, SampleColumns, read_samples};
 
 /// Number of draws of the prior.
 const PRIOR_DRAWS: usize = 1000;
@@ -48,7 +48,7 @@ impl Groups {
         let folder = folder_of(&file);
         refuse_tuned(&record, &run.display().to_string())?;
         let draws = DrawColumns::read(&record, folder)?;
-        let weights = read_samples(&record, folder)?.weights;
+        let samples = read_samples(&record, folder)?;
         let runs = folder.join(CAMPAIGN);
         let contents = match runs.is_dir() {
             true => Some(campaign::contents(&runs).map_err(|error| refused(folder, error))?),
@@ -57,7 +57,7 @@ impl Groups {
         let replay = Replay::new(&record.plan, contents.as_ref(), given_up::read(&runs))?;
         let replay = replay.with_kept(folder)?.all_in();
         let curves = Curves { replay, placed: placed(contents.as_ref()) };
-        OfRun::new(&record, &draws, &weights, &curves)?.groups()
+        OfRun::new(&record, &draws, &samples, &curves)?.groups()
     }
 
     /// Of a calibration in memory, whose experiments are all built in.
@@ -69,10 +69,10 @@ impl Groups {
         let Calibration { record, posterior } = calibration;
         refuse_tuned(record, &record.plan.name)?;
         let draws = DrawColumns::of(posterior, record.observables().count());
-        let weights: Vec<f64> = posterior.samples.iter().map(|sample| sample.weight).collect();
+        let samples = SampleColumns::of(posterior);
         let replay = Replay::new(&record.plan, None, given_up::GivenUp::default())?;
         let curves = Curves { replay, placed: HashMap::new() };
-        OfRun::new(record, &draws, &weights, &curves)?.groups()
+        OfRun::new(record, &draws, &samples, &curves)?.groups()
     }
 }
 
@@ -136,6 +136,8 @@ struct OfRun<'a> {
     thetas: Vec<Vec<f64>>,
     /// Sample of each draw.
     samples: Vec<usize>,
+    /// Parameters that it was simulated at, which the draw may have been moved from.
+    placed: Vec<Vec<f64>>,
     /// Weight of that sample.
     weights: Vec<f64>,
     /// Simulated values of each draw; none where those of one are not known.
@@ -156,26 +158,29 @@ impl<'a> OfRun<'a> {
     fn new(
         record: &'a Record,
         draws: &DrawColumns,
-        weights: &[f64],
+        of_all: &SampleColumns,
         curves: &Curves<'_>,
     ) -> Result<Self, InputError> {
         let chosen = chosen(record, draws.samples.len());
         let theta = |k: &usize| draws.parameters.iter().map(|column| column[*k]).collect();
         let thetas: Vec<Vec<f64>> = chosen.iter().map(theta).collect();
         let samples: Vec<usize> = chosen.iter().map(|k| draws.samples[*k]).collect();
-        let simulated: BTreeMap<usize, &[f64]> =
-            samples.iter().zip(&thetas).map(|(sample, theta)| (*sample, &theta[..])).collect();
-        let simulated: Option<HashMap<usize, Vec<f64>>> = simulated
+        // Draws are of samples that there are, which was made sure of where both were read.
+        let placed = |sample: usize| -> Vec<f64> {
+            of_all.parameters.iter().map(|column| column[sample]).collect()
+        };
+        let distinct: BTreeSet<usize> = samples.iter().copied().collect();
+        let simulated: Option<HashMap<usize, Vec<f64>>> = distinct
             .into_par_iter()
-            .map(|(sample, theta)| Some((sample, curves.of(sample, theta)?)))
+            .map(|sample| Some((sample, curves.of(sample, &placed(sample))?)))
             .collect();
-        let weight = |sample: &usize| weights.get(*sample).copied().unwrap_or(f64::NAN);
         Ok(Self {
             record,
             observed: observed(record, draws, &chosen)?,
             of: draws.samples.len(),
             curves: simulated.map(|of| samples.iter().map(|sample| of[sample].clone()).collect()),
-            weights: samples.iter().map(weight).collect(),
+            weights: samples.iter().map(|sample| of_all.weights[*sample]).collect(),
+            placed: samples.iter().map(|sample| placed(*sample)).collect(),
             thetas,
             samples,
         })
@@ -342,7 +347,7 @@ impl<'a> OfRun<'a> {
     fn sample_stats(&self) -> Group {
         let mut variables = Vec::new();
         if let Some(curves) = &self.curves {
-            let lp = self.thetas.par_iter().zip(curves).map(|(theta, curve)| {
+            let lp = self.placed.par_iter().zip(curves).map(|(theta, curve)| {
                 let parameters = self.record.plan.parameters.iter().zip(theta);
                 let prior: f64 = parameters.map(|(one, value)| one.prior.ln_density(*value)).sum();
                 let each = self.observed.iter();

@@ -230,12 +230,12 @@ fn axes(plan: &ObservablePlan, scale: TimeScale) -> Axes {
     }
 }
 
-/// Marginals and pairs of the parameters.
+/// Marginals and pairs of the parameters, of what the summaries are of.
 fn corner(record: &Record, samples: &SampleColumns) -> CornerFigure {
     let parameters = shown(record, MOST_IN_CORNER)
         .into_iter()
         .filter_map(|place| {
-            Some((place, &record.parameters[place], samples.parameters.get(place)?))
+            Some((place, &record.parameters[place], samples.estimated().get(place)?))
         })
         .map(|(place, summary, column)| {
             let coordinate = summary.coordinate;

@@ -4,7 +4,9 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use campaign::Format;
-use smc_calib::{NoiseDraw, NoiseShape, Parameter, ParameterSummary, Posterior, ShapeSummary};
+use smc_calib::{
+    NoiseDraw, NoiseShape, Parameter, ParameterSummary, Posterior, Sample, ShapeSummary,
+};
 
 use super::noise::{length_unit, or_one};
 use crate::error::{InputError, Mistake};
@@ -19,11 +21,16 @@ pub(crate) const DRAWS: &str = "draws.csv";
 /// Column of `draws.csv` with the number of the sample, from 0.
 const SAMPLE: &str = "sample";
 
+/// What the columns of moved parameters begin with, the last ones of `samples.csv`.
+const MOVED: &str = "moved_";
+
 /// The weighted samples of a run: what figures need beside the record.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SampleColumns {
-    /// One column per parameter \[SI\].
+    /// One column per parameter \[SI\], as simulated.
     pub parameters: Vec<Vec<f64>>,
+    /// Same, where samples were moved to ([`Sample::moved`](smc_calib::Sample)); no columns where none was.
+    pub moved: Vec<Vec<f64>>,
     /// Normalised weights.
     pub weights: Vec<f64>,
 }
@@ -32,11 +39,20 @@ impl SampleColumns {
     /// The columns of a posterior.
     pub fn of(posterior: &Posterior) -> Self {
         let samples = &posterior.samples;
-        let column = |d: usize| samples.iter().map(|sample| sample.theta[d]).collect();
+        let columns = |of: fn(&Sample) -> &[f64], count: usize| {
+            (0..count).map(|d| samples.iter().map(|sample| of(sample)[d]).collect()).collect()
+        };
+        let moved = samples.first().map_or(0, |sample| sample.moved.len());
         Self {
-            parameters: (0..posterior.parameters.len()).map(column).collect(),
+            parameters: columns(|sample| &sample.theta, posterior.parameters.len()),
+            moved: columns(|sample| &sample.moved, moved),
             weights: samples.iter().map(|sample| sample.weight).collect(),
         }
+    }
+
+    /// A column per parameter of what the summaries are of: as [`Sample::estimated`](smc_calib::Sample::estimated).
+    pub fn estimated(&self) -> &[Vec<f64>] {
+        if self.moved.is_empty() { &self.parameters } else { &self.moved }
     }
 }
 
@@ -55,8 +71,7 @@ impl DrawColumns {
     /// The draws of a posterior with so many observables.
     pub fn of(posterior: &Posterior, observables: usize) -> Self {
         let draws = &posterior.draws;
-        let column =
-            |d: usize| draws.iter().map(|draw| posterior.samples[draw.sample].theta[d]).collect();
+        let column = |d: usize| draws.iter().map(|draw| posterior.theta(draw)[d]).collect();
         let of_group = |g: usize| match posterior.groups.get(g) {
             Some(group) => (0..draws.len()).map_while(|k| group.noise_draw(k)).collect(),
             None => draws.iter().map_while(|draw| draw.noise()).collect(),
@@ -133,24 +148,33 @@ fn places(name: &str, numbers: &[f64], simulations: usize) -> Result<Vec<usize>,
 }
 
 /// Every simulated sample with its weight: parameters in SI, normal scores, log likelihood (empty where the
-/// simulation failed), weight, stage and sub-net.
+/// simulation failed), weight, stage and sub-net; where samples were moved the parameters that they were moved to.
 pub(super) fn samples_csv(posterior: &Posterior) -> String {
     let mut text = header(&posterior.parameters);
-    text.push_str(",log_likelihood,weight,stage,replicate\n");
+    text.push_str(",log_likelihood,weight,stage,replicate");
+    if posterior.samples.iter().any(|sample| !sample.moved.is_empty()) {
+        let moved = posterior.parameters.iter().map(|one| format!(",{MOVED}{}", titled(one)));
+        text.extend(moved);
+    }
+    text.push('\n');
     text.reserve(posterior.samples.len() * 150);
     for sample in &posterior.samples {
         numbers(&mut text, sample.theta.iter().chain(&sample.z));
         let log_likelihood = sample.log_likelihood.map_or_else(String::new, |l| l.to_string());
-        let _ = writeln!(
+        let _ = write!(
             text,
             ",{log_likelihood},{:e},{},{}",
             sample.weight, sample.stage, sample.replicate
         );
+        for value in &sample.moved {
+            let _ = write!(text, ",{value:e}");
+        }
+        text.push('\n');
     }
     text
 }
 
-/// Equally weighted posterior draws: parameters in SI, normal scores, and the noise sigma of each observable that has
+/// Equally weighted posterior draws: parameters in SI (of samples that were moved, where to), normal scores, and the noise sigma of each observable that has
 /// one.
 pub(super) fn draws_csv(record: &Record, posterior: &Posterior) -> String {
     let mut text = header(&posterior.parameters);
@@ -175,7 +199,11 @@ pub(super) fn draws_csv(record: &Record, posterior: &Posterior) -> String {
     text.reserve(posterior.draws.len() * 150);
     for (place, draw) in posterior.draws.iter().enumerate() {
         let sample = &posterior.samples[draw.sample];
-        numbers(&mut text, sample.theta.iter().chain(&sample.z));
+        let priors = posterior.parameters.iter().map(|one| &one.parameter.prior);
+        let moved = sample.moved.iter().zip(priors).map(|(theta, prior)| prior.to_z(*theta));
+        let moved: Vec<f64> = moved.collect();
+        let scores = if moved.is_empty() { &sample.z } else { &moved };
+        numbers(&mut text, sample.estimated().iter().chain(scores));
         if single {
             let sigma = draw.sigma.map_or_else(String::new, |sigma| sigma.to_string());
             let _ = write!(text, ",{sigma}");
@@ -221,13 +249,15 @@ fn shape_values(text: &mut String, shape: Option<NoiseShape>) {
 }
 
 fn header(parameters: &[ParameterSummary]) -> String {
-    let named = parameters.iter().map(|summary| {
-        let Parameter { name, unit, .. } = &summary.parameter;
-        // A unit that a user has written may hold anything.
-        format!("{name} [{}]", unit.replace([',', '"', '\n', '\r'], " "))
-    });
+    let named = parameters.iter().map(titled);
     let scores = parameters.iter().map(|summary| format!("z_{} [1]", summary.parameter.name));
     named.chain(scores).collect::<Vec<_>>().join(",")
+}
+
+fn titled(summary: &ParameterSummary) -> String {
+    let Parameter { name, unit, .. } = &summary.parameter;
+    // A unit that a user has written may hold anything.
+    format!("{name} [{}]", unit.replace([',', '"', '\n', '\r'], " "))
 }
 
 fn numbers<'a>(text: &mut String, values: impl Iterator<Item = &'a f64>) {
@@ -292,9 +322,9 @@ pub fn parse_samples(
     text: &str,
     parameters: usize,
 ) -> Result<SampleColumns, InputError> {
-    let mut columns = columns(name, text, parameters, &["weight"])?;
-    let weights = columns.pop().unwrap_or_default();
-    Ok(SampleColumns { parameters: columns, weights })
+    let (mut parameters, moved) = read_columns(name, text, parameters, &["weight"])?;
+    let weights = parameters.pop().unwrap_or_default();
+    Ok(SampleColumns { parameters, moved, weights })
 }
 
 /// Reads the columns of the parameters from the text of a `draws.csv`; `name` is what errors call it.
@@ -313,6 +343,16 @@ fn columns(
     parameters: usize,
     last: &[&str],
 ) -> Result<Vec<Vec<f64>>, InputError> {
+    Ok(read_columns(name, text, parameters, last)?.0)
+}
+
+/// Same, and those of moved parameters, which come last where there are any.
+fn read_columns(
+    name: &str,
+    text: &str,
+    parameters: usize,
+    last: &[&str],
+) -> Result<(Vec<Vec<f64>>, Vec<Vec<f64>>), InputError> {
     let read = || {
         let table = DataTable::of_format(name, text, Format::Csv)?;
         if table.columns().len() < parameters {
@@ -323,8 +363,16 @@ fn columns(
         }
         let last: Vec<usize> =
             last.iter().map(|column| table.place(column)).collect::<Result<_, _>>()?;
-        let places: Vec<usize> = (0..parameters).chain(last).collect();
-        table.columns_at(&places)
+        let (first, end) = table.columns().split_at(table.columns().len() - parameters);
+        let is_moved = |(own, moved): (&String, &String)| moved.strip_prefix(MOVED) == Some(own);
+        let there = parameters > 0 && first.len() >= parameters;
+        let there = there && first.iter().zip(end).all(is_moved);
+        let wanted = parameters + last.len();
+        let moved = first.len()..first.len() + if there { parameters } else { 0 };
+        let places: Vec<usize> = (0..parameters).chain(last).chain(moved).collect();
+        let mut columns = table.columns_at(&places)?;
+        let moved = columns.split_off(wanted);
+        Ok((columns, moved))
     };
     read().map_err(|error| InputError {
         help: vec!["the file is cut off or edited; run the calibration again".to_owned()],
@@ -345,7 +393,7 @@ fn complete(name: &str, found: usize, wanted: usize, what: &str) -> Result<(), I
 
 #[cfg(test)]
 mod tests {
-    use smc_calib::{FixedSigma, Noise};
+    use smc_calib::{FixedSigma, Noise, Weighted};
 
     use super::*;
     use crate::calibration::Calibration;
@@ -359,8 +407,36 @@ mod tests {
     #[test]
     fn the_parameters_come_first_and_the_weight_by_its_name() {
         let samples = parse_samples("samples.csv", SAMPLES, 1).expect("samples");
+        assert_eq!(samples.estimated(), samples.parameters);
         assert_eq!((samples.parameters, samples.weights), (vec![vec![1.0, 2.0]], vec![0.25, 0.75]));
         assert_eq!(parse_draws(DRAWS, SAMPLES, 2).expect("draws")[1], [0.5, -1.0]);
+    }
+
+    #[test]
+    fn samples_and_draws_of_few_simulations_read_back_as_they_were_moved() {
+        let options = PairOptions {
+            material: Some(Material::Ps),
+            samples: 40,
+            seed: 2,
+            ..PairOptions::default()
+        };
+        let planned = options.plan().expect("a plan");
+        let Calibration { record, posterior } =
+            Calibration::run(&planned, &Unwatched::default()).expect("a posterior");
+        let all = SampleColumns::of(&posterior);
+        assert_eq!(parse_samples("samples.csv", &samples_csv(&posterior), 3), Ok(all.clone()));
+        let drawn = parse_draws(DRAWS, &draws_csv(&record, &posterior), 3).expect("draws");
+        for ((column, drawn), own) in all.estimated().iter().zip(&drawn).zip(&record.parameters) {
+            let coordinates = |column: &[f64]| -> Vec<f64> {
+                column.iter().map(|theta| own.coordinate.of(*theta)).collect()
+            };
+            let moved = coordinates(column).into_iter().zip(all.weights.iter().copied());
+            let [mean, sd] = [own.in_coordinate.mean, own.in_coordinate.sd];
+            let (of_samples, _) = Weighted::new(moved).moments();
+            assert!((of_samples - mean).abs() < 1e-9 * sd, "{of_samples} {mean}");
+            let (of_draws, _) = Weighted::equal(coordinates(drawn)).moments();
+            assert!((of_draws - mean).abs() < 0.05 * sd, "{of_draws} {mean} {sd}");
+        }
     }
 
     #[test]

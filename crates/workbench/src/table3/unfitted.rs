@@ -199,8 +199,8 @@ impl Predicted<'_> {
     fn curves(&self, model: &NeckGrowth, from_radius_m: f64) -> Result<Curves, SimError> {
         let posterior = &self.one.calibration.posterior;
         let curves = posterior.draws.par_iter().map(|draw: &Draw| {
-            let theta = &posterior.samples[draw.sample].theta;
-            let sintering = model.sintering(theta).at_radius(from_radius_m, self.radius_m);
+            let sintering =
+                model.sintering(posterior.theta(draw)).at_radius(from_radius_m, self.radius_m);
             let mut curve = vec![0.0; model.times_s().len()];
             model.curve(&sintering, &mut curve)?;
             Ok((curve, draw.sigma.unwrap_or(0.0)))
