@@ -14,7 +14,7 @@
 //! Where a Gaussian process places the samples ([`crate::small_budget`]), the mixture of all proposals stands for q and all samples
 //! for the final stage: each sub-net's are held against a g through all others. That g is, for each phi, the sum of several processes
 //! and of local quadratics, with the shares that leave the least of f phi / q where they were left out (stacking: L. Breiman,
-//! Mach. Learn. 24 (1996) 49); of more than [`STACKED`] samples it is the one that leaves the least. The better the sub-nets know an
+//! Mach. Learn. 24 (1996) 49). The better the sub-nets know an
 //! integral with it than without, the larger the part of it that is taken with it ([`variate::SHARES`]). As samples are placed by what earlier
 //! ones gave, and covariances and shares are those of all, this is without bias only up to terms that fall with the square of its error.
 //!
@@ -37,8 +37,8 @@ use self::errors::Over;
 use self::made_of::{MadeOf, Part, most_trusted};
 use self::through_all::ThroughAll;
 use self::variate::{
-    Model, Standard, Variate, cap, closest, count_pairs_twice, features, left, mean, scatter,
-    share, stacked, surrogate,
+    Model, Standard, Variate, cap, count_pairs_twice, features, left, mean, scatter, share,
+    stacked, surrogate,
 };
 use crate::Evidence;
 use crate::estimate::{Axis, Estimator, Integrals};
@@ -59,10 +59,8 @@ use rayon::prelude::*;
 /// Points that the surrogate is integrated with, per sample of the final stage, and at least; at least for a process.
 const POINTS: [usize; 2] = [8, 32_768];
 const POINTS_OF_PROCESS: usize = 16_384;
-/// Samples that tell how close surrogates are.
+/// Samples that tell shares of surrogates: with all of 1024 of them PS and PA12 are as far off.
 const JUDGES: usize = 150;
-/// Most samples of which they tell shares: those of a smaller part are too noisy, and a banana was twice as far off at 1024.
-const STACKED: usize = 2 * JUDGES;
 /// Fewest samples that a process is held against, and fewest sub-nets: two do not show what pairs of samples do.
 const FEWEST: usize = 32;
 const FEWEST_NETS: usize = 3;
@@ -206,7 +204,7 @@ impl<'a> Control<'a> {
         (JUDGES * r).div_ceil(self.target.len()).min(r)
     }
 
-    /// Some ways, with the shares that leave the least of f phi / q where they are left out, or of many samples the best one.
+    /// Some ways, with the shares that leave the least of f phi / q where they are left out.
     fn stacked(&self, ways: Vec<MadeOf<'a>>) -> Vec<Part<'a>> {
         let p = coefficients(self.sampler.pool.d);
         if ways.len() == 1 {
@@ -224,8 +222,7 @@ impl<'a> Control<'a> {
                 judged.map(|(k, phi)| if *k < judges { phi * phi } else { 0.0 }).collect()
             })
             .collect();
-        let shares = if self.target.len() <= STACKED { stacked } else { closest };
-        let shares = shares(&values, &self.target, &squares);
+        let shares = stacked(&values, &self.target, &squares);
         let parts = ways.into_iter().enumerate().map(|(k, made_of)| Part {
             made_of,
             shares: shares.iter().map(|of_integral| of_integral[k]).collect(),

@@ -161,6 +161,10 @@ pub(crate) struct BudgetsArgs {
     #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) seeds: u64,
 
+    /// Fewest simulations
+    #[arg(long, value_name = "N", default_value_t = 32)]
+    pub(crate) least: usize,
+
     /// Most simulations
     #[arg(long, value_name = "N", default_value_t = 65_536)]
     pub(crate) most: usize,

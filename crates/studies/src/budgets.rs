@@ -24,10 +24,9 @@ const SOLVED: f64 = 1.0;
 /// Each error counts as this much at most.
 const LARGEST: f64 = 10.0;
 /// Budgets at which the code changes its ways: the first with stages of two, three and four (51, 101, 151, where a process does not run
-/// through all samples either), with covariances not searched at every stage (128), in half as many stages (201), without stacked
-/// surrogates (301), only in part by a process, and without one.
-const THRESHOLDS: [usize; 8] =
-    [51, 101, 128, 151, 201, 301, Settings::PLAIN, Settings::WHOLLY_PLAIN];
+/// through all samples either), with covariances not searched at every stage (128), in half as many stages (201), only in part by a
+/// process, and without one.
+const THRESHOLDS: [usize; 7] = [51, 101, 128, 151, 201, Settings::PLAIN, Settings::WHOLLY_PLAIN];
 
 const QUANTITIES: [(&str, &str); 3] =
     [("error of the mean", "posterior sd"), ("error of the sd", ""), ("error of ln Z", "")];
@@ -63,7 +62,7 @@ pub(crate) fn run(args: &BudgetsArgs, out: &Path) -> Result<(), Failure> {
     let mut curves = Vec::new();
     for (name, case) in problems(args.only.as_deref().unwrap_or_default())? {
         let mut points: Vec<Point> = Vec::new();
-        for samples in budgets(args.most) {
+        for samples in budgets(args.least, args.most) {
             eprintln!("{name}, {samples} simulations");
             let runs = over_seeds(args.seeds, &|seed| runs.of(&name, &case, samples, seed))?;
             let point = Point::of(&case, samples, &runs);
@@ -92,12 +91,12 @@ pub(crate) fn run(args: &BudgetsArgs, out: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// 32, 48, 64, 96, ... up to `most`, and one less than every threshold.
-fn budgets(most: usize) -> Vec<usize> {
+/// 32, 48, 64, 96, ..., every threshold and one less than it, from `least` to `most`.
+fn budgets(least: usize, most: usize) -> Vec<usize> {
     let doubling = (5..).map(|k| 1 << k).take_while(|n| *n <= most);
     let mut budgets: Vec<usize> = doubling.flat_map(|n| [n, n + n / 2]).collect();
     budgets.extend(THRESHOLDS.iter().flat_map(|n| [n - 1, *n]));
-    budgets.retain(|n| *n <= most);
+    budgets.retain(|n| (least..=most).contains(n));
     budgets.sort_unstable();
     budgets.dedup();
     budgets
@@ -268,7 +267,8 @@ mod tests {
 
     #[test]
     fn budgets_double_in_two_steps_and_hold_both_sides_of_every_threshold() {
-        let budgets = budgets(4096);
+        assert_eq!(budgets(129, 256), [150, 151, 192, 200, 201, 256]);
+        let budgets = budgets(0, 4096);
         assert!(budgets.starts_with(&[32, 48, 50, 51, 64, 96, 100, 101, 127, 128]), "{budgets:?}");
         for threshold in THRESHOLDS.into_iter().filter(|n| *n <= 4096) {
             assert!(budgets.windows(2).any(|pair| pair == [threshold - 1, threshold]));

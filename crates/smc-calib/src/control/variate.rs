@@ -239,22 +239,6 @@ pub(super) fn stacked(
     squares.iter().map(of_integral).collect()
 }
 
-/// Same, all of the one control that leaves the least squares over all integrals.
-pub(super) fn closest(
-    controls: &[Vec<f64>],
-    target: &[f64],
-    squares: &[Vec<f64>],
-) -> Vec<Vec<f64>> {
-    let left = |control: &Vec<f64>| -> f64 {
-        let off = target.iter().zip(control).map(|(t, c)| (t - c).powi(2));
-        off.enumerate().map(|(i, off)| off * squares.iter().map(|s| s[i]).sum::<f64>()).sum()
-    };
-    let left: Vec<f64> = controls.iter().map(left).collect();
-    let best = (0..left.len()).min_by(|a, b| left[*a].total_cmp(&left[*b]));
-    let one = (0..left.len()).map(|k| if Some(k) == best { 1.0 } else { 0.0 }).collect();
-    vec![one; squares.len()]
-}
-
 /// Shares c from 0 to 1 for which `target - sum of c_k controls_k` has the least sum of weighted squares, coordinate by
 /// coordinate (V. Franc, V. Hlavac, M. Navara, Computer Analysis of Images and Patterns (2005) 407). Controls that are all but
 /// alike take many steps to their own shares, and their sum few.
@@ -376,9 +360,6 @@ mod tests {
         let of = |a: &[f64], b: &[f64]| -> f64 { (0..4).map(|i| weights[i] * a[i] * b[i]).sum() };
         let alone = of(&controls[0], &target) / of(&controls[0], &controls[0]);
         assert!((found[0] - alone).abs() < 1e-12 && found[1] == 0.0, "{found:?} {alone}");
-        // The target, 0.4 of the first and -0.2 of the second, is closer to the first.
-        let found = closest(&controls, &target, &[weights.to_vec(), weights.to_vec()]);
-        assert_eq!(found, [[1.0, 0.0], [1.0, 0.0]]);
         // Of one that is too small no more than all is taken.
         let found = least_squares_shares(&[sum([1e-9, 0.0])], &sum([0.5, 0.0]), &weights);
         assert_eq!(found, [1.0]);
