@@ -59,7 +59,7 @@ use rayon::prelude::*;
 /// Points that the surrogate is integrated with, per sample of the final stage, and at least; at least for a process.
 const POINTS: [usize; 2] = [8, 32_768];
 const POINTS_OF_PROCESS: usize = 16_384;
-/// Samples that tell shares of surrogates: with all of 1024 of them PS and PA12 are as far off.
+/// Samples that tell shares of surrogates. Told by all of 1024 the errors of PS and PA12 are the same.
 const JUDGES: usize = 150;
 /// Fewest samples that a process is held against, and fewest sub-nets: two do not show what pairs of samples do.
 const FEWEST: usize = 32;

@@ -5,7 +5,7 @@ use crate::sampler::Sampler;
 use crate::stream::{Purpose, stream};
 use crate::target::CurveTarget;
 use crate::weighted::Weighted;
-use crate::{BandPoint, Draw, GroupSummary, NoiseDraw, Posterior, SimError, Simulator};
+use crate::{BandPoint, Draw, GroupSummary, NoiseDraw, Posterior, Sample, SimError, Simulator};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
@@ -189,7 +189,7 @@ fn band_on_grid(
         .par_iter()
         .map(|sample| {
             let mut out = vec![0.0; control.len()];
-            let theta = posterior.samples.get(*sample).map(|s| s.theta.as_slice());
+            let theta = posterior.samples.get(*sample).map(Sample::estimated);
             let Some(theta) = theta else {
                 return Err(SimError::fatal(format!(
                     "draw refers to sample {sample}, which does not exist"

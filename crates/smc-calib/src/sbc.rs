@@ -222,7 +222,8 @@ fn ranks(p: &Posterior, truth: &Truth, likelihood: &Likelihood, rng: &mut impl R
         }
         (below + rng.random::<f64>() * equal).clamp(0.0, 1.0)
     };
-    let mut out: Vec<f64> = (0..d).map(|j| weighted(&|s| s.z[j], truth.z[j])).collect();
+    let mut out: Vec<f64> =
+        (0..d).map(|j| weighted(&|s| s.estimated()[j], truth.theta[j])).collect();
     let marginal =
         weighted(&|s| s.log_likelihood.unwrap_or(f64::NEG_INFINITY), truth.ln_likelihood);
     let mut products = Vec::new();

@@ -228,7 +228,7 @@ fn drawn(posterior: &Posterior) -> Vec<Draw> {
         let groups = &posterior.groups;
         let of_group = groups.get(k % groups.len().max(1)).and_then(|group| group.noise_draw(k));
         let sigma = of_group.map(|noise| noise.sigma).or(draw.sigma).unwrap_or(0.0);
-        Draw { theta: posterior.samples[draw.sample].theta.clone(), sigma }
+        Draw { theta: posterior.theta(draw).to_vec(), sigma }
     };
     posterior.draws.iter().enumerate().map(of).collect()
 }

@@ -129,7 +129,7 @@ class Run:
 
     Two sets of parameter vectors are at hand. :attr:`posterior` are draws that count alike, for histograms and for carrying the
     posterior on; they repeat samples of large weight. :attr:`samples` are all simulations with their :attr:`weights`; means and
-    intervals of the summary are from these, or after very few simulations of moved ones, which a concern then says.
+    intervals of the summary are from these, or after very few simulations of moved ones, as draws then are, which a concern says.
     """
 
     def __init__(self, path: str | Path) -> None:

@@ -279,7 +279,7 @@ impl Concern {
             Self::HighKhat { .. } => "the posterior may be incomplete",
             Self::EvidenceDisagrees { .. } => "part of the posterior may be unseen",
             Self::SamplesMoved { .. } => {
-                "samples, draws, curves, figures and predictions have the other moments"
+                "draws are of moved samples too; curves at the observations and what is computed from them have the other moments"
             }
             Self::BudgetTooSmall { reason, .. } => reason,
             Self::NotInformed { bits, .. } if *bits < UNINFORMED_BITS => {

@@ -100,6 +100,23 @@ fn predictive_band_is_the_normal_one_and_widens_by_the_noise() {
 }
 
 #[test]
+fn the_band_is_of_moved_samples_where_samples_were_moved() {
+    let simulator = line();
+    let problem = line_problem(&simulator, Noise::Fixed { sigma: FixedSigma::Absolute(0.05) });
+    let settings = Settings { samples: 512, ..Settings::default() };
+    let mut p = calibrate(&problem, &settings, &mut ()).unwrap();
+    let control = line_data().control().to_vec();
+    let before = predictive_band(&p, &simulator, &control, 512).unwrap();
+    p.samples.iter_mut().for_each(|s| s.moved = vec![s.theta[0] + 0.25, s.theta[1] - 0.5]);
+    let after = predictive_band(&p, &simulator, &control, 512).unwrap();
+    for (before, after) in before.iter().zip(&after) {
+        let by = 0.25 - 0.5 * after.control;
+        assert!((after.mean - before.mean - by).abs() < 1e-12, "{before:?} {after:?}");
+        assert!((after.noisy90[1] - before.noisy90[1] - by).abs() < 1e-12);
+    }
+}
+
+#[test]
 fn the_path_ends_at_the_posterior_and_its_evidence() {
     let simulator = line();
     let problem = line_problem(&simulator, Noise::default());

@@ -165,7 +165,7 @@ impl<'a> OfRun<'a> {
         let theta = |k: &usize| draws.parameters.iter().map(|column| column[*k]).collect();
         let thetas: Vec<Vec<f64>> = chosen.iter().map(theta).collect();
         let samples: Vec<usize> = chosen.iter().map(|k| draws.samples[*k]).collect();
-        // Draws are of samples that there are, which was made sure of where both were read.
+        // Reading draws refuses numbers of samples that `posterior.json` has not, and reading samples another number of them.
         let placed = |sample: usize| -> Vec<f64> {
             of_all.parameters.iter().map(|column| column[sample]).collect()
         };
@@ -360,8 +360,7 @@ impl<'a> OfRun<'a> {
             variables.push(Variable::of_draws("lp".to_owned(), Values::Real(lp.collect()), about));
         }
         let samples = self.samples.iter().map(|sample| *sample as i64).collect();
-        let description =
-            "row of samples.csv that the draw is, from 0; draws of one row are the same simulation";
+        let description = "row of samples.csv that the draw is of, from 0; draws of one row are the same simulation, of which lp is";
         let about = attributes([("description", description.into())]);
         variables.push(Variable::of_draws("sample".to_owned(), Values::Whole(samples), about));
         let about = attributes([("description", "weight of that sample among all".into())]);

@@ -73,19 +73,25 @@ fn check(noise: Noise) {
     }
 }
 
+/// Holds lp against the log likelihoods of the samples, for so many draws.
+fn check_lp(Calibration { record, posterior }: &Calibration, groups: &Groups) -> usize {
+    let lp = reals(groups, "sample_stats", "lp");
+    for (lp, sample) in lp.iter().zip(reals(groups, "sample_stats", "sample")) {
+        let sample = &posterior.samples[sample as usize];
+        let prior = record.plan.parameters.iter().zip(&sample.theta);
+        let prior: f64 = prior.map(|(one, value)| one.prior.ln_density(*value)).sum();
+        let wanted = prior + sample.log_likelihood.expect("it was drawn");
+        assert!((lp - wanted).abs() < 1e-9 * wanted.abs(), "{lp} for {wanted}");
+    }
+    lp.len()
+}
+
 /// Holds lp against the log likelihoods of the samples, and the prediction of each observation by the others, as ArviZ
 /// computes it from the exported draws, against ours from all weighted samples.
 fn check_likelihoods(found: &Calibration, groups: &Groups) {
     let Calibration { record, posterior } = found;
     let plan = &record.plan;
-    let lp = reals(groups, "sample_stats", "lp");
-    for (lp, sample) in lp.iter().zip(reals(groups, "sample_stats", "sample")) {
-        let sample = &posterior.samples[sample as usize];
-        let prior = plan.parameters.iter().zip(&sample.theta);
-        let prior: f64 = prior.map(|(one, value)| one.prior.ln_density(*value)).sum();
-        let wanted = prior + sample.log_likelihood.expect("it was drawn");
-        assert!((lp - wanted).abs() < 1e-9 * wanted.abs(), "{lp} for {wanted}");
-    }
+    let draws = check_lp(found, groups) as f64;
     let model = NeckGrowth::of(plan).expect("a model");
     let (_, measured) = plan.pair().expect("a pair");
     let problem = Problem {
@@ -107,9 +113,25 @@ fn check_likelihoods(found: &Calibration, groups: &Groups) {
             difference += density.ln() - point.ln_density;
         }
     }
-    let draws = lp.len() as f64;
     let error = 6.0 * (width as f64 / draws).sqrt() + 4.0 * ours.se;
     assert!(difference.abs() < error.min(0.5 * ours.spread), "{difference} beyond {error}");
+}
+
+#[test]
+fn draws_of_few_simulations_are_moved_and_their_likelihoods_are_of_the_simulations() {
+    let mut planned = planned(Noise::default());
+    planned.plan.sampler = smc_calib::Settings { seed: 2, ..smc_calib::Settings::for_budget(40) };
+    let found = Calibration::run(&planned, &Unwatched::default()).expect("a posterior");
+    let groups = Groups::of(&found).expect("groups");
+    let Calibration { record, posterior } = &found;
+    let samples = reals(&groups, "sample_stats", "sample");
+    for (place, summary) in record.parameters.iter().enumerate() {
+        let drawn = reals(&groups, "posterior", &summary.parameter.name);
+        for (drawn, sample) in drawn.iter().zip(&samples) {
+            assert_eq!(*drawn, posterior.samples[*sample as usize].moved[place]);
+        }
+    }
+    check_lp(&found, &groups);
 }
 
 #[test]

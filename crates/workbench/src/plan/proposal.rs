@@ -82,7 +82,7 @@ fn read(plan: &Plan, named: &Named<'_>) -> Result<(EarlierPosterior, Vec<String>
     };
     let places: Vec<Option<usize>> = plan.parameters.iter().map(theirs).collect();
     let columns: Vec<Option<&[f64]>> =
-        places.iter().map(|at| at.map(|at| samples.estimated()[at].as_slice())).collect();
+        places.iter().map(|at| at.map(|at| samples.parameters[at].as_slice())).collect();
     let chosen = |there: bool| {
         let own = plan.parameters.iter().zip(&places).filter(move |(_, at)| at.is_some() == there);
         own.map(|(own, _)| own.name.clone()).collect::<Vec<_>>()

@@ -51,9 +51,9 @@ pub(super) fn next_pair(
     let curves: Vec<Vec<f64>> = (0..kept)
         .into_par_iter()
         .filter_map(|k| {
-            let sample = draws[k * draws.len() / kept].sample;
+            let draw = &draws[k * draws.len() / kept];
             let mut curve = vec![0.0; TIMES];
-            model.simulate(&found.next.samples[sample].theta, &mut curve).ok().map(|()| curve)
+            model.simulate(found.next.theta(draw), &mut curve).ok().map(|()| curve)
         })
         .collect();
     if curves.is_empty() {

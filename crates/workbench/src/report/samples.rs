@@ -5,7 +5,8 @@ use std::path::Path;
 
 use campaign::Format;
 use smc_calib::{
-    NoiseDraw, NoiseShape, Parameter, ParameterSummary, Posterior, Sample, ShapeSummary,
+    Concern, NoiseDraw, NoiseShape, Parameter, ParameterSummary, Posterior, Prior, Sample,
+    ShapeSummary,
 };
 
 use super::noise::{length_unit, or_one};
@@ -23,6 +24,9 @@ const SAMPLE: &str = "sample";
 
 /// What the columns of moved parameters begin with, the last ones of `samples.csv`.
 const MOVED: &str = "moved_";
+
+/// Largest normal score that is written: at the end of a prior it is infinite.
+const FARTHEST: f64 = 9.0;
 
 /// The weighted samples of a run: what figures need beside the record.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -152,7 +156,7 @@ fn places(name: &str, numbers: &[f64], simulations: usize) -> Result<Vec<usize>,
 pub(super) fn samples_csv(posterior: &Posterior) -> String {
     let mut text = header(&posterior.parameters);
     text.push_str(",log_likelihood,weight,stage,replicate");
-    if posterior.samples.iter().any(|sample| !sample.moved.is_empty()) {
+    if posterior.moved.is_some() {
         let moved = posterior.parameters.iter().map(|one| format!(",{MOVED}{}", titled(one)));
         text.extend(moved);
     }
@@ -174,7 +178,7 @@ pub(super) fn samples_csv(posterior: &Posterior) -> String {
     text
 }
 
-/// Equally weighted posterior draws: parameters in SI (of samples that were moved, where to), normal scores, and the noise sigma of each observable that has
+/// Equally weighted posterior draws: parameters in SI as the summaries have them, normal scores, and the noise sigma of each observable that has
 /// one.
 pub(super) fn draws_csv(record: &Record, posterior: &Posterior) -> String {
     let mut text = header(&posterior.parameters);
@@ -200,8 +204,8 @@ pub(super) fn draws_csv(record: &Record, posterior: &Posterior) -> String {
     for (place, draw) in posterior.draws.iter().enumerate() {
         let sample = &posterior.samples[draw.sample];
         let priors = posterior.parameters.iter().map(|one| &one.parameter.prior);
-        let moved = sample.moved.iter().zip(priors).map(|(theta, prior)| prior.to_z(*theta));
-        let moved: Vec<f64> = moved.collect();
+        let score = |(theta, prior): (&f64, &Prior)| prior.to_z(*theta).clamp(-FARTHEST, FARTHEST);
+        let moved: Vec<f64> = sample.moved.iter().zip(priors).map(score).collect();
         let scores = if moved.is_empty() { &sample.z } else { &moved };
         numbers(&mut text, sample.estimated().iter().chain(scores));
         if single {
@@ -278,6 +282,13 @@ pub fn read_samples(record: &Record, folder: &Path) -> Result<SampleColumns, Inp
     checksums::read_as(&folder.join("samples.csv"), |name, text| {
         let samples = parse_samples(name, text, record.parameters.len())?;
         complete(name, samples.weights.len(), record.counters.simulations, "samples")?;
+        let moved = |concern: &Concern| matches!(concern, Concern::SamplesMoved { .. });
+        if samples.moved.is_empty() && record.trust.concerns.iter().any(moved) {
+            return Err(InputError::new(name, Mistake::Damaged)
+                .found("no columns of moved parameters")
+                .expected("one for each parameter, as posterior.json has samples-moved")
+                .help("the file is cut off or edited: run the calibration again"));
+        }
         Ok(samples)
     })
 }
@@ -425,6 +436,11 @@ mod tests {
             Calibration::run(&planned, &Unwatched::default()).expect("a posterior");
         let all = SampleColumns::of(&posterior);
         assert_eq!(parse_samples("samples.csv", &samples_csv(&posterior), 3), Ok(all.clone()));
+        let folder = tempfile::tempdir().expect("a folder");
+        let text = samples_csv(&posterior).replace(",moved_tau_s", ",tau_s");
+        std::fs::write(folder.path().join("samples.csv"), text).expect("written");
+        let error = read_samples(&record, folder.path()).expect_err("a column is lost");
+        assert_eq!(error.mistake, Mistake::Damaged, "{error}");
         let drawn = parse_draws(DRAWS, &draws_csv(&record, &posterior), 3).expect("draws");
         for ((column, drawn), own) in all.estimated().iter().zip(&drawn).zip(&record.parameters) {
             let coordinates = |column: &[f64]| -> Vec<f64> {
