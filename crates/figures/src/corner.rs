@@ -25,6 +25,8 @@ pub struct CornerParameter {
     pub log10: bool,
     /// Draws in the coordinate of the axis (log10 of the parameter where `log10`).
     pub draws: Vec<f64>,
+    /// Quantiles at 2.5, 25, 50, 75 and 97.5 % in the coordinate; none for those of the draws.
+    pub quantiles: Option<[f64; 5]>,
     /// Prior density as (coordinate, density per unit of the coordinate), increasing in the coordinate; empty for none.
     pub prior: Vec<(f64, f64)>,
     /// The paper's value, in the coordinate.
@@ -178,7 +180,7 @@ impl Prepared<'_> {
             density: density::marginal(&bins(BINS), &p.draws, weight, bandwidth),
             // Two coordinates need a wider kernel than one.
             pair_bandwidth: density::bandwidth(&p.draws, weight, 2.0) * 1.2,
-            quantiles: [0.025, 0.25, 0.5, 0.75, 0.975].map(quantile),
+            quantiles: p.quantiles.unwrap_or_else(|| [0.025, 0.25, 0.5, 0.75, 0.975].map(quantile)),
             axis,
         }
     }

@@ -214,6 +214,7 @@ impl Data {
                     log10,
                     map: draws.first().copied(),
                     draws,
+                    quantiles: None,
                     prior: vec![(prior.0, density), (prior.1, density)],
                     paper,
                 }

@@ -193,9 +193,12 @@ fn a_paper_value_outside_the_range_is_named_at_the_edge() {
 #[test]
 fn a_marginal_is_headed_by_its_median_and_interval_with_digits_that_tell_them_apart() {
     let draws: Vec<f64> = (0..=1000).map(|i| 4.0 + 1e-5 * f64::from(i)).collect();
-    let texts = written_on(&corner(draws, 4.0, 2), Width::Full);
-    assert_eq!(texts.iter().filter(|t| *t == "q = 4.005").count(), 2, "{texts:?}");
-    assert_eq!(texts.iter().filter(|t| *t == "4.000 … 4.010").count(), 2, "{texts:?}");
+    let mut figure = corner(draws, 4.0, 2);
+    figure.parameters[1].quantiles = Some([4.001, 4.003, 4.004, 4.006, 4.008]);
+    let texts = written_on(&figure, Width::Full);
+    for wanted in ["q = 4.005", "4.000 … 4.010", "q = 4.004", "4.001 … 4.008"] {
+        assert_eq!(texts.iter().filter(|t| *t == wanted).count(), 1, "{wanted}: {texts:?}");
+    }
 }
 
 #[test]

@@ -5,7 +5,7 @@ use figures::{
     FitFigure, Knee, RecursionFigure, RecursionParameter, ResidualsFigure, TogetherCurve,
     TogetherFigure,
 };
-use smc_calib::{BandPoint, Coordinate, Parameter, PathParameter};
+use smc_calib::{BandPoint, Coordinate, Moments, Parameter, PathParameter};
 
 use super::drawing::{NamedFigures, band};
 use super::notation::{TimeScale, symbol};
@@ -241,7 +241,9 @@ fn corner(record: &Record, samples: &SampleColumns) -> CornerFigure {
             let coordinate = summary.coordinate;
             let (symbol, unit) = symbol(&summary.parameter.name, &summary.parameter.unit);
             let draws: Vec<f64> = column.iter().map(|&value| coordinate.of(value)).collect();
+            let Moments { median, eti50, eti95, .. } = summary.in_coordinate;
             CornerParameter {
+                quantiles: Some([eti95.lower, eti50.lower, median, eti50.upper, eti95.upper]),
                 symbol,
                 unit,
                 log10: coordinate == Coordinate::Log10,
