@@ -333,7 +333,7 @@ pub fn parse_samples(
     text: &str,
     parameters: usize,
 ) -> Result<SampleColumns, InputError> {
-    let (mut parameters, moved) = read_columns(name, text, parameters, &["weight"])?;
+    let [mut parameters, moved] = read_columns(name, text, parameters, &["weight"])?;
     let weights = parameters.pop().unwrap_or_default();
     Ok(SampleColumns { parameters, moved, weights })
 }
@@ -354,7 +354,8 @@ fn columns(
     parameters: usize,
     last: &[&str],
 ) -> Result<Vec<Vec<f64>>, InputError> {
-    Ok(read_columns(name, text, parameters, last)?.0)
+    let [found, _] = read_columns(name, text, parameters, last)?;
+    Ok(found)
 }
 
 /// Same, and those of moved parameters, which come last where there are any.
@@ -363,7 +364,7 @@ fn read_columns(
     text: &str,
     parameters: usize,
     last: &[&str],
-) -> Result<(Vec<Vec<f64>>, Vec<Vec<f64>>), InputError> {
+) -> Result<[Vec<Vec<f64>>; 2], InputError> {
     let read = || {
         let table = DataTable::of_format(name, text, Format::Csv)?;
         if table.columns().len() < parameters {
@@ -383,7 +384,7 @@ fn read_columns(
         let places: Vec<usize> = (0..parameters).chain(last).chain(moved).collect();
         let mut columns = table.columns_at(&places)?;
         let moved = columns.split_off(wanted);
-        Ok((columns, moved))
+        Ok([columns, moved])
     };
     read().map_err(|error| InputError {
         help: vec!["the file is cut off or edited; run the calibration again".to_owned()],
