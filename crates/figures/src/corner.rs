@@ -385,4 +385,14 @@ mod tests {
             assert!(above.ends_with(&format!(" {of_axis}")), "{above} over an axis in {of_axis}");
         }
     }
+
+    #[test]
+    fn quantiles_that_are_given_stand_before_those_of_the_draws() {
+        let draws = (0..=1000).map(f64::from).collect();
+        let mut parameter = CornerParameter { draws, ..CornerParameter::default() };
+        let of = |parameter: &CornerParameter| Prepared::new(parameter, |_| 1.0).quantiles;
+        assert_eq!(of(&parameter), [25.0, 250.0, 500.0, 750.0, 975.0]);
+        parameter.quantiles = Some([1.0, 3.0, 4.0, 6.0, 8.0]);
+        assert_eq!(of(&parameter), [1.0, 3.0, 4.0, 6.0, 8.0]);
+    }
 }

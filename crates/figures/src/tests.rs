@@ -193,11 +193,9 @@ fn a_paper_value_outside_the_range_is_named_at_the_edge() {
 #[test]
 fn a_marginal_is_headed_by_its_median_and_interval_with_digits_that_tell_them_apart() {
     let draws: Vec<f64> = (0..=1000).map(|i| 4.0 + 1e-5 * f64::from(i)).collect();
-    let mut figure = corner(draws, 4.0, 2);
-    figure.parameters[1].quantiles = Some([4.001, 4.003, 4.004, 4.006, 4.008]);
-    let texts = written_on(&figure, Width::Full);
-    let headed = ["q = 4.005", "4.000 … 4.010", "q = 4.004", "4.001 … 4.008"];
-    assert!(headed.iter().all(|head| texts.iter().any(|text| text == head)), "{texts:?}");
+    let texts = written_on(&corner(draws, 4.0, 2), Width::Full);
+    assert_eq!(texts.iter().filter(|t| *t == "q = 4.005").count(), 2, "{texts:?}");
+    assert_eq!(texts.iter().filter(|t| *t == "4.000 … 4.010").count(), 2, "{texts:?}");
 }
 
 #[test]
@@ -313,8 +311,10 @@ fn the_error_names_the_column_of_the_wrong_length() {
     );
     let corner =
         CornerFigure { parameters: vec![CornerParameter::default(); 6], ..Default::default() };
-    let refused = corner.render(Width::Full);
-    assert!(matches!(refused, Err(PlotError::TooMany { found: 6, most: 5, .. })));
+    assert!(matches!(
+        corner.render(Width::Full),
+        Err(PlotError::TooMany { found: 6, most: 5, .. })
+    ));
 }
 
 #[test]

@@ -4,7 +4,7 @@
 //! random stream of its own, each with noise drawn for its curve), taken at even steps, in an order that means nothing. There
 //! are no more of them than the effective sample size, so that programs that count draws do not see more than there is.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
 use campaign::Contents;
@@ -166,13 +166,13 @@ impl<'a> OfRun<'a> {
         let thetas: Vec<Vec<f64>> = chosen.iter().map(theta).collect();
         let samples: Vec<usize> = chosen.iter().map(|k| draws.samples[*k]).collect();
         // Reading draws refuses numbers of samples that `posterior.json` has not, and reading samples another number of them.
-        let placed = |sample: usize| -> Vec<f64> {
-            of_all.parameters.iter().map(|column| column[sample]).collect()
-        };
-        let distinct: BTreeSet<usize> = samples.iter().copied().collect();
-        let simulated: Option<HashMap<usize, Vec<f64>>> = distinct
+        let place = |sample: &usize| of_all.parameters.iter().map(|of| of[*sample]).collect();
+        let placed: Vec<Vec<f64>> = samples.iter().map(place).collect();
+        let simulated: BTreeMap<usize, &[f64]> =
+            samples.iter().zip(&placed).map(|(sample, theta)| (*sample, &theta[..])).collect();
+        let simulated: Option<HashMap<usize, Vec<f64>>> = simulated
             .into_par_iter()
-            .map(|sample| Some((sample, curves.of(sample, &placed(sample))?)))
+            .map(|(sample, theta)| Some((sample, curves.of(sample, theta)?)))
             .collect();
         Ok(Self {
             record,
@@ -180,7 +180,7 @@ impl<'a> OfRun<'a> {
             of: draws.samples.len(),
             curves: simulated.map(|of| samples.iter().map(|sample| of[sample].clone()).collect()),
             weights: samples.iter().map(|sample| of_all.weights[*sample]).collect(),
-            placed: samples.iter().map(|sample| placed(*sample)).collect(),
+            placed,
             thetas,
             samples,
         })

@@ -46,10 +46,10 @@ impl SampleColumns {
         let columns = |of: fn(&Sample) -> &[f64], count: usize| {
             (0..count).map(|d| samples.iter().map(|sample| of(sample)[d]).collect()).collect()
         };
-        let moved = samples.first().map_or(0, |sample| sample.moved.len());
+        let parameters = posterior.parameters.len();
         Self {
-            parameters: columns(|sample| &sample.theta, posterior.parameters.len()),
-            moved: columns(|sample| &sample.moved, moved),
+            parameters: columns(|sample| &sample.theta, parameters),
+            moved: columns(|sample| &sample.moved, posterior.moved.map_or(0, |_| parameters)),
             weights: samples.iter().map(|sample| sample.weight).collect(),
         }
     }
