@@ -42,7 +42,7 @@ use self::variate::{
 };
 use crate::Evidence;
 use crate::estimate::{Axis, Estimator, Integrals};
-use crate::gaussian_process::{Covariance, Found};
+use crate::gaussian_process::Found;
 use crate::mixture::Proposal;
 use crate::neighbours::MOST_DIMENSIONS;
 use crate::pool::effective_sample_size;
@@ -102,7 +102,7 @@ fn process<'a>(sampler: &'a Sampler<'_>, weights: &[f64]) -> Option<StandIn<'a>>
     if !sampler.placing.surrogate || many || n < FEWEST || sampler.replicates < FEWEST_NETS {
         return None;
     }
-    StandIn::new(sampler.target, &sampler.pool, weights, 0..n, Covariance::Search)
+    StandIn::of_all(sampler.target, &sampler.pool, weights)
 }
 
 /// The samples and their target f/q, for which a g is wanted.

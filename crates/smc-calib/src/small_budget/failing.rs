@@ -1,5 +1,6 @@
 //! Where simulations fail, by a process.
 
+use super::points::evenly;
 use crate::cholesky::{whiten, whitening};
 use crate::gaussian_process::{Covariance, Data, Found, GaussianProcess};
 use crate::normal;
@@ -19,6 +20,10 @@ impl Edge {
     /// Of points at which draws of the edge can differ.
     pub(crate) const WIDE: Self = Self([0.7, 0.7]);
 }
+
+/// Squared distance from the middle of the posterior, in its own covariance, up to which samples tell where simulations fail, where they
+/// are more than a process runs through. With the nearest alone the ridge is .03 off at 512 and 1024 simulations, no closer than at 200.
+const NEAR: f64 = 12.0;
 
 /// Lengths of a process whose signs tell finished from failed, over those of one that jumps from -1 to 1. From error bars on the ridge.
 const LONGER: f64 = 4.0;
@@ -44,9 +49,16 @@ impl Failing {
             whiten(pool.point(*i), &centre, &inverse, &mut x);
             ranked.push((x.iter().map(|x| x * x).sum(), *i, *alive));
         }
-        // Both kinds in turn, those nearest to the posterior first.
         ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let (finished, failed): (Vec<_>, Vec<_>) = ranked.into_iter().partition(|r| r.2);
+        // Evenly those near the posterior: the nearest know its middle alone, and edges of failures go on.
+        let near = |all: &[(f64, usize, bool)], others: usize| -> Vec<(f64, usize, bool)> {
+            let count = all.len().min((points / 2).max(points.saturating_sub(others)));
+            let near = all.partition_point(|r| r.0 < NEAR).max(count);
+            evenly(0, near, count).map(|k| all[k]).collect()
+        };
+        let (finished, failed) = (near(&finished, failed.len()), near(&failed, finished.len()));
+        // Both kinds in turn.
         let most = finished.len().max(failed.len());
         let both = (0..most).flat_map(|k| [finished.get(k), failed.get(k)]).flatten();
         let both: Vec<_> = both.take(points).collect();
