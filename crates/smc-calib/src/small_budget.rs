@@ -40,10 +40,11 @@ const NUGGET: [f64; 2] = [0.02, 0.1];
 const NUGGET_OF_CURVES: [f64; 2] = [0.003, 0.03];
 /// Most that the log likelihood is lowered by where simulations are expected to fail.
 const DEAD: f64 = 5.0;
-/// Half the variance of a log likelihood up to which the process is believed: a standard deviation of two.
+/// Half the variance of a log likelihood, times [`SAID_TOO_SMALL`], up to which the process is believed.
 const UNSURE: f64 = 2.0;
-/// Variance of a process over what it says, where it is not believed: on smooth likelihoods its errors are two to ten times as large. With 1,
-/// PA12 is .009 off at 1024 simulations, not .007 (its sds 1.4 %, not .6 %), and the banana .06 at 50, not .02.
+/// Factor on the variance that a process says, before it is held against [`UNSURE`]: on smooth likelihoods its errors are two to ten of
+/// the standard deviations that it says. With 1, PA12 is .009 off at 1024 simulations, not .007 (its sds 1.4 %, not .6 %), and the banana
+/// .06 at 50, not .02.
 const SAID_TOO_SMALL: f64 = 5.0;
 
 /// Components of a proposal at most.
@@ -110,7 +111,8 @@ impl<'a> StandIn<'a> {
         Self::with(target, pool, weights, (known, points), [covariance, Covariance::Search])
     }
 
-    /// Made from all samples of the pool, with the covariances that integrals are taken with.
+    /// Made from all samples of the pool, to estimate by: its covariances are those that integrals are taken with, and few effective
+    /// samples are held against it.
     pub(crate) fn of_all(target: &'a dyn Target, pool: &'a Pool, weights: &[f64]) -> Option<Self> {
         let points = (0..pool.len(), Points::EVEN);
         Self::with(target, pool, weights, points, [Covariance::Search; 2])
@@ -140,18 +142,16 @@ impl<'a> StandIn<'a> {
     ) -> Option<Self> {
         let density: Vec<f64> = (0..pool.len()).map(|i| pool.ln_l[i] + pool.ln_prior(i)).collect();
         let known: Vec<usize> = known.collect();
-        let mut chosen: Vec<usize> =
+        let mut ordered: Vec<usize> =
             known.iter().copied().filter(|i| density[*i].is_finite()).collect();
-        if chosen.len() < pool.d + 2 {
+        if ordered.len() < pool.d + 2 {
             return None;
         }
-        chosen.sort_by(|a, b| density[*b].total_cmp(&density[*a]).then(a.cmp(b)));
-        let below = |chosen: &[usize]| -> Vec<f64> {
-            chosen.iter().map(|i| density[chosen[0]] - density[*i]).collect()
-        };
-        let depths = below(&chosen);
-        let chosen = points.of(chosen, &depths);
-        let depths = below(&chosen);
+        ordered.sort_by(|a, b| density[*b].total_cmp(&density[*a]).then(a.cmp(b)));
+        let highest = density[ordered[0]];
+        let depth = |i: &usize| highest - density[*i];
+        let chosen = points.of(ordered, depth);
+        let depths: Vec<f64> = chosen.iter().map(depth).collect();
         let m = pool.kept_width;
         let outputs = target.ln_likelihood_of(&vec![0.0; m]).is_some();
         let process = if outputs {
@@ -186,8 +186,8 @@ impl<'a> StandIn<'a> {
     }
 
     /// Log likelihood, not flattened, lowered where the process does not know it: by what half its variance, times [`SAID_TOO_SMALL`],
-    /// exceeds [`UNSURE`] by.
-    /// For outputs it is what the log likelihood loses, in the mean, one standard deviation of the process above and below them.
+    /// exceeds [`UNSURE`] by. For outputs it is what the log likelihood loses, in the mean, one standard deviation, by that variance,
+    /// above and below them.
     pub(crate) fn ln_likelihood_at(&self, z: &[f64], edge: Edge) -> f64 {
         let variance = SAID_TOO_SMALL * self.process.variance(z);
         let outputs = self.predicted(z);

@@ -13,7 +13,7 @@ impl StandIn<'_> {
         self.chosen.len() == pool.ln_l.iter().filter(|ln_l| ln_l.is_finite()).count()
     }
 
-    /// Draws of the log likelihood at points z, less what [`Self::ln_likelihood_at`] says there with a wide edge: errors of the
+    /// Draws of the log likelihood at points z, less what is predicted there with a wide edge: errors of the
     /// process at all of them together, along each principal component of curves, and where simulations fail an edge anywhere between samples.
     pub(crate) fn ln_ratios(
         &self,

@@ -1,6 +1,6 @@
 //! Where simulations fail, by a process.
 
-use super::points::evenly;
+use super::points::in_turn;
 use crate::cholesky::{whiten, whitening};
 use crate::gaussian_process::{Covariance, Data, Found, GaussianProcess};
 use crate::normal;
@@ -21,9 +21,10 @@ impl Edge {
     pub(crate) const WIDE: Self = Self([0.7, 0.7]);
 }
 
-/// Squared distance from the middle of the posterior, in its own covariance, up to which samples tell where simulations fail, where they
-/// are more than a process runs through. With the nearest alone the ridge is .03 off at 512 and 1024 simulations, no closer than at 200.
-const NEAR: f64 = 12.0;
+/// Squared distance from the middle of the posterior, in its own covariance and beyond the number of parameters, within which samples
+/// tell where simulations fail. By the nearest alone, which lie at its middle, the ridge (two parameters) is .036 off at 512 simulations
+/// and .028 at 1024, not .008 and .014.
+const NEAR: f64 = 10.0;
 
 /// Lengths of a process whose signs tell finished from failed, over those of one that jumps from -1 to 1. From error bars on the ridge.
 const LONGER: f64 = 4.0;
@@ -44,26 +45,19 @@ impl Failing {
     ) -> Option<Self> {
         let (centre, inverse) = whitening(pool.d, &pool.z, weights)?;
         let mut x = vec![0.0; pool.d];
-        let mut ranked: Vec<(f64, usize, bool)> = Vec::with_capacity(known.len());
+        let mut ranked = [Vec::new(), Vec::new()];
         for (i, alive) in known.iter().zip(alive) {
             whiten(pool.point(*i), &centre, &inverse, &mut x);
-            ranked.push((x.iter().map(|x| x * x).sum(), *i, *alive));
+            ranked[usize::from(!alive)].push((x.iter().map(|x| x * x).sum::<f64>(), *i));
         }
-        ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let (finished, failed): (Vec<_>, Vec<_>) = ranked.into_iter().partition(|r| r.2);
-        // Evenly those near the posterior: the nearest know its middle alone, and edges of failures go on.
-        let near = |all: &[(f64, usize, bool)], others: usize| -> Vec<(f64, usize, bool)> {
-            let count = all.len().min((points / 2).max(points.saturating_sub(others)));
-            let near = all.partition_point(|r| r.0 < NEAR).max(count);
-            evenly(0, near, count).map(|k| all[k]).collect()
-        };
-        let (finished, failed) = (near(&finished, failed.len()), near(&failed, finished.len()));
-        // Both kinds in turn.
-        let most = finished.len().max(failed.len());
-        let both = (0..most).flat_map(|k| [finished.get(k), failed.get(k)]).flatten();
-        let both: Vec<_> = both.take(points).collect();
-        let chosen: Vec<usize> = both.iter().map(|r| r.1).collect();
-        let values: Vec<f64> = both.iter().map(|r| if r.2 { 1.0 } else { -1.0 }).collect();
+        for kind in &mut ranked {
+            kind.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        }
+        let near = pool.d as f64 + NEAR;
+        let both = in_turn([&ranked[0], &ranked[1]], points, near).into_iter().flat_map(|pair| {
+            pair.into_iter().zip([1.0, -1.0]).filter_map(|(i, value)| Some((i?, value)))
+        });
+        let (chosen, values): (Vec<usize>, Vec<f64>) = both.unzip();
         let process = GaussianProcess::new(Data {
             d: pool.d,
             z: &pool.z,

@@ -1,72 +1,93 @@
 //! Which samples a process runs through.
 
-/// Samples that a process runs through at most: some whose log density is up to `depth` below the best one's, or that are among the
-/// best, and some of the rest, so that it does not believe in places that were seen to be bad. Both are taken evenly over their ranks.
+/// Samples that a process runs through at most: some near the best one, and some of the rest, so that it does not believe in places
+/// that were seen to be bad. Both are taken evenly over their ranks.
 #[derive(Clone, Copy)]
 pub(super) struct Points {
-    best: usize,
+    near: usize,
     rest: usize,
+    /// Those less than this in log density below the best one are near, or the first ones where these are too few.
     depth: f64,
 }
 
 impl Points {
-    /// To place samples by, at every stage: the best ones.
-    pub(super) const FEW: Self = Self { best: 100, rest: 50, depth: 0.0 };
-    /// To find covariances that integrals are taken with, once. With those of the best ones, which are right for the middle of the
-    /// posterior, PS is twice as far off at 512 and 1024 simulations (means .015 posterior sds, not .007).
+    /// To place samples by, at every stage: the best ones and some others.
+    pub(super) const FEW: Self = Self { near: 100, rest: 50, depth: 0.0 };
+    /// To estimate by, once: the covariances that integrals are taken with. Those of the best samples are right for the middle of the
+    /// posterior, and PS is twice as far off with them at 1024 simulations (means .015 posterior sds, not .007).
     pub(super) const EVEN: Self = Self { depth: 12.0, ..Self::FEW };
     /// To take integrals with.
-    pub(super) const MANY: Self = Self { best: 300, rest: 100, ..Self::EVEN };
+    pub(super) const MANY: Self = Self { near: 300, rest: 100, ..Self::EVEN };
 
     /// All of them.
     pub(super) fn most(self) -> usize {
-        self.best + self.rest
+        self.near + self.rest
     }
 
-    /// Those of samples that are ordered by log density, the best first; the depths below it are in the same order.
-    pub(super) fn of(self, ordered: Vec<usize>, depths: &[f64]) -> Vec<usize> {
+    /// Those of samples that are ordered by log density, the best first; `depth` is how far one is below the best.
+    pub(super) fn of(self, ordered: Vec<usize>, depth: impl Fn(&usize) -> f64) -> Vec<usize> {
         let n = ordered.len();
         if n <= self.most() {
             return ordered;
         }
-        let near = depths.partition_point(|depth| *depth < self.depth).max(self.best);
+        let near = ordered.partition_point(|i| depth(i) < self.depth).max(self.near);
         let rest = self.rest.min(n - near);
-        let best = self.most() - rest;
-        evenly(0, near, best).chain(evenly(near, n, rest)).map(|k| ordered[k]).collect()
+        let taken = evenly(0, near, self.most() - rest).chain(evenly(near, n, rest));
+        taken.map(|k| ordered[k]).collect()
     }
 }
 
-/// So many of the numbers from one to below another, the first among them.
-pub(super) fn evenly(from: usize, to: usize, count: usize) -> impl Iterator<Item = usize> {
+/// `count` numbers, evenly from `from` to below `to`, which is at least so far above it.
+fn evenly(from: usize, to: usize, count: usize) -> impl Iterator<Item = usize> {
     (0..count).map(move |k| from + k * (to - from) / count)
+}
+
+/// Up to so many of two kinds in turn, with the numbers of the samples and how far away they are, the nearest first: of each kind half of
+/// them, more where the other has fewer, evenly from those that are less than `near` away, or the nearest where these are too few.
+pub(super) fn in_turn(
+    kinds: [&[(f64, usize)]; 2],
+    points: usize,
+    near: f64,
+) -> Vec<[Option<usize>; 2]> {
+    let chosen = |own: usize| -> Vec<usize> {
+        let (all, others) = (kinds[own], kinds[1 - own].len());
+        let count = all.len().min((points / 2).max(points.saturating_sub(others)));
+        let near = all.partition_point(|one| one.0 < near).max(count);
+        evenly(0, near, count).map(|k| all[k].1).collect()
+    };
+    let chosen = [chosen(0), chosen(1)];
+    let most = chosen[0].len().max(chosen[1].len());
+    (0..most).map(|k| [0, 1].map(|kind| chosen[kind].get(k).copied())).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Of so many samples, the first of them this near to the best: the numbers of those that are taken.
-    fn taken(points: Points, n: usize, near: usize) -> Vec<usize> {
-        let depths: Vec<f64> = (0..n).map(|k| if k < near { 0.0 } else { 20.0 }).collect();
-        points.of((0..n).collect(), &depths)
+    /// Of so many samples, numbered from the last to the first, of which so many are less than 12 below the best: the ranks of those
+    /// that are taken.
+    fn taken(points: Points, n: usize, within: usize) -> Vec<usize> {
+        let rank = |i: &usize| n - 1 - i;
+        let depth = |i: &usize| 12.0 * (rank(i) as f64 / within as f64).powi(2);
+        points.of((0..n).rev().collect(), depth).iter().map(rank).collect()
     }
 
     #[test]
     fn as_many_as_are_allowed_are_taken_each_once_and_the_best_first() {
         for points in [Points::FEW, Points::EVEN, Points::MANY] {
             for n in 1..1300 {
-                for near in [0, 1, n / 3, n / 2, n - n / 10, n - 1, n] {
-                    let taken = taken(points, n, near);
-                    assert_eq!(taken.len(), n.min(points.most()), "{n} {near}");
+                for within in [1, 1 + n / 3, 1 + n / 2, n - n / 10, n] {
+                    let taken = taken(points, n, within);
+                    assert_eq!(taken.len(), n.min(points.most()), "{n} {within}");
                     assert_eq!(taken[0], 0);
-                    assert!(taken.is_sorted_by(|a, b| a < b), "{n} {near}: {taken:?}");
+                    assert!(taken.is_sorted_by(|a, b| a < b), "{n} {within}: {taken:?}");
                 }
             }
         }
     }
 
     #[test]
-    fn samples_are_placed_by_the_best_and_integrals_are_taken_with_all_depths_that_matter() {
+    fn samples_are_placed_by_the_best_and_integrals_are_taken_with_all_down_to_a_depth() {
         let below = |taken: &[usize], end: usize| taken.iter().filter(|k| **k < end).count();
         let best = taken(Points::FEW, 1000, 600);
         assert_eq!((below(&best, 100), below(&best, 550)), (100, 125));
@@ -74,11 +95,42 @@ mod tests {
         assert_eq!((below(&even, 300), below(&even, 600)), (50, 100));
         let many = taken(Points::MANY, 1000, 600);
         assert_eq!((below(&many, 300), below(&many, 600), below(&many, 800)), (150, 300, 350));
-        // Few that matter are all taken, and the next best.
+        // Where few are near, the next ones are taken too.
         let narrow = taken(Points::EVEN, 1000, 30);
         assert_eq!(below(&narrow, 100), 100);
         // Of a rest that is small all are.
         let wide = taken(Points::EVEN, 1000, 980);
         assert_eq!((below(&wide, 980), wide.len()), (130, 150));
+    }
+
+    #[test]
+    fn of_two_kinds_all_are_taken_in_turn_where_they_are_few_and_evenly_those_near_where_they_are_many()
+     {
+        let kind = |from: usize, n: usize| -> Vec<(f64, usize)> {
+            (0..n).map(|k| (k as f64, from + k)).collect()
+        };
+        let taken = |n: usize, m: usize, near: f64| -> Vec<usize> {
+            let (first, second) = (kind(0, n), kind(1000, m));
+            in_turn([&first, &second], 150, near).into_iter().flatten().flatten().collect()
+        };
+        for (n, m) in [(0, 3), (3, 0), (2, 4), (100, 50), (149, 1), (75, 75)] {
+            let in_turn = (0..n.max(m)).flat_map(|k| [(k, k < n), (1000 + k, k < m)]);
+            let all: Vec<usize> = in_turn.filter(|one| one.1).map(|one| one.0).collect();
+            assert_eq!(taken(n, m, 12.0), all, "{n} {m}");
+        }
+        for (n, m, near, ends) in [
+            // Half of each, over all that are near.
+            (400, 300, 225.0, [222, 1222]),
+            // The nearest where few are near.
+            (400, 300, 10.0, [74, 1074]),
+            // Few of one kind: more of the other.
+            (400, 20, 260.0, [258, 1019]),
+        ] {
+            let taken = taken(n, m, near);
+            let last =
+                |second: bool| taken.iter().filter(|i| (**i >= 1000) == second).max().copied();
+            assert_eq!(taken.len(), 150, "{n} {m}");
+            assert_eq!([last(false), last(true)], ends.map(Some), "{n} {m}");
+        }
     }
 }
