@@ -57,7 +57,7 @@ const KEPT: [Kept; 11] = [
     ),
     (
         "--plan experiments/external/impact.toml",
-        &[("samples.csv", "b9f84eae035d8bf2"), ("draws.csv", "a41a0ca8b2bd66e6")],
+        &[("samples.csv", "f60c2ea2220466fb"), ("draws.csv", "67f86d49b43d30e7")],
     ),
     ("scene experiments/scenes/four-particles.toml", &[("series.csv", "78d3c6ecd45f4b48")]),
 ];
