@@ -23,7 +23,7 @@ impl Edge {
 
 /// Squared distance from the middle of the posterior, in its own covariance and beyond the number of parameters, within which samples
 /// tell where simulations fail. By the nearest alone, which lie at its middle, the ridge (two parameters) is .036 off at 512 simulations
-/// and .028 at 1024, not .008 and .014.
+/// and .028 at 1024, not .011 and .014.
 const NEAR: f64 = 10.0;
 
 /// Lengths of a process whose signs tell finished from failed, over those of one that jumps from -1 to 1. From error bars on the ridge.
