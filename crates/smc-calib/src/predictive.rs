@@ -2,6 +2,7 @@
 
 use crate::estimate::Estimator;
 use crate::sampler::Sampler;
+use crate::sobol::evenly;
 use crate::stream::{Purpose, stream};
 use crate::target::CurveTarget;
 use crate::weighted::Weighted;
@@ -96,7 +97,7 @@ impl Errors {
         let control = target.problem.control();
         let m = control.len();
         let count = draws.len().min((MAX_ERRORS / m).max(100));
-        let used: Vec<usize> = (0..count).map(|k| k * draws.len() / count).collect();
+        let used: Vec<usize> = evenly(draws.len(), count).collect();
         let mut table = vec![[0.0; 2]; count * m];
         table.par_chunks_mut(m).zip(&used).for_each(|(row, at)| {
             let curve = &sampler.pool.kept[draws[*at].sample * m..][..m];
@@ -181,7 +182,7 @@ fn band_on_grid(
         )));
     }
     let count = all.len().min(max_draws);
-    let chosen: Vec<usize> = (0..count).map(|k| k * all.len() / count).collect();
+    let chosen: Vec<usize> = evenly(all.len(), count).collect();
     // Neighbouring draws are often the same sample: simulate it once.
     let mut distinct: Vec<usize> = chosen.iter().map(|at| all[*at].sample).collect();
     distinct.dedup();

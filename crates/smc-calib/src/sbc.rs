@@ -8,6 +8,7 @@
 //! P.-C. Bürkner, A. Vehtari, "Graphical test for discrete uniformity and its applications in goodness-of-fit
 //! evaluation and multiple sample comparison", Stat. Comput. 32 (2022) 32.
 
+use crate::sobol::evenly;
 use crate::stream::{Purpose, normals, stream};
 use crate::{
     CalibrateError, Likelihood, Noise, NoiseDraw, NoiseQuantity, NoiseShape, Observations,
@@ -196,8 +197,8 @@ fn shape_ranks(
     let count = p.draws.len().min(SHAPE_DRAWS);
     let mut outputs = vec![0.0; fine.values().len()];
     let (mut sums, mut used) = ([0.0; 2], 0.0);
-    for k in 0..count {
-        let sample = p.samples.get(p.draws[k * p.draws.len() / count].sample)?;
+    for k in evenly(p.draws.len(), count) {
+        let sample = p.samples.get(p.draws[k].sample)?;
         if simulator.simulate(&sample.theta, &mut outputs).is_ok() {
             let below = fine.below(&shape, &outputs)?;
             sums = [sums[0] + below[0], sums[1] + below[1]];

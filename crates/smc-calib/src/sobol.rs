@@ -99,6 +99,11 @@ pub(crate) fn scrambled_net(dimensions: usize, points: usize, rng: &mut impl Rng
     out
 }
 
+/// `count` of the numbers below n, evenly and from 0 on; count is at most n.
+pub(crate) fn evenly(n: usize, count: usize) -> impl Iterator<Item = usize> {
+    (0..count).map(move |k| k * n / count)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

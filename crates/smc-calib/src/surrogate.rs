@@ -7,6 +7,7 @@
 
 use crate::cholesky::{cholesky, packed_inverse, solve};
 use crate::neighbours::{MOST_DIMENSIONS, Neighbours};
+use crate::sobol::evenly;
 use rayon::prelude::*;
 
 /// Most parameters.
@@ -194,7 +195,7 @@ fn centres(d: usize, fitted: &[bool], order: &[u32]) -> Vec<usize> {
     }
     let all: Vec<usize> = all.filter(|i| fitted[*i]).collect();
     let count = all.len().min(MOST_FITS);
-    (0..count).map(|k| all[k * all.len() / count]).collect()
+    evenly(all.len(), count).map(|k| all[k]).collect()
 }
 
 fn whiten(z: &[f64], inverse: &[f64], x: &mut [f64]) {

@@ -50,6 +50,7 @@ use crate::estimate::Estimator;
 use crate::marginal::Marginal;
 use crate::pool::effective_sample_size;
 use crate::sampler::Sampler;
+use crate::sobol::evenly;
 use crate::stage::{Finishing, Observer};
 use crate::stream::{Purpose, stream};
 use crate::summary::{Columns, chosen, correlation, of_size, parameter_summary, tail};
@@ -251,8 +252,7 @@ impl Found<'_> {
     fn members(&self, draws: &[Population]) -> Vec<MemberSummary> {
         let (pool, weights) = (&self.sampler.pool, &self.estimator.weights);
         let kept = draws.len().min(MOST_SHRUNK);
-        let some: Vec<Population> =
-            (0..kept).map(|k| draws[k * draws.len() / kept].clone()).collect();
+        let some: Vec<Population> = evenly(draws.len(), kept).map(|k| draws[k].clone()).collect();
         let of = |(m, member): (usize, &Member)| {
             let kept = |i: usize, what: usize| pool.kept[i * pool.kept_width + 2 * m + what];
             let own = (0..self.len()).map(|i| (kept(i, 0), weights[i].max(0.0)));

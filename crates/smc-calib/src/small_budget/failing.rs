@@ -54,10 +54,9 @@ impl Failing {
             kind.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         }
         let near = pool.d as f64 + NEAR;
-        let both = in_turn([&ranked[0], &ranked[1]], points, near).into_iter().flat_map(|pair| {
-            pair.into_iter().zip([1.0, -1.0]).filter_map(|(i, value)| Some((i?, value)))
-        });
-        let (chosen, values): (Vec<usize>, Vec<f64>) = both.unzip();
+        let both = in_turn([&ranked[0], &ranked[1]], points, near).into_iter();
+        let (chosen, values): (Vec<usize>, Vec<f64>) =
+            both.map(|(i, kind)| (i, [1.0, -1.0][kind])).unzip();
         let process = GaussianProcess::new(Data {
             d: pool.d,
             z: &pool.z,

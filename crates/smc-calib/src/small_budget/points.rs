@@ -1,5 +1,7 @@
 //! Which samples a process runs through.
 
+use crate::sobol::evenly;
+
 /// Samples that a process runs through at most: some near the best one, and some of the rest, so that it does not believe in places
 /// that were seen to be bad. Both are taken evenly over their ranks.
 #[derive(Clone, Copy)]
@@ -32,32 +34,28 @@ impl Points {
         }
         let near = ordered.partition_point(|i| depth(i) < self.depth).max(self.near);
         let rest = self.rest.min(n - near);
-        let taken = evenly(0, near, self.most() - rest).chain(evenly(near, n, rest));
-        taken.map(|k| ordered[k]).collect()
+        let of_rest = evenly(n - near, rest).map(|k| near + k);
+        evenly(near, self.most() - rest).chain(of_rest).map(|k| ordered[k]).collect()
     }
 }
 
-/// `count` numbers, evenly from `from` to below `to`, which is at least so far above it.
-fn evenly(from: usize, to: usize, count: usize) -> impl Iterator<Item = usize> {
-    (0..count).map(move |k| from + k * (to - from) / count)
-}
-
-/// Up to so many of two kinds in turn, with the numbers of the samples and how far away they are, the nearest first: of each kind half of
-/// them, more where the other has fewer, evenly from those that are less than `near` away, or the nearest where these are too few.
+/// Up to so many of two kinds in turn, the number of each sample with its kind; samples are given by how far away they are, the nearest
+/// first. Of each kind half of them, more where the other has fewer, evenly from those that are less than `near` away, or the nearest where
+/// these are too few.
 pub(super) fn in_turn(
     kinds: [&[(f64, usize)]; 2],
     points: usize,
     near: f64,
-) -> Vec<[Option<usize>; 2]> {
-    let chosen = |own: usize| -> Vec<usize> {
-        let (all, others) = (kinds[own], kinds[1 - own].len());
+) -> Vec<(usize, usize)> {
+    let chosen = |kind: usize| -> Vec<(usize, usize)> {
+        let (all, others) = (kinds[kind], kinds[1 - kind].len());
         let count = all.len().min((points / 2).max(points.saturating_sub(others)));
         let near = all.partition_point(|one| one.0 < near).max(count);
-        evenly(0, near, count).map(|k| all[k].1).collect()
+        evenly(near, count).map(|k| (all[k].1, kind)).collect()
     };
-    let chosen = [chosen(0), chosen(1)];
-    let most = chosen[0].len().max(chosen[1].len());
-    (0..most).map(|k| [0, 1].map(|kind| chosen[kind].get(k).copied())).collect()
+    let [first, second] = [chosen(0), chosen(1)];
+    let most = first.len().max(second.len());
+    (0..most).flat_map(|k| [first.get(k), second.get(k)]).flatten().copied().collect()
 }
 
 #[cfg(test)]
@@ -111,7 +109,9 @@ mod tests {
         };
         let taken = |n: usize, m: usize, near: f64| -> Vec<usize> {
             let (first, second) = (kind(0, n), kind(1000, m));
-            in_turn([&first, &second], 150, near).into_iter().flatten().flatten().collect()
+            let taken = in_turn([&first, &second], 150, near);
+            assert!(taken.iter().all(|(i, kind)| usize::from(*i >= 1000) == *kind));
+            taken.into_iter().map(|(i, _)| i).collect()
         };
         for (n, m) in [(0, 3), (3, 0), (2, 4), (100, 50), (149, 1), (75, 75)] {
             let in_turn = (0..n.max(m)).flat_map(|k| [(k, k < n), (1000 + k, k < m)]);
