@@ -22,14 +22,28 @@ fn damaged(whole: &[u8], place: usize, turn: Option<u8>) -> Vec<u8> {
 
 /// One run for all cases: its folder, and what its files hold.
 fn run() -> (Sandbox, Vec<Vec<u8>>) {
+    run_of("--material pa12 --samples 8192")
+}
+
+fn run_of(what: &str) -> (Sandbox, Vec<Vec<u8>>) {
     let sandbox = Sandbox::new();
-    sandbox.run("--material pa12 --samples 8192 --quiet --out run").succeeded();
+    sandbox.run(&format!("{what} --quiet --out run")).succeeded();
     let whole = FILES.map(|name| fs::read(sandbox.path().join("run").join(name)).expect(name));
     (sandbox, whole.into())
 }
 
-fn hold_every_damage(with_sums: bool) {
-    let (sandbox, whole) = run();
+/// A run whose parameters are those of moved samples, which `samples.csv` has too.
+fn run_with_moved_samples() -> (Sandbox, Vec<Vec<u8>>) {
+    let mut runs = (1..=10).map(|seed| {
+        run_of(&format!("--material ps --samples 50 --no-other-kinetics --seed {seed}"))
+    });
+    let moved = |(_, whole): &(Sandbox, Vec<Vec<u8>>)| {
+        String::from_utf8_lossy(&whole[1]).lines().next().is_some_and(|row| row.contains("moved_"))
+    };
+    runs.find(moved).expect("one of ten seeds")
+}
+
+fn hold_every_damage((sandbox, whole): &(Sandbox, Vec<Vec<u8>>), with_sums: bool) {
     let folder = sandbox.path().join("run");
     if !with_sums {
         fs::remove_file(folder.join("SHA256SUMS")).expect("removed");
@@ -70,20 +84,23 @@ fn hold_every_damage(with_sums: bool) {
 #[test]
 #[ignore = "long: run by .ci/run"]
 fn every_damage_is_seen_where_the_sums_are_there() {
-    hold_every_damage(true);
+    hold_every_damage(&run(), true);
+    let moved = run_with_moved_samples();
+    hold_every_damage(&moved, true);
+    hold_cut_tables(&moved.0);
 }
 
 #[test]
 #[ignore = "long: run by .ci/run"]
 fn without_sums_damage_is_refused_or_read_but_never_a_panic() {
-    hold_every_damage(false);
+    hold_every_damage(&run(), false);
+    hold_every_damage(&run_with_moved_samples(), false);
 }
 
-#[test]
-fn a_table_cut_off_at_the_end_of_a_line_is_not_whole() {
-    let (sandbox, _) = run();
-    fs::remove_file(sandbox.path().join("run/SHA256SUMS")).expect("removed");
+/// Holds that both tables, cut off at the end of a line, are known not to be whole by their records alone.
+fn hold_cut_tables(sandbox: &Sandbox) {
     let folder = sandbox.path().join("run");
+    fs::remove_file(folder.join("SHA256SUMS")).expect("removed");
     let file = record::read(&folder).expect("a posterior");
     for name in ["samples.csv", "draws.csv"] {
         let path = folder.join(name);
@@ -96,6 +113,11 @@ fn a_table_cut_off_at_the_end_of_a_line_is_not_whole() {
         };
         assert_eq!(outcome.expect_err(name).mistake, Mistake::Damaged, "{name}");
     }
+}
+
+#[test]
+fn a_table_cut_off_at_the_end_of_a_line_is_not_whole() {
+    hold_cut_tables(&run().0);
 }
 
 #[test]

@@ -47,6 +47,14 @@ struct Point {
 }
 
 pub(crate) fn run(args: &BudgetsArgs, out: &Path) -> Result<(), Failure> {
+    let BudgetsArgs { least, most, .. } = *args;
+    let budgets = budgets(least, most);
+    if budgets.is_empty() {
+        let none = format_args!(
+            "none of the numbers of simulations of the study is from --least {least} to --most {most}"
+        );
+        return Err(RunError::new(none).into());
+    }
     let mut report = Report::begin(out, "budgets")?;
     let runs = Runs::open(&report)?;
     let mut table = Table::new(&[
@@ -62,7 +70,7 @@ pub(crate) fn run(args: &BudgetsArgs, out: &Path) -> Result<(), Failure> {
     let mut curves = Vec::new();
     for (name, case) in problems(args.only.as_deref().unwrap_or_default())? {
         let mut points: Vec<Point> = Vec::new();
-        for samples in budgets(args.least, args.most) {
+        for &samples in &budgets {
             eprintln!("{name}, {samples} simulations");
             let runs = over_seeds(args.seeds, &|seed| runs.of(&name, &case, samples, seed))?;
             let point = Point::of(&case, samples, &runs);

@@ -103,7 +103,8 @@ impl Ratios {
 
 /// Of two estimates of one number with these variances, this correlation of their errors and this square of their difference: the share of
 /// the second in their mean, and the variance of the mean over that of the first. The second's is taken as midway between both where it
-/// is the smaller one; the share is that for independent errors, which a correlation that is known roughly cannot better.
+/// is the smaller one. The share is that for independent errors: with that for their correlation PS and PA12 are 6 % further off at 50
+/// simulations.
 ///
 /// Estimates further apart than their errors tell are known less well: the variance of the mean grows with the square of their
 /// difference over the sum of their variances (R. T. Birge, Phys. Rev. 40 (1932) 207), up to that of the first and the square of the way
