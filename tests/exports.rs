@@ -193,10 +193,10 @@ fn draws_of_moved_samples_of_programs_have_the_likelihoods_of_their_runs() {
     for name in ["c1", "tau_s", "delta_c", "log_lik[1]", "log_lik[9]", "y_rep[2]"] {
         let [built_in, program] = [&built_in, &program].map(|text| column(text, name));
         assert!(built_in.len() > 4, "{name}: {} draws", built_in.len());
+        assert_eq!(built_in.len(), program.len(), "{name}");
         for (a, b) in built_in.iter().zip(&program) {
             assert!((a - b).abs() <= 1e-6 * a.abs(), "seed {seed}, {name}: {a} {b}");
         }
-        assert_eq!(built_in.len(), program.len(), "{name}");
     }
 }
 

@@ -51,7 +51,7 @@ pub(crate) fn run(args: &BudgetsArgs, out: &Path) -> Result<(), Failure> {
     let budgets = budgets(least, most);
     if budgets.is_empty() {
         let none = format_args!(
-            "none of the numbers of simulations of the study is from --least {least} to --most {most}"
+            "no number of simulations of this study (32, 48, 50, 51, 64, ...) lies between --least {least} and --most {most}"
         );
         return Err(RunError::new(none).into());
     }
@@ -255,6 +255,13 @@ mod tests {
         assert_eq!(growth(&before, &point(192, 0.1)), Some(0.5));
         assert_eq!(growth(&before, &point(2048, 6.0)), None);
         assert_eq!(growth(&before, &point(100, 6.0)), None);
+    }
+
+    #[test]
+    fn numbers_of_simulations_are_those_between_and_may_be_none() {
+        assert_eq!(budgets(40, 64), [48, 50, 51, 64]);
+        assert!(budgets(52, 63).is_empty());
+        assert!(budgets(64, 32).is_empty());
     }
 
     #[test]
