@@ -94,7 +94,7 @@ fn without_sums_damage_is_refused_or_read_but_never_a_panic() {
 }
 
 #[test]
-#[ignore = "long: run by .ci/run"]
+#[ignore = "longer: run by .ci/long"]
 fn damage_to_tables_with_moved_samples_is_seen_too() {
     let run = run_with_moved_samples();
     hold_every_damage(&run, true);

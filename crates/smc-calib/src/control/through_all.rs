@@ -108,7 +108,7 @@ impl Ratios {
 ///
 /// Estimates further apart than their errors tell are known less well: the variance of the mean grows with the square of their
 /// difference over the sum of their variances (R. T. Birge, Phys. Rev. 40 (1932) 207), up to that of the first and the square of the way
-/// from it.
+/// from it. Sum and bound are those for independent errors: where the process is known worse, what is said stays up to a tenth too small.
 fn mean_of_two([first, second]: [f64; 2], correlation: f64, square: f64) -> (f64, f64) {
     let midway = second.max((first * second).sqrt());
     // With this variance of the second the two are as far apart as that.
