@@ -22,25 +22,14 @@ fn damaged(whole: &[u8], place: usize, turn: Option<u8>) -> Vec<u8> {
 
 /// One run for all cases: its folder, and what its files hold.
 fn run() -> (Sandbox, Vec<Vec<u8>>) {
-    run_of("--material pa12 --samples 8192")
+    let sandbox = Sandbox::new();
+    sandbox.run("--material pa12 --samples 8192 --quiet --out run").succeeded();
+    whole(sandbox)
 }
 
-fn run_of(what: &str) -> (Sandbox, Vec<Vec<u8>>) {
-    let sandbox = Sandbox::new();
-    sandbox.run(&format!("{what} --quiet --out run")).succeeded();
+fn whole(sandbox: Sandbox) -> (Sandbox, Vec<Vec<u8>>) {
     let whole = FILES.map(|name| fs::read(sandbox.path().join("run").join(name)).expect(name));
     (sandbox, whole.into())
-}
-
-/// A run whose parameters are those of moved samples, which `samples.csv` has too.
-fn run_with_moved_samples() -> (Sandbox, Vec<Vec<u8>>) {
-    let mut runs = (1..=10).map(|seed| {
-        run_of(&format!("--material ps --samples 50 --no-other-kinetics --seed {seed}"))
-    });
-    let moved = |(_, whole): &(Sandbox, Vec<Vec<u8>>)| {
-        String::from_utf8_lossy(&whole[1]).lines().next().is_some_and(|row| row.contains("moved_"))
-    };
-    runs.find(moved).expect("one of ten seeds")
 }
 
 fn hold_every_damage((sandbox, whole): &(Sandbox, Vec<Vec<u8>>), with_sums: bool) {
@@ -96,7 +85,7 @@ fn without_sums_damage_is_refused_or_read_but_never_a_panic() {
 #[test]
 #[ignore = "longer: run by .ci/long"]
 fn damage_to_tables_with_moved_samples_is_seen_too() {
-    let run = run_with_moved_samples();
+    let run = whole(Sandbox::with_moved_samples().0);
     hold_every_damage(&run, true);
     hold_every_damage(&run, false);
     hold_cut_tables(&run.0);

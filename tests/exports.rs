@@ -138,24 +138,18 @@ fn a_run_of_programs_is_exported_from_its_stored_runs_and_says_what_is_missing_w
     assert!(column(&stan.expect("a table"), "lp__").iter().all(|value| value.is_nan()));
 }
 
-/// Plans of one calibration of PS: by the built-in closed form, and by a program that computes it.
-fn built_in_and_program(sandbox: &Sandbox, seed: u64) {
+/// The plan of a calibration of PS by 50 runs of a program that computes the closed form.
+fn plan_of_program(sandbox: &Sandbox, seed: u64) {
     let ps = workbench::input::experiment::Experiment::built_in("ps-r30").expect("built in");
     sandbox.write("ps-r30.csv", ps.table.to_csv());
-    let mut parameters = format!("[sampler]\nsamples = 50\nseed = {seed}\n");
+    let mut plan = format!("name = \"program\"\n[sampler]\nsamples = 50\nseed = {seed}\n");
     for (name, unit, lower, upper) in
         [("c1", "1/(Pa s)", 1e-6, 1e-1), ("tau_s", "s", 1e-2, 1.0), ("delta_c", "m", 1e-8, 3e-6)]
     {
-        parameters += &format!(
+        plan += &format!(
             "[parameters.{name}]\nunit = \"{unit}\"\ndistribution = \"log-uniform\"\nlower = {lower:e}\nupper = {upper:e}\n"
         );
     }
-    let built_in = r#"
-[experiments.ps-r30.simulator]
-kind = "builtin"
-experiment = "ps-r30"
-solver = "closed-form"
-"#;
     let program = r#"
 [experiments.ps-r30.simulator]
 kind = "command"
@@ -167,29 +161,22 @@ control = "time_s"
 noise = { kind = "inferred", nu0 = 4, s0 = 0.05 }
 result = { file = "neck.csv", control = "time_s", value = "contact_ratio", interpolate = "refuse" }
 "#;
-    sandbox.write("built-in.toml", format!("name = \"built-in\"\n{parameters}{built_in}"));
-    let program = program.replace("CALIBRATE", env!("CARGO_BIN_EXE_calibrate"));
-    sandbox.write("program.toml", format!("name = \"program\"\n{parameters}{program}"));
+    plan += &program.replace("CALIBRATE", env!("CARGO_BIN_EXE_calibrate"));
+    sandbox.write("program.toml", plan);
 }
 
 #[test]
 #[ignore = "long: run by .ci/run"]
 fn draws_of_moved_samples_of_programs_have_the_likelihoods_of_their_runs() {
-    let sandbox = Sandbox::new();
-    let moved = |seed: &u64| {
-        built_in_and_program(&sandbox, *seed);
-        sandbox.run("--plan built-in.toml --quiet --out built-in").succeeded();
-        let samples = fs::read_to_string(sandbox.path().join("built-in/samples.csv"));
-        samples.expect("samples").contains("moved_c1")
-    };
-    let seed = (1..=10).find(moved).expect("one of ten seeds");
+    let (sandbox, seed) = Sandbox::with_moved_samples();
+    plan_of_program(&sandbox, seed);
     sandbox.run("--plan program.toml --quiet --out program").succeeded();
     let exported = |run: &str| {
         sandbox.run(&format!("export {run} --format draws-csv --quiet")).succeeded();
         fs::read_to_string(sandbox.path().join(run).join("export/posterior-draws.csv"))
             .expect("a table")
     };
-    let [built_in, program] = ["built-in", "program"].map(exported);
+    let [built_in, program] = ["run", "program"].map(exported);
     for name in ["c1", "tau_s", "delta_c", "log_lik[1]", "log_lik[9]", "y_rep[2]"] {
         let [built_in, program] = [&built_in, &program].map(|text| column(text, name));
         assert!(built_in.len() > 4, "{name}: {} draws", built_in.len());

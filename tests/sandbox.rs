@@ -26,6 +26,22 @@ impl Sandbox {
         Self { folder: tempfile::tempdir().expect("a temporary folder") }
     }
 
+    /// With a run of PS by 50 simulations in the folder `run`, whose samples were moved to moments that are known better than by their
+    /// weights; and its seed.
+    pub(crate) fn with_moved_samples() -> (Self, u64) {
+        let run = |seed: u64| {
+            let sandbox = Self::new();
+            let options = "--samples 50 --no-other-kinetics --quiet --out run";
+            sandbox.run(&format!("--material ps --seed {seed} {options}")).succeeded();
+            (sandbox, seed)
+        };
+        let moved = |(sandbox, _): &(Self, u64)| {
+            let samples = fs::read_to_string(sandbox.path().join("run/samples.csv"));
+            samples.expect("samples").contains("moved_c1")
+        };
+        (1..=10).map(run).find(moved).expect("one of ten seeds")
+    }
+
     pub(crate) fn path(&self) -> &Path {
         self.folder.path()
     }
