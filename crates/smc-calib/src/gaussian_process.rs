@@ -34,7 +34,7 @@ mod search;
 mod signs;
 
 use self::kernel::{Fit, Kernel, Points, Samples, Shape};
-use crate::cholesky::{dot, narrow, whiten, whitening};
+use crate::cholesky::{narrow, whiten, whitening};
 use crate::normal;
 use rayon::prelude::*;
 
@@ -55,6 +55,12 @@ pub(crate) struct GaussianProcess {
     pub units: Vec<f64>,
     /// Value of every column at every sample minus its prediction from the other samples.
     pub left_out: Vec<f64>,
+}
+
+/// A point in the coordinates of a process, [extended](Kernel::extend), and its covariances with all samples.
+pub(crate) struct At {
+    x: Vec<f64>,
+    covariances: Vec<f64>,
 }
 
 /// A covariance and the coordinates that it is over.
@@ -189,11 +195,22 @@ impl GaussianProcess {
         })
     }
 
+    /// A point z, to be asked for its values and its variance.
+    pub(crate) fn at(&self, z: &[f64]) -> At {
+        let x = self.coordinates(z);
+        let covariances = self.covariances(&x);
+        At { x, covariances }
+    }
+
     /// Predicted values of all columns.
     pub(crate) fn predict(&self, z: &[f64], out: &mut [f64]) {
+        self.predict_at(&self.at(z), out);
+    }
+
+    /// The same at a point.
+    pub(crate) fn predict_at(&self, at: &At, out: &mut [f64]) {
         out.fill(0.0);
-        let covariances = self.covariances(&self.coordinates(z));
-        for (k, row) in covariances.iter().zip(self.coefficients.chunks_exact(out.len())) {
+        for (k, row) in at.covariances.iter().zip(self.coefficients.chunks_exact(out.len())) {
             for (o, c) in out.iter_mut().zip(row) {
                 *o += k * c;
             }
@@ -219,24 +236,6 @@ impl GaussianProcess {
         let mut covariances = vec![0.0; self.factor.len().isqrt()];
         self.covariance.kernel.row(x, &self.points, &mut covariances);
         covariances
-    }
-
-    /// `L^-1 k` for coordinates x, with their covariances k with all samples and the lower factor L of that of the samples.
-    fn solved(&self, x: &[f64]) -> Vec<f64> {
-        let mut solved = self.covariances(x);
-        let n = solved.len();
-        for (i, row) in self.factor.chunks_exact(n).enumerate() {
-            solved[i] = (solved[i] - dot(&solved[..i], &row[..i])) / row[i];
-        }
-        solved
-    }
-
-    /// Variance of the process at z, in squared units of the columns: `k(z, z) - |L^-1 k|^2` (section 2.2 of the same).
-    pub(crate) fn variance(&self, z: &[f64]) -> f64 {
-        let x = self.coordinates(z);
-        let variance = self.covariance.kernel.between(&x, &x);
-        let solved = self.solved(&x);
-        (variance - solved.iter().map(|s| s * s).sum::<f64>()).max(0.0)
     }
 }
 
@@ -383,6 +382,21 @@ mod tests {
         assert!((found - exact).abs() < 1e-6 * of(&x, &x), "{found} {exact}");
         // At a sample nothing but the nugget is left.
         assert!(process.variance(&points(12)[..2]) < 2.0 * nugget + 1e-9 * of(&a, &a));
+    }
+
+    #[test]
+    fn a_variance_that_is_small_enough_by_the_first_samples_is_that_of_a_process_through_them() {
+        let z = points(150);
+        let curve = |z: &[f64]| vec![z[0].sin() + z[1], z[0] * z[1]];
+        let process = like(Covariance::Search, &z[..80], 2, curve);
+        let through = |n: usize| like(Covariance::Like(&process.covariance), &z[..2 * n], 2, curve);
+        let (all, z) = (through(150), [0.2, -0.6]);
+        for (n, by) in [(32, 32), (33, 128), (128, 128), (129, 150), (150, 150)] {
+            let most = through(n).variance(&z) * (1.0 + 1e-9);
+            let found = all.variance_at(all.at(&z), |variance| variance <= most);
+            let exact = through(by).variance(&z);
+            assert!((found / exact - 1.0).abs() < 1e-6, "{n} {by}: {found} {exact}");
+        }
     }
 
     #[test]

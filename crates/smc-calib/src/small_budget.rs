@@ -189,22 +189,29 @@ impl<'a> StandIn<'a> {
     /// exceeds [`UNSURE`] by. For outputs it is what the log likelihood loses, in the mean, one standard deviation, by that variance,
     /// above and below them.
     pub(crate) fn ln_likelihood_at(&self, z: &[f64], edge: Edge) -> f64 {
-        let variance = SAID_TOO_SMALL * self.process.variance(z);
-        let outputs = self.predicted(z);
+        let (at, mut outputs) = (self.process.at(z), vec![0.0; self.process.units.len()]);
+        self.process.predict_at(&at, &mut outputs);
         let ln_l = self.ln_likelihood_of_predicted(&outputs);
-        let unsure = if self.outputs {
-            let off = |by: f64| -> f64 {
-                let units = outputs.iter().zip(&self.process.units);
-                let moved: Vec<f64> = units.map(|(o, unit)| o + by * unit).collect();
-                self.target.ln_likelihood_of(&moved).unwrap_or(f64::NAN)
-            };
-            let sd = variance.sqrt();
-            ln_l - 0.5 * (off(sd) + off(-sd))
-        } else {
-            0.5 * variance * self.process.units[0].powi(2)
+        let unsure = |variance| {
+            let unsure = self.unsure(&outputs, ln_l, SAID_TOO_SMALL * variance);
+            if unsure.is_nan() { f64::INFINITY } else { unsure }
         };
-        ln_l - if unsure.is_nan() { f64::INFINITY } else { (unsure - UNSURE).max(0.0) }
-            + self.ln_finished(z, edge)
+        let variance = self.process.variance_at(at, |variance| unsure(variance) <= UNSURE);
+        ln_l - (unsure(variance) - UNSURE).max(0.0) + self.ln_finished(z, edge)
+    }
+
+    /// What the log likelihood of these predicted values loses by this variance.
+    fn unsure(&self, outputs: &[f64], ln_l: f64, variance: f64) -> f64 {
+        if !self.outputs {
+            return 0.5 * variance * self.process.units[0].powi(2);
+        }
+        let off = |by: f64| -> f64 {
+            let units = outputs.iter().zip(&self.process.units);
+            let moved: Vec<f64> = units.map(|(o, unit)| o + by * unit).collect();
+            self.target.ln_likelihood_of(&moved).unwrap_or(f64::NAN)
+        };
+        let sd = variance.sqrt();
+        ln_l - 0.5 * (off(sd) + off(-sd))
     }
 
     /// What the process through samples of this pool does not know.

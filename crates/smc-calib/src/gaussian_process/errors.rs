@@ -1,13 +1,55 @@
 //! Errors of a process: from column to column, and at many points together.
 
-use super::GaussianProcess;
 use super::kernel::Points;
+use super::{At, GaussianProcess};
 use crate::cholesky::{dot, semidefinite_cholesky};
 
 /// Variance, over that of the process at the same point before any sample, up to which rounding can have made it.
 const ROUNDING: f64 = 1e-12;
 
+/// Samples after which a variance is judged for the first time.
+const BLOCK: usize = 32;
+
 impl GaussianProcess {
+    /// `L^-1 k` for coordinates x, with their covariances k with all samples and the lower factor L of that of the samples.
+    fn solved(&self, x: &[f64]) -> Vec<f64> {
+        self.solve(self.covariances(x), |_| false).0
+    }
+
+    /// The same from k, and the sum of its squares: of all numbers, or of the first [`BLOCK`], four times as many, and so on where that sum
+    /// is `enough`.
+    fn solve(&self, mut k: Vec<f64>, enough: impl Fn(f64) -> bool) -> (Vec<f64>, f64) {
+        let (n, mut squares, mut next) = (k.len(), 0.0, BLOCK);
+        for (i, row) in self.factor.chunks_exact(n).enumerate() {
+            if i == next {
+                if enough(squares) {
+                    break;
+                }
+                next *= 4;
+            }
+            k[i] = (k[i] - dot(&k[..i], &row[..i])) / row[i];
+            squares += k[i] * k[i];
+        }
+        (k, squares)
+    }
+
+    /// Variance of the process at z, in squared units of the columns: `k(z, z) - |L^-1 k|^2` (section 2.2 of the same).
+    pub(crate) fn variance(&self, z: &[f64]) -> f64 {
+        self.variance_at(self.at(z), |_| false)
+    }
+
+    /// The same at a point, or that by the first samples alone, which is the larger one, where it is small enough.
+    pub(crate) fn variance_at(
+        &self,
+        At { x, covariances }: At,
+        enough: impl Fn(f64) -> bool,
+    ) -> f64 {
+        let before = self.covariance.kernel.between(&x, &x);
+        let left = |explained: f64| (before - explained).max(0.0);
+        let (_, explained) = self.solve(covariances, |explained| enough(left(explained)));
+        left(explained)
+    }
+
     /// Principal components of the columns' covariance `V^T K^-1 V / n`, in their units: direction and variance of each, the largest
     /// first. `values` are the n rows that the process runs through (section 9.1 of the same; subspace iteration: G. H. Golub,
     /// C. F. Van Loan, Matrix Computations (2013), section 8.2.4).
