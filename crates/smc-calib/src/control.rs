@@ -11,7 +11,10 @@
 //! only more points of q. Both are without bias. `phi` are 1, the coordinates, and their products: evidence, means and
 //! covariances.
 //!
-//! Where a Gaussian process places the samples ([`crate::small_budget`]), the mixture of all proposals stands for q and all samples
+//! Where a Gaussian process has placed the first samples, processes through those before the final stage have a part in g, with the
+//! shares that leave the least of f phi / q there, and the quadratics the rest.
+//!
+//! Where it places all samples ([`crate::small_budget`]), the mixture of all proposals stands for q and all samples
 //! for the final stage: each sub-net's are held against a g through all others. That g is, for each phi, the sum of several processes
 //! and of local quadratics, with the shares that leave the least of f phi / q where they were left out (stacking: L. Breiman,
 //! Mach. Learn. 24 (1996) 49). The better the sub-nets know an
@@ -40,7 +43,6 @@ use self::variate::{
     Model, Standard, Variate, cap, count_pairs_twice, features, left, mean, scatter, share,
     stacked, surrogate,
 };
-use crate::Evidence;
 use crate::estimate::{Axis, Estimator, Integrals};
 use crate::gaussian_process::Found;
 use crate::mixture::Proposal;
@@ -54,11 +56,14 @@ use crate::stream::{Purpose, stream};
 use crate::surrogate::{MOST_PARAMETERS, coefficients};
 use crate::trust::agree;
 use crate::trust::limits::HELD_AGAINST_PROCESS;
+use crate::{Evidence, Settings};
 use rayon::prelude::*;
 
-/// Points that the surrogate is integrated with, per sample of the final stage, and at least; at least for a process.
+/// Points that local quadratics are integrated with, per sample of the final stage, and at least.
 const POINTS: [usize; 2] = [8, 32_768];
-const POINTS_OF_PROCESS: usize = 16_384;
+/// The least for a process: over all samples, where every sub-net has one of its own, and over a final stage. With 32 768 there PS and PA12
+/// are a quarter further off at 2048 simulations.
+const POINTS_OF_PROCESS: [usize; 2] = [16_384, 65_536];
 /// Samples that tell shares of surrogates. Told by all of 1024 the errors of PS and PA12 are the same.
 const JUDGES: usize = 150;
 /// Fewest samples that a process is held against, and fewest sub-nets: two do not show what pairs of samples do.
@@ -66,6 +71,8 @@ const FEWEST: usize = 32;
 const FEWEST_NETS: usize = 3;
 /// Least share of the variance of f/q that local quadratics must explain.
 const LEAST_EXPLAINED: f64 = 0.5;
+/// Parts of the final stage, each with a surrogate that its own samples had no part in.
+const FOLDS: usize = 2;
 
 /// Normal score of the end of a prior that no sample is moved beyond: all but 1e-12 of it.
 const MOST_SCORE: f64 = 7.0;
@@ -95,11 +102,12 @@ impl<'a> Drawn<'a> {
     }
 }
 
-/// The process through all samples, where one has placed them.
+/// The process through all samples, where one has placed them, or the first of fewer than [`Settings::WHOLLY_PLAIN`].
 fn process<'a>(sampler: &'a Sampler<'_>, weights: &[f64]) -> Option<StandIn<'a>> {
-    let n = sampler.pool.len();
-    let many = sampler.pool.d > MOST_PARAMETERS;
-    if !sampler.placing.surrogate || many || n < FEWEST || sampler.replicates < FEWEST_NETS {
+    let (n, d) = (sampler.pool.len(), sampler.pool.d);
+    let first = sampler.settings.placed_by_process() > 0 && n < Settings::WHOLLY_PLAIN;
+    let most = if sampler.placing.surrogate { MOST_PARAMETERS } else { MOST_DIMENSIONS };
+    if !first || d > most || n < FEWEST || sampler.replicates < FEWEST_NETS {
         return None;
     }
     StandIn::of_all(sampler.target, &sampler.pool, weights)
@@ -158,7 +166,7 @@ impl<'a> Control<'a> {
 
     fn fold(&self, made_of: &MadeOf<'a>, fold: usize) -> Option<Fold<'a>> {
         let Self { sampler, first, ln_scale, .. } = *self;
-        let (pool, folds) = (&sampler.pool, made_of.folds(sampler));
+        let (pool, folds) = (&sampler.pool, self.folds(made_of));
         let (own, others): (Vec<usize>, Vec<usize>) =
             (first..pool.len()).partition(|i| pool.replicate[*i] as usize % folds == fold);
         let known = (0..first).chain(others.iter().copied());
@@ -167,7 +175,9 @@ impl<'a> Control<'a> {
                 let known: Vec<usize> = known.collect();
                 Model::Local(Box::new(surrogate(sampler, &known, &self.ln_q, metric)?))
             }
+            // Those before the final stage are many, and a process through them is one that no sample of it had a part in.
             MadeOf::Process { all, found } => {
+                let known = known.filter(|i| first == 0 || *i < first);
                 Model::Process(Box::new(all.like(pool, self.weights, known, found)?))
             }
         };
@@ -181,27 +191,41 @@ impl<'a> Control<'a> {
         Some(Fold { own, variate, control })
     }
 
-    /// Values of g where it is left out, at all samples of the sub-nets that judge, and zero at others: as if no simulation failed. All
-    /// processes have the same edge of failures, and by chance the one that is wrongest inside is closest to samples at it.
+    /// Number of the parts of the samples, each with a g that its own samples had no part in; of all samples and a process every sub-net
+    /// is one.
+    fn folds(&self, made_of: &MadeOf<'_>) -> usize {
+        match made_of {
+            MadeOf::Process { .. } if self.first == 0 => self.sampler.replicates,
+            _ => FOLDS,
+        }
+    }
+
+    /// Values of g where it is left out, at all samples of the sub-nets that judge, and zero at others: of all samples as if no simulation
+    /// failed. All processes have the same edge of failures, and by chance the one that is wrongest inside is closest to samples at it.
     fn left_out(&self, made_of: &MadeOf<'a>) -> Option<Vec<f64>> {
         let pool = &self.sampler.pool;
-        let folds = 0..made_of.folds(self.sampler).min(self.judges());
+        let folds = 0..self.folds(made_of).min(self.judges());
         let folds: Option<Vec<Fold<'_>>> =
             folds.into_par_iter().map(|fold| self.fold(made_of, fold)).collect();
         let mut values = vec![0.0; self.target.len()];
         for Fold { own, control, variate } in folds? {
             for (i, control) in own.iter().zip(&control) {
                 let failed = !pool.ln_l[*i].is_finite();
-                values[i - self.first] = variate.without_edge(*control, pool.point(*i), failed);
+                values[i - self.first] = if self.first > 0 {
+                    *control
+                } else {
+                    variate.without_edge(*control, pool.point(*i), failed)
+                };
             }
         }
         values.iter().all(|value| value.is_finite()).then_some(values)
     }
 
-    /// Number of sub-nets, the first ones, whose samples judge: they have [`JUDGES`] together, or are all.
+    /// Number of sub-nets, the first ones, whose samples judge: they have [`JUDGES`] together, or are all; of a final stage, where two
+    /// processes are enough, all.
     fn judges(&self) -> usize {
         let r = self.sampler.replicates;
-        (JUDGES * r).div_ceil(self.target.len()).min(r)
+        if self.first > 0 { r } else { (JUDGES * r).div_ceil(self.target.len()).min(r) }
     }
 
     /// Some ways, with the shares that leave the least of f phi / q where they are left out.
@@ -239,12 +263,16 @@ impl<'a> Control<'a> {
         finishing: &mut Finishing<'_>,
     ) -> Option<(Integrals, f64)> {
         let Self { sampler, target, ln_scale, .. } = &self;
+        if stack.is_empty() {
+            return None;
+        }
         let (r, p) = (sampler.replicates, coefficients(sampler.pool.d));
         let local = stack.iter().all(|part| matches!(part.made_of, MadeOf::Quadratics { .. }));
-        // A process is integrated by two nets for each sub-net: their difference tells the error of the nets.
-        let parts = if local { 1 } else { 2 };
+        // Where samples are left out of a process one by one there are two nets for each sub-net: their difference tells the nets' error.
+        let pairs = !local && self.first == 0;
+        let parts = if pairs { 2 } else { 1 };
         let mut of_nets = vec![0.0; r * parts * p];
-        let folds = |parts: &[Part<'_>]| parts.iter().map(|p| p.made_of.folds(sampler)).sum();
+        let folds = |parts: &[Part<'_>]| parts.iter().map(|p| self.folds(&p.made_of)).sum();
         let mut controls = Vec::with_capacity(stack.len());
         for (k, part) in stack.iter().enumerate() {
             let done = (folds(&stack[..k]), folds(stack));
@@ -271,7 +299,7 @@ impl<'a> Control<'a> {
         let mut by_samples = vec![0.0; r * p];
         self.add_means(|i, _| target[i], &mut by_samples);
         let spread: Vec<f64> = (0..p).map(|a| scatter(&of_sub_nets, p, a)).collect();
-        if !local {
+        if pairs {
             count_pairs_twice(&mut of_sub_nets, &of_nets, p);
         }
         let cross_fitted = ln_scale + mean(&of_sub_nets, p, 0).ln();
@@ -334,9 +362,9 @@ impl<'a> Control<'a> {
         let Self { sampler, proposal, target, first, .. } = self;
         let (n, r, p) = (target.len(), sampler.replicates, coefficients(sampler.pool.d));
         let nets = of_nets.len() / (r * p);
-        let least = if local { POINTS[1] } else { POINTS_OF_PROCESS };
+        let least = if local { POINTS[1] } else { POINTS_OF_PROCESS[usize::from(*first > 0)] };
         let points = (POINTS[0] * n).max(least) / (r * nets);
-        let folds = part.made_of.folds(sampler);
+        let folds = self.folds(&part.made_of);
         let mut controls = vec![0.0; n];
         for fold in 0..folds {
             let done = 2 * (done + fold);
@@ -401,9 +429,6 @@ fn of_all_samples(
     let drawn = Drawn { first: 0, proposal: &mixture, ln_q, ln_w: &ln_w };
     let control = Control::new(sampler, (raw, ln_scale), &drawn, coordinate);
     let stack = control.stacked(ways);
-    if stack.is_empty() {
-        return None;
-    }
     control.integrals(&stack, process, finishing)
 }
 
@@ -428,7 +453,7 @@ pub(crate) fn estimate(
         of_all_samples(sampler, process.as_ref(), (raw, ln_scale), coordinate, finishing)
     } else {
         Drawn::finally(sampler, &frozen).and_then(|drawn| {
-            let ways = vec![MadeOf::quadratics(drawn.proposal)?];
+            let ways = MadeOf::ways(sampler, drawn.proposal, process.as_ref());
             let control = Control::new(sampler, (raw, ln_scale), &drawn, coordinate);
             let stack = control.stacked(ways);
             control.integrals(&stack, None, finishing)
@@ -449,7 +474,7 @@ pub(crate) fn estimate(
     };
     let agree = agree(pooled_value, frozen_value, pooled_se.hypot(frozen_se));
     let by_process = process
-        .filter(|_| effective_sample_size(raw) < HELD_AGAINST_PROCESS)
+        .filter(|_| sampler.placing.surrogate && effective_sample_size(raw) < HELD_AGAINST_PROCESS)
         .and_then(|process| sampler.evidences_of(&process));
     let [process_value, process_mean] = by_process.map_or([None; 2], |both| both.map(Some));
     let evidence = Evidence {

@@ -7,8 +7,6 @@ use crate::sampler::Sampler;
 use crate::small_budget::StandIn;
 use crate::surrogate::coefficients;
 
-/// Parts of the final stage, each with a surrogate that its own samples had no part in; of a process, every sub-net is one.
-const FOLDS: usize = 2;
 /// Least share of a process whose own integrals are taken.
 const LEAST_TRUSTED: f64 = 0.1;
 
@@ -43,13 +41,6 @@ impl<'a> MadeOf<'a> {
             ways.extend(Self::quadratics(proposal));
         }
         ways
-    }
-
-    pub(super) fn folds(&self, sampler: &Sampler<'_>) -> usize {
-        match self {
-            Self::Quadratics { .. } => FOLDS,
-            Self::Process { .. } => sampler.replicates,
-        }
     }
 }
 
