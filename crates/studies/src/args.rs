@@ -149,9 +149,9 @@ pub(crate) struct SmallBudgetArgs {
     #[arg(long, value_name = "N,..", value_delimiter = ',', default_values_t = [50, 100, 300])]
     pub(crate) samples: Vec<usize>,
 
-    /// Only the problems whose name has this in it
+    /// Only the problems whose name has this in it; may be given again for further ones
     #[arg(long, value_name = "NAME")]
-    pub(crate) only: Option<String>,
+    pub(crate) only: Vec<String>,
 }
 
 /// Error over the number of simulations.
@@ -169,9 +169,9 @@ pub(crate) struct BudgetsArgs {
     #[arg(long, value_name = "N", default_value_t = 65_536)]
     pub(crate) most: usize,
 
-    /// Only the problems whose name has this in it
+    /// Only the problems whose name has this in it; may be given again for further ones
     #[arg(long, value_name = "NAME")]
-    pub(crate) only: Option<String>,
+    pub(crate) only: Vec<String>,
 }
 
 /// Problems of other packages.

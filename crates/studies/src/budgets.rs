@@ -86,7 +86,7 @@ pub(crate) fn run(args: &BudgetsArgs, out: &Path) -> Result<(), Failure> {
     ]);
     let mut cliffs = [const { String::new() }; 2];
     let mut curves = Vec::new();
-    for (name, case) in problems(args.only.as_deref().unwrap_or_default())? {
+    for (name, case) in problems(&args.only)? {
         let mut points: Vec<Point> = Vec::new();
         for &samples in &budgets {
             eprintln!("{name}, {samples} simulations");
@@ -319,8 +319,8 @@ mod tests {
     #[test]
     fn a_ratio_is_at_least_what_it_is_in_all_but_one_of_twenty_draws_of_the_seeds() {
         let at_least = |times| growth(&[drawn(64, 0.5, times)], &point(128, 1.0));
-        assert_eq!(at_least(950), Some(Growth { ratio: 2.0, at_least: 1.95 }));
-        assert_eq!(at_least(940), Some(Growth { ratio: 2.0, at_least: 1.0 }));
+        assert_eq!(at_least(951), Some(Growth { ratio: 2.0, at_least: 2.0 }));
+        assert_eq!(at_least(949), Some(Growth { ratio: 2.0, at_least: 1.0 }));
     }
 
     #[test]

@@ -55,7 +55,7 @@ pub(crate) fn run(args: &SmallBudgetArgs, out: &Path) -> Result<(), Failure> {
     let report = Report::begin(out, "small-budget")?;
     let mut table = Table::new(&[&["problem", "simulations", "sampler"], &COLUMNS[..]].concat());
     let mut lost = String::new();
-    for (name, case) in problems(args.only.as_deref().unwrap_or_default())? {
+    for (name, case) in problems(&args.only)? {
         for &samples in &args.samples {
             for (sampler, settings) in SAMPLERS {
                 eprintln!("{name}, {samples} simulations, {sampler}");
@@ -82,9 +82,9 @@ pub(crate) fn run(args: &SmallBudgetArgs, out: &Path) -> Result<(), Failure> {
     Ok(report.page("Small budgets", &text)?)
 }
 
-/// The problems whose name contains `only`, with their names.
-pub(crate) fn problems(only: &str) -> Result<Vec<(String, Case)>, Failure> {
-    let asked = |name: &str| name.contains(only);
+/// The problems whose name contains one of `only`, or all where that is empty, with their names.
+pub(crate) fn problems(only: &[String]) -> Result<Vec<(String, Case)>, Failure> {
+    let asked = |name: &str| only.is_empty() || only.iter().any(|only| name.contains(only));
     let mut problems = Vec::new();
     for d in 1..=4 {
         problems
@@ -106,6 +106,7 @@ pub(crate) fn problems(only: &str) -> Result<Vec<(String, Case)>, Failure> {
         }
     }
     if problems.is_empty() {
+        let only = only.join(" or ");
         return Err(RunError::new(format_args!("no problem has {only} in its name")).into());
     }
     Ok(problems)
