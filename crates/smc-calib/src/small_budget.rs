@@ -15,6 +15,7 @@ use crate::pool::{Pool, exponentiate};
 use crate::sampler::Sampler;
 use crate::target::Target;
 use crate::{Settings, SimError};
+use std::cell::Cell;
 
 /// Share of each proposal that is fitted to the samples themselves, without the stand-in, so that a stand-in that is sure
 /// of the wrong place is found out: of few samples and of more than [`Points::FEW`].
@@ -192,12 +193,18 @@ impl<'a> StandIn<'a> {
         let (at, mut outputs) = (self.process.at(z), vec![0.0; self.process.units.len()]);
         self.process.predict_at(&at, &mut outputs);
         let ln_l = self.ln_likelihood_of_predicted(&outputs);
-        let unsure = |variance| {
+        let lowered = |variance| {
             let unsure = self.unsure(&outputs, ln_l, SAID_TOO_SMALL * variance);
-            if unsure.is_nan() { f64::INFINITY } else { unsure }
+            if unsure.is_nan() { f64::INFINITY } else { (unsure - UNSURE).max(0.0) }
         };
-        let variance = self.process.variance_at(at, |variance| unsure(variance) <= UNSURE);
-        ln_l - (unsure(variance) - UNSURE).max(0.0) + self.ln_finished(z, edge)
+        // What is lost grows with the variance: where the larger one of fewer samples is believed, so is that of all.
+        let believed = Cell::new(false);
+        let variance = self.process.variance_at(at, |variance| {
+            believed.set(lowered(variance) == 0.0);
+            believed.get()
+        });
+        let lowered = if believed.get() { 0.0 } else { lowered(variance) };
+        ln_l - lowered + self.ln_finished(z, edge)
     }
 
     /// What the log likelihood of these predicted values loses by this variance.

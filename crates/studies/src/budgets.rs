@@ -38,7 +38,8 @@ const TEXT: &str = "\
 Errors of `Settings::for_budget` (root mean square over the seeds, each error counted as 10 at most; mean and sd of the worst parameter) at
 32, 48, 64, 96, ... simulations and on both sides of the thresholds of the code. \"Grows by\" is the largest ratio of an error to the same error at half as
 many simulations (on thresholds, at one fewer), where that is below 1 and above 0.01. A ratio has an uncertainty of about a tenth from 50 seeds and a
-quarter from 10, and more where one seed has most of an error: \"at least\" is what it exceeds in 95 % of 1000 draws of as many seeds (bootstrap). Time is the
+quarter from 10, and more where one seed has most of an error: \"at least\" is what one of these ratios exceeds in 95 % of 1000 draws of as many seeds (bootstrap), which one of so many
+rows may do by chance. Time is the
 processor time of one run with one thread, median, everything beside the simulations of the closed form included. Where the study was ended and
 begun again, its run time and date are those of the last part.
 ";

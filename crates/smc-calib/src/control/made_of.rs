@@ -19,11 +19,11 @@ pub(super) enum MadeOf<'a> {
 }
 
 impl<'a> MadeOf<'a> {
-    pub(super) fn quadratics(proposal: &Proposal) -> Option<Self> {
+    fn quadratics(proposal: &Proposal) -> Option<Self> {
         Some(Self::Quadratics { metric: metric(proposal)? })
     }
 
-    /// The ways to make g for all samples: by each covariance that was found for a process, and by local quadratics. All
+    /// The ways to make g: by each covariance that was found for a process, and by local quadratics. All
     /// samples count where there are many dimensions or few samples, because the final stage alone misses what earlier ones found.
     pub(super) fn ways(
         sampler: &Sampler<'_>,
