@@ -78,7 +78,54 @@ fn trusted<'a, T: PartialEq>(probable: &T, shares: &[(&'a T, f64)]) -> Option<&'
 
 #[cfg(test)]
 mod tests {
+    use super::super::{Control, Drawn};
     use super::*;
+    use crate::target::Target;
+    use crate::{Settings, SimError};
+
+    /// A smooth log likelihood of one parameter.
+    struct Wave;
+
+    impl Target for Wave {
+        fn dimension(&self) -> usize {
+            1
+        }
+
+        fn ln_likelihood(&self, z: &[f64], _: &mut [f64]) -> Result<f64, SimError> {
+            Ok((2.0 * z[0]).sin() - z[0] * z[0])
+        }
+    }
+
+    #[test]
+    fn a_process_for_a_final_stage_runs_through_samples_before_it_alone() {
+        let settings = Settings { samples: 60, replicates: 4, ..Settings::default() };
+        let run = || {
+            let mut sampler = Sampler::new(&Wave, &settings);
+            sampler.run().expect("never fails");
+            sampler
+        };
+        let (one, mut other_end, mut other_begin) = (run(), run(), run());
+        let n = one.final_stage().expect("has one").0;
+        let first = 60 - n;
+        other_end.pool.ln_l[first..].iter_mut().for_each(|ln_l| *ln_l += 1.0);
+        other_begin.pool.ln_l[..first].iter_mut().for_each(|ln_l| *ln_l += 1.0);
+        let (weights, zeros) = (vec![1.0; 60], vec![0.0; n]);
+        let process = StandIn::of_all(&Wave, &one.pool, &weights).expect("has spread");
+        let made_of = MadeOf::Process { all: &process, found: &process.process.covariance };
+        let value = |sampler: &Sampler<'_>| {
+            let proposal = sampler.final_stage().expect("has one").1;
+            let drawn = Drawn { first, proposal, ln_q: &zeros, ln_w: &zeros };
+            let control = Control::new(sampler, (&weights, 0.0), &drawn, &|_, z| z);
+            [0, 1].map(|fold| {
+                let fold = control.fold(&made_of, fold).expect("has spread");
+                fold.variate.at(&[0.3], 3.0, &mut Vec::new())
+            })
+        };
+        let [of_one, of_end, of_begin] = [&one, &other_end, &other_begin].map(value);
+        assert!(of_one[0] > 0.0 && of_one[0] == of_one[1], "{of_one:?}");
+        assert_eq!(of_one, of_end);
+        assert!((of_begin[0] / of_one[0] - 1.0f64.exp()).abs() < 1e-6, "{of_begin:?} {of_one:?}");
+    }
 
     #[test]
     fn what_is_probable_is_trusted_from_a_tenth_on_and_else_what_has_the_largest_share() {

@@ -111,10 +111,14 @@ fn a_bent_valley_is_known_far_better_after_a_thousand_simulations_than_by_their_
 #[test]
 #[ignore = "longer: run by .ci/long"]
 fn two_thousand_simulations_that_a_process_begins_are_as_close_as_they_can_be() {
-    // Of the default sampler alone (4 seeds): .006, .02, .004 and .01, .01, .01.
-    for reference in [reference::banana(), reference::bounded_ridge(), reference::two_modes()] {
+    // Without the process in the integrals the ridge is .012, .006 and .009 off.
+    for (reference, most) in [
+        (reference::banana(), [0.006, 0.014, 0.005]),
+        (reference::bounded_ridge(), [0.009, 0.006, 0.006]),
+        (reference::two_modes(), [0.015, 0.02, 0.01]),
+    ] {
         let placed = errors(&reference, &Settings::for_budget(2048), 8);
-        assert!(placed[0] < 0.015 && placed[1] < 0.02 && placed[2] < 0.01, "{placed:?}");
+        assert!(placed.iter().zip(&most).all(|(error, most)| error < most), "{placed:?}");
     }
     let begun = sample_density(&reference::banana(), &Settings::for_budget(2048)).unwrap();
     assert!(begun.components.len() > 20, "small stages first: {:?}", begun.components);
