@@ -328,7 +328,7 @@ mod tests {
     fn errors_of_draws_spread_as_those_of_so_many_seeds() {
         // Squares that are 0 or 4: the mean of 40 has a relative standard deviation of 1 / sqrt(40).
         let run = |seed: u64| {
-            let off = if seed % 2 == 0 { 2.0 } else { 0.0 };
+            let off = if seed.is_multiple_of(2) { 2.0 } else { 0.0 };
             let errors = Errors { mean: vec![0.5, off], sd: vec![off, 0.5], log_evidence: None };
             Run { errors: Some(errors), seed, ..run(seed, "") }
         };
