@@ -31,7 +31,7 @@ fn one_two_and_seven_threads_write_the_same_bytes() {
 fn another_seed_gives_other_samples() {
     let draws = [1, 2].map(|seed| {
         let sandbox = Sandbox::new();
-        sandbox.run(&format!("--material ps --samples 2048 --seed {seed} --out run")).succeeded();
+        sandbox.run(&format!("--material ps --samples 8192 --seed {seed} --out run")).succeeded();
         std::fs::read(sandbox.path().join("run/draws.csv")).expect("draws.csv")
     });
     assert!(draws[0] != draws[1]);

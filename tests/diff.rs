@@ -142,7 +142,7 @@ fn odd_names_of_folders_stay_on_their_line_and_are_quoted_in_remedies() {
     let sandbox = Sandbox::new();
     let odd = "results/my\nrun $HOME";
     for seed in ["1", "2"] {
-        let run = ["--material", "ps", "--samples", "2048", "--seed", seed, "--out", odd, "-q"];
+        let run = ["--material", "ps", "--samples", "8192", "--seed", seed, "--out", odd, "-q"];
         sandbox.run_args(&run).succeeded();
     }
     let ran = sandbox.run_args(&["diff", odd, odd]);

@@ -178,12 +178,12 @@ fn the_posteriors_agree_with_an_independent_program() {
 #[test]
 fn the_same_plan_replaces_its_run_and_another_plan_moves_it_aside() {
     let sandbox = Sandbox::new();
-    let first = sandbox.run("--material ps --samples 2048 --out run");
+    let first = sandbox.run("--material ps --samples 8192 --out run");
     first.succeeded();
-    let again = sandbox.run("--material ps --samples 2048 --out run");
+    let again = sandbox.run("--material ps --samples 8192 --out run");
     assert!(again.succeeded().stderr.contains("replaced the earlier run"), "{}", again.stderr);
     assert!(!sandbox.path().join("run.1").exists());
-    let other = sandbox.run("--material ps --samples 2048 --seed 2 --out run");
+    let other = sandbox.run("--material ps --samples 8192 --seed 2 --out run");
     assert!(other.succeeded().stderr.contains("run.1"), "{}", other.stderr);
     assert_eq!(sandbox.posterior("run.1")["plan"]["sampler"]["seed"], 1);
     assert_eq!(sandbox.posterior("run")["plan"]["sampler"]["seed"], 2);

@@ -4,7 +4,7 @@ use crate::sandbox::Sandbox;
 
 fn calibrated(options: &str) -> Sandbox {
     let sandbox = Sandbox::new();
-    sandbox.run(&format!("--samples 4096 --out run {options}")).succeeded();
+    sandbox.run(&format!("--samples 8192 --out run {options}")).succeeded();
     sandbox
 }
 
@@ -99,7 +99,7 @@ samples = 512
 fn the_run_of_a_plan_with_one_pair_predicts_as_that_of_its_material() {
     let sandbox = calibrated("--material pa12 --kinetics frenkel");
     let of_material = json(&sandbox, "--contact-ratio 0.9 --after 1");
-    let options = "--material pa12 --kinetics frenkel --samples 4096 --dry-run --toml";
+    let options = "--material pa12 --kinetics frenkel --samples 8192 --dry-run --toml";
     let plan = sandbox.run(options).succeeded().stdout.clone();
     sandbox.write("plan.toml", plan);
     sandbox.run("--plan plan.toml --out run --quiet").succeeded();

@@ -20,7 +20,7 @@ fn the_report_holds_the_summary_the_figures_the_command_and_the_sums_and_is_smal
     let sandbox = Sandbox::new();
     sandbox.write("my.csv", "time_s,contact_ratio\n0.05,0.6\n0.1,0.8\n0.2,1.0\n0.5,1.05\n");
     let command =
-        "calibrate --material ps --experiment my.csv --noise robust --samples 2048 --seed 3";
+        "calibrate --material ps --experiment my.csv --noise robust --samples 8192 --seed 3";
     let ran = sandbox.run(&format!("{} --out a&b", command.trim_start_matches("calibrate ")));
     let html = page(&sandbox, "a&b");
     assert!(html.len() < 3_000_000, "{} bytes", html.len());
@@ -56,7 +56,7 @@ fn the_report_holds_the_summary_the_figures_the_command_and_the_sums_and_is_smal
 #[test]
 fn a_report_is_made_again_to_the_byte_and_also_of_a_run_that_has_none() {
     let sandbox = Sandbox::new();
-    sandbox.run("--material pa12 --samples 2048 --out run").succeeded();
+    sandbox.run("--material pa12 --samples 8192 --out run").succeeded();
     let first = page(&sandbox, "run");
     fs::remove_file(sandbox.path().join("run/report.html")).expect("removed");
     let ran = sandbox.run("report run");
@@ -73,7 +73,7 @@ fn a_report_is_made_again_to_the_byte_and_also_of_a_run_that_has_none() {
 fn a_report_of_what_is_no_calibration_or_damaged_is_refused() {
     let sandbox = Sandbox::new();
     sandbox.run("report nothing").refused(&["nothing", "no such file"]);
-    sandbox.run("--material ps --samples 2048 --out run -q").succeeded();
+    sandbox.run("--material ps --samples 8192 --out run -q").succeeded();
     sandbox.run("report run --out .").refused(&["a folder", "expected a file", "--out"]);
     sandbox.write("run/inputs.json", "{");
     sandbox.run("report run").refused(&["run/inputs.json", "no list of input files", "help: "]);
@@ -98,12 +98,12 @@ fn an_extended_run_names_what_was_read_for_it_and_the_commands_that_made_it() {
     let sandbox = Sandbox::new();
     let table = "time_s,contact_ratio\n0.05,0.6\n0.1,0.8\n0.2,1.0\n0.5,1.05\n";
     sandbox.write("my.csv", table);
-    let begin = "--material ps --experiment my.csv --samples 2048 --seed 3";
+    let begin = "--material ps --experiment my.csv --samples 8192 --seed 3";
     sandbox.run(&format!("{begin} -q")).succeeded();
     let before = sum_of(&sandbox, "results/my", "experiment");
     sandbox.write("my.csv", table.replace("0.8", "0.9"));
-    sandbox.run("--continue-from results/my --samples 3000 -q").succeeded();
-    sandbox.run("--continue-from results/my --samples 4096 -q").succeeded();
+    sandbox.run("--continue-from results/my --samples 12000 -q").succeeded();
+    sandbox.run("--continue-from results/my --samples 16384 -q").succeeded();
     assert_eq!(
         sum_of(&sandbox, "results/my", "experiment"),
         before,
@@ -114,11 +114,11 @@ fn an_extended_run_names_what_was_read_for_it_and_the_commands_that_made_it() {
     let html = page(&sandbox, "results/my");
     let commands = [
         format!("calibrate {begin}"),
-        "calibrate --continue-from results/my --samples 3000".to_owned(),
-        "calibrate --continue-from results/my --samples 4096".to_owned(),
+        "calibrate --continue-from results/my --samples 12000".to_owned(),
+        "calibrate --continue-from results/my --samples 16384".to_owned(),
     ];
     assert!(html.contains(&escaped(&commands.join("\n"))), "{html}");
-    assert!(html.contains("This run was extended, from 2048 simulations to 4096."));
+    assert!(html.contains("This run was extended, from 8192 simulations to 16384."));
     // They make it again.
     let other = Sandbox::new();
     other.write("my.csv", table);

@@ -10,7 +10,7 @@ use crate::sandbox::{Sandbox, root};
 fn results_are_listed_with_what_is_superseded_damaged_or_none() {
     let sandbox = Sandbox::new();
     for seed in [1, 2] {
-        let run = format!("--material ps --samples 2048 --seed {seed} -q --no-other-kinetics");
+        let run = format!("--material ps --samples 8192 --seed {seed} -q --no-other-kinetics");
         sandbox.run(&run).succeeded();
     }
     let pair = fs::read_to_string(root().join("experiments/scenes/pair.toml")).expect("a scene");

@@ -164,8 +164,8 @@ fn a_run_of_a_material_is_continued_with_all_its_samples() {
     let options = "--continue-from results/ps --samples 16384";
     sandbox.run(&format!("{options} --material ps")).refused(&["--material"]);
     sandbox.run(&format!("{options} --seed 2")).refused(&["--seed"]);
-    sandbox.run("--material ps -n 2048 --noise ess-target:0.2 --out tuned").succeeded();
-    sandbox.run("--continue-from tuned --samples 4096").refused(&["ess-target"]);
+    sandbox.run("--material ps -n 8192 --noise ess-target:0.2 --out tuned").succeeded();
+    sandbox.run("--continue-from tuned --samples 16384").refused(&["ess-target"]);
 }
 
 #[test]

@@ -172,7 +172,7 @@ fn an_earlier_result_that_is_wrong_is_warned_of_and_does_not_decide_the_answer()
 #[ignore = "long: run by .ci/run"]
 fn a_material_begins_from_an_earlier_result_and_is_continued_without_it() {
     let sandbox = Sandbox::new();
-    sandbox.run("--material ps -n 4096 --no-other-kinetics --quiet --out cheap").succeeded();
+    sandbox.run("--material ps -n 8192 --no-other-kinetics --quiet --out cheap").succeeded();
     let options = "--material ps --solver quasi-static -n 60 --proposal cheap";
     let dry = sandbox.run(&format!("{options} --dry-run --toml"));
     let toml = dry.succeeded().stdout.clone();
@@ -194,7 +194,7 @@ fn a_material_begins_from_an_earlier_result_and_is_continued_without_it() {
         rows.lines().skip(1).map(row).collect()
     };
     assert_eq!(theta(&rows("more"))[..60], theta(&rows("dear"))[..]);
-    // The posterior of 4096 simulations of the closed form, within the error of sixty runs.
+    // The posterior of 8192 simulations of the closed form, within the error of sixty runs.
     let of = |folder: &str| sandbox.posterior(folder)["parameters"].clone();
     let (cheap, dear) = (of("moved"), of("dear"));
     for j in 0..3 {
@@ -224,7 +224,7 @@ fn the_bed_of_the_examples_begins_from_the_posterior_of_its_pair() {
     sandbox.write(plan, text);
     let missing = sandbox.run(&format!("check {plan}"));
     missing.refused(&["sampler.proposal", "results/peek, which is not there"]);
-    sandbox.run("--material peek -n 4096 --no-other-kinetics --quiet").succeeded();
+    sandbox.run("--material peek -n 8192 --no-other-kinetics --quiet").succeeded();
     let checked = sandbox.run(&format!("check {plan}"));
     let said = &checked.succeeded().stdout;
     assert!(said.contains("takes       c1, tau_s; delta_c left out"), "{said}");
