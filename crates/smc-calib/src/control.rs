@@ -58,6 +58,7 @@ use crate::trust::agree;
 use crate::trust::limits::HELD_AGAINST_PROCESS;
 use crate::{Evidence, Settings};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Points that local quadratics are integrated with, per sample of the final stage, and at least.
 const POINTS: [usize; 2] = [8, 32_768];
@@ -93,6 +94,11 @@ struct Drawn<'a> {
 }
 
 impl<'a> Drawn<'a> {
+    /// All, and the mixture that they are drawn from.
+    fn of_all(sampler: &'a Sampler<'_>, proposal: &'a Proposal, ln_w: &'a [f64]) -> Self {
+        Self { first: 0, proposal, ln_q: &sampler.pool.ln_mixture_over_prior, ln_w }
+    }
+
     /// The final stage, where it is large enough for local quadratics.
     fn finally(sampler: &'a Sampler<'_>, frozen: &'a Frozen) -> Option<Self> {
         let (n, proposal) = sampler.final_stage()?;
@@ -164,6 +170,11 @@ impl<'a> Control<'a> {
         }
     }
 
+    /// Whether g is for all samples, and not for the final stage.
+    fn of_all(&self) -> bool {
+        self.first == 0
+    }
+
     fn fold(&self, made_of: &MadeOf<'a>, fold: usize) -> Option<Fold<'a>> {
         let Self { sampler, first, ln_scale, .. } = *self;
         let (pool, folds) = (&sampler.pool, self.folds(made_of));
@@ -175,13 +186,12 @@ impl<'a> Control<'a> {
                 let known: Vec<usize> = known.collect();
                 Model::Local(Box::new(surrogate(sampler, &known, &self.ln_q, metric)?))
             }
-            // Those before the final stage are many, and a process through them is one that no sample of it had a part in.
-            MadeOf::Process { all, found } => {
-                let known = known.filter(|i| first == 0 || *i < first);
-                Model::Process(Box::new(all.like(pool, self.weights, known, found)?))
+            MadeOf::Process { before: Some(before), .. } => Model::Process(Arc::clone(before)),
+            MadeOf::Process { all, found, .. } => {
+                Model::Process(Arc::new(all.like(pool, self.weights, known, found)?))
             }
         };
-        let cap = cap(others.iter().map(|i| self.target[i - first]), first == 0);
+        let cap = cap(others.iter().map(|i| self.target[i - first]), self.of_all());
         let variate = Variate { model, ln_scale, cap };
         let control: Vec<f64> = own
             .par_iter()
@@ -195,7 +205,7 @@ impl<'a> Control<'a> {
     /// is one.
     fn folds(&self, made_of: &MadeOf<'_>) -> usize {
         match made_of {
-            MadeOf::Process { .. } if self.first == 0 => self.sampler.replicates,
+            MadeOf::Process { .. } if self.of_all() => self.sampler.replicates,
             _ => FOLDS,
         }
     }
@@ -211,10 +221,10 @@ impl<'a> Control<'a> {
         for Fold { own, control, variate } in folds? {
             for (i, control) in own.iter().zip(&control) {
                 let failed = !pool.ln_l[*i].is_finite();
-                values[i - self.first] = if self.first > 0 {
-                    *control
-                } else {
+                values[i - self.first] = if self.of_all() {
                     variate.without_edge(*control, pool.point(*i), failed)
+                } else {
+                    *control
                 };
             }
         }
@@ -225,7 +235,7 @@ impl<'a> Control<'a> {
     /// processes are enough, all.
     fn judges(&self) -> usize {
         let r = self.sampler.replicates;
-        if self.first > 0 { r } else { (JUDGES * r).div_ceil(self.target.len()).min(r) }
+        if self.of_all() { (JUDGES * r).div_ceil(self.target.len()).min(r) } else { r }
     }
 
     /// Some ways, with the shares that leave the least of f phi / q where they are left out.
@@ -269,7 +279,7 @@ impl<'a> Control<'a> {
         let (r, p) = (sampler.replicates, coefficients(sampler.pool.d));
         let local = stack.iter().all(|part| matches!(part.made_of, MadeOf::Quadratics { .. }));
         // Where samples are left out of a process one by one there are two nets for each sub-net: their difference tells the nets' error.
-        let pairs = !local && self.first == 0;
+        let pairs = !local && self.of_all();
         let parts = if pairs { 2 } else { 1 };
         let mut of_nets = vec![0.0; r * parts * p];
         let folds = |parts: &[Part<'_>]| parts.iter().map(|p| self.folds(&p.made_of)).sum();
@@ -286,7 +296,7 @@ impl<'a> Control<'a> {
             let controls: Vec<f64> = (0..target.len()).map(|i| control(i, 0)).collect();
             // Of all samples a process that explains little helps too: where half was asked for, the banana was .18 off in ln Z by 32
             // samples, not .11. A final stage that is not explained knows less than all samples do.
-            let least = if self.first > 0 { LEAST_EXPLAINED } else { 0.0 };
+            let least = if self.of_all() { 0.0 } else { LEAST_EXPLAINED };
             if left(target, &controls) >= 1.0 - least {
                 return None;
             }
@@ -305,7 +315,8 @@ impl<'a> Control<'a> {
             count_pairs_twice(&mut of_sub_nets, &of_nets, p);
         }
         let cross_fitted = ln_scale + mean(&of_sub_nets, p, 0).ln();
-        // Of more samples than the process that places them runs through, the sub-nets show more than its draws.
+        // Of a final stage, and of more samples than the process that places them runs through, the sub-nets show more than its draws.
+        let process = process.filter(|_| self.of_all());
         let few = process.filter(|process| process.runs_through_all(&sampler.pool));
         let trusted = most_trusted(process, stack);
         let found = trusted.or_else(|| Some(&few?.process.covariance));
@@ -339,12 +350,12 @@ impl<'a> Control<'a> {
         let Self { sampler, proposal, standard, coordinate, ln_scale, .. } = self;
         let (pool, seed) = (&sampler.pool, sampler.settings.seed);
         let process = process.like(pool, self.weights, 0..pool.len(), found)?;
-        let cap = cap(self.target.iter().copied(), self.first == 0);
+        let cap = cap(self.target.iter().copied(), self.of_all());
         let over = Over { proposal, ln_scale: *ln_scale, cap };
         let p = coefficients(pool.d);
         let features = |z: &[f64], row: &mut [f64]| standard.features_at(z, coordinate, row);
         let errors = errors::errors(&process, pool, over, p, &features, seed);
-        let g = Variate { model: Model::Process(Box::new(process)), ln_scale: *ln_scale, cap };
+        let g = Variate { model: Model::Process(Arc::new(process)), ln_scale: *ln_scale, cap };
         let by_net = |net: &[f64], sums: &mut [f64]| {
             g.integrate(net, proposal, standard, coordinate, sums);
         };
@@ -364,7 +375,8 @@ impl<'a> Control<'a> {
         let Self { sampler, proposal, target, first, .. } = self;
         let (n, r, p) = (target.len(), sampler.replicates, coefficients(sampler.pool.d));
         let nets = of_nets.len() / (r * p);
-        let least = if local { POINTS[1] } else { POINTS_OF_PROCESS[usize::from(*first > 0)] };
+        let of_process = POINTS_OF_PROCESS[usize::from(!self.of_all())];
+        let least = if local { POINTS[1] } else { of_process };
         let points = (POINTS[0] * n).max(least) / (r * nets);
         let folds = self.folds(&part.made_of);
         let mut controls = vec![0.0; n];
@@ -413,27 +425,6 @@ impl<'a> Control<'a> {
     }
 }
 
-/// The integrals over all samples, by the surrogates that together leave the least of them.
-fn of_all_samples(
-    sampler: &Sampler<'_>,
-    process: Option<&StandIn<'_>>,
-    (raw, ln_scale): (&[f64], f64),
-    coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
-    finishing: &mut Finishing<'_>,
-) -> Option<(Integrals, f64)> {
-    let mixture = Proposal::of_stages(&sampler.proposals)?;
-    let ln_w = sampler.ln_weights();
-    let ways = MadeOf::ways(sampler, &mixture, process);
-    if ways.is_empty() {
-        return None;
-    }
-    let ln_q = &sampler.pool.ln_mixture_over_prior;
-    let drawn = Drawn { first: 0, proposal: &mixture, ln_q, ln_w: &ln_w };
-    let control = Control::new(sampler, (raw, ln_scale), &drawn, coordinate);
-    let stack = control.stacked(ways);
-    control.integrals(&stack, process, finishing)
-}
-
 /// All samples with the weights of the result, and the evidence. `raw` are the importance weights over
 /// `exp(ln_scale)`, `coordinate(j, z_j)` is what moments are taken of.
 pub(crate) fn estimate(
@@ -448,20 +439,20 @@ pub(crate) fn estimate(
     let frozen = sampler.frozen();
     let (frozen_value, frozen_se) = sampler.frozen_evidence(&frozen);
     let far = sampler.placing.surrogate || sampler.pool.d > MOST_DIMENSIONS;
-    let drawn = if far { None } else { Drawn::finally(sampler, &frozen) };
-    let process = if far || drawn.is_some() { process(sampler, raw) } else { None };
-    let known = if sampler.pool.d > MOST_PARAMETERS || sampler.replicates < 2 {
-        None
-    } else if far {
-        of_all_samples(sampler, process.as_ref(), (raw, ln_scale), coordinate, finishing)
+    let mixture = if far { Proposal::of_stages(&sampler.proposals) } else { None };
+    let ln_w = sampler.ln_weights();
+    let drawn = if far {
+        mixture.as_ref().map(|mixture| Drawn::of_all(sampler, mixture, &ln_w))
     } else {
-        drawn.and_then(|drawn| {
-            let ways = MadeOf::ways(sampler, drawn.proposal, process.as_ref());
-            let control = Control::new(sampler, (raw, ln_scale), &drawn, coordinate);
-            let stack = control.stacked(ways);
-            control.integrals(&stack, None, finishing)
-        })
+        Drawn::finally(sampler, &frozen)
     };
+    let process = if far || drawn.is_some() { process(sampler, raw) } else { None };
+    let can_be = sampler.pool.d <= MOST_PARAMETERS && sampler.replicates > 1;
+    let known = drawn.filter(|_| can_be).and_then(|drawn| {
+        let control = Control::new(sampler, (raw, ln_scale), &drawn, coordinate);
+        let stack = control.stacked(MadeOf::ways(&control, process.as_ref()));
+        control.integrals(&stack, process.as_ref(), finishing)
+    });
     let cross_fitted = known.and_then(|(known, cross_fitted)| {
         estimator.hold_to(known, sampler.pool.d, far).then_some(cross_fitted)
     });

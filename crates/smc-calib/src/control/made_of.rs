@@ -1,11 +1,12 @@
 //! What the control variate is made of, and the share of each part.
 
+use super::Control;
 use super::variate::metric;
 use crate::gaussian_process::Found;
 use crate::mixture::Proposal;
-use crate::sampler::Sampler;
 use crate::small_budget::StandIn;
 use crate::surrogate::coefficients;
+use std::sync::Arc;
 
 /// Least share of a process whose own integrals are taken.
 const LEAST_TRUSTED: f64 = 0.1;
@@ -14,8 +15,9 @@ const LEAST_TRUSTED: f64 = 0.1;
 pub(super) enum MadeOf<'a> {
     /// Local quadratics, which measure distances by this factor of a covariance.
     Quadratics { metric: Vec<f64> },
-    /// A process with this covariance; simulations fail as for the process through all samples.
-    Process { all: &'a StandIn<'a>, found: &'a Found },
+    /// A process with this covariance; simulations fail as for the process through all samples. Over a final stage it runs through the
+    /// samples before it, which are many, and no sample of it has a part in it.
+    Process { all: &'a StandIn<'a>, found: &'a Found, before: Option<Arc<StandIn<'a>>> },
 }
 
 impl<'a> MadeOf<'a> {
@@ -25,20 +27,18 @@ impl<'a> MadeOf<'a> {
 
     /// The ways to make g: by each covariance that was found for a process, and by local quadratics. All
     /// samples count where there are many dimensions or few samples, because the final stage alone misses what earlier ones found.
-    pub(super) fn ways(
-        sampler: &Sampler<'_>,
-        proposal: &Proposal,
-        process: Option<&'a StandIn<'a>>,
-    ) -> Vec<Self> {
-        let n = sampler.pool.len();
+    pub(super) fn ways(control: &Control<'a>, process: Option<&'a StandIn<'a>>) -> Vec<Self> {
+        let Control { sampler, weights, first, .. } = *control;
         let mut ways = Vec::new();
         if let Some(all) = process {
-            ways.extend(
-                all.process.found.iter().flatten().map(|found| Self::Process { all, found }),
-            );
+            ways.extend(all.process.found.iter().flatten().filter_map(|found| {
+                let before = || all.like(&sampler.pool, weights, 0..first, found).map(Arc::new);
+                let before = if control.of_all() { None } else { Some(before()?) };
+                Some(Self::Process { all, found, before })
+            }));
         }
-        if n >= 16 * coefficients(sampler.pool.d) {
-            ways.extend(Self::quadratics(proposal));
+        if sampler.pool.len() >= 16 * coefficients(sampler.pool.d) {
+            ways.extend(Self::quadratics(control.proposal));
         }
         ways
     }
@@ -78,8 +78,9 @@ fn trusted<'a, T: PartialEq>(probable: &T, shares: &[(&'a T, f64)]) -> Option<&'
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Control, Drawn};
+    use super::super::Drawn;
     use super::*;
+    use crate::sampler::Sampler;
     use crate::target::Target;
     use crate::{Settings, SimError};
 
@@ -111,13 +112,13 @@ mod tests {
         other_begin.pool.ln_l[..first].iter_mut().for_each(|ln_l| *ln_l += 1.0);
         let (weights, zeros) = (vec![1.0; 60], vec![0.0; n]);
         let process = StandIn::of_all(&Wave, &one.pool, &weights).expect("has spread");
-        let made_of = MadeOf::Process { all: &process, found: &process.process.covariance };
         let value = |sampler: &Sampler<'_>| {
             let proposal = sampler.final_stage().expect("has one").1;
             let drawn = Drawn { first, proposal, ln_q: &zeros, ln_w: &zeros };
             let control = Control::new(sampler, (&weights, 0.0), &drawn, &|_, z| z);
+            let made_of = &MadeOf::ways(&control, Some(&process))[0];
             [0, 1].map(|fold| {
-                let fold = control.fold(&made_of, fold).expect("has spread");
+                let fold = control.fold(made_of, fold).expect("has spread");
                 fold.variate.at(&[0.3], 3.0, &mut Vec::new())
             })
         };

@@ -9,6 +9,7 @@ use crate::sampler::Sampler;
 use crate::small_budget::{Edge, StandIn};
 use crate::surrogate::{MOST_PARAMETERS, Surrogate, coefficients, monomials};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Samples with a log posterior density this far below the best have no part in the surrogate.
 const DEPTH: f64 = 16.0;
@@ -98,7 +99,7 @@ pub(super) fn cap(values: impl ExactSizeIterator<Item = f64> + Clone, by_weight:
 /// A surrogate of the likelihood.
 pub(super) enum Model<'a> {
     Local(Box<Surrogate>),
-    Process(Box<StandIn<'a>>),
+    Process(Arc<StandIn<'a>>),
 }
 
 impl Model<'_> {
