@@ -190,7 +190,7 @@ fn one_pulse_freezes_and_says_nothing_of_another_energy_without_a_law() {
 
 #[test]
 fn pulses_of_one_powder_are_calibrated_together_and_give_the_energy_that_is_enough() {
-    let sandbox = calibrated(&plan("power"), 8192);
+    let sandbox = calibrated(&plan("power"), 2048);
     assert!(sandbox.path().join("run/fit-together.svg").exists());
     sandbox.run("predict --posterior run --after 1").refused(&["3 experiments", "--of"]);
     sandbox.run("predict --posterior run --of e24 --after 1").refused(&["did you mean e2"]);

@@ -322,7 +322,7 @@ impl<'a> Control<'a> {
         let found = trusted.or_else(|| Some(&few?.process.covariance));
         let all = process.zip(found).and_then(|(process, found)| self.through_all(process, found));
         let left = match (&all, trusted) {
-            (Some(all), Some(_)) => all.mixed_into(&mut of_sub_nets, p),
+            (Some(all), Some(_)) => all.mixed_into(&mut of_sub_nets, &of_nets, p),
             _ => vec![1.0; p],
         };
         // What the two differ by is no sign against the sub-nets.
@@ -449,8 +449,10 @@ pub(crate) fn estimate(
     let process = if far || drawn.is_some() { process(sampler, raw) } else { None };
     let can_be = sampler.pool.d <= MOST_PARAMETERS && sampler.replicates > 1;
     let known = drawn.filter(|_| can_be).and_then(|drawn| {
+        let before = (drawn.first > 0).then_some((drawn.first, raw));
+        let ways = MadeOf::ways(&sampler.pool, drawn.proposal, process.as_ref(), before);
         let control = Control::new(sampler, (raw, ln_scale), &drawn, coordinate);
-        let stack = control.stacked(MadeOf::ways(&control, process.as_ref()));
+        let stack = control.stacked(ways);
         control.integrals(&stack, process.as_ref(), finishing)
     });
     let cross_fitted = known.and_then(|(known, cross_fitted)| {

@@ -1,9 +1,9 @@
 //! What the control variate is made of, and the share of each part.
 
-use super::Control;
 use super::variate::metric;
 use crate::gaussian_process::Found;
 use crate::mixture::Proposal;
+use crate::pool::Pool;
 use crate::small_budget::StandIn;
 use crate::surrogate::coefficients;
 use std::sync::Arc;
@@ -27,18 +27,25 @@ impl<'a> MadeOf<'a> {
 
     /// The ways to make g: by each covariance that was found for a process, and by local quadratics. All
     /// samples count where there are many dimensions or few samples, because the final stage alone misses what earlier ones found.
-    pub(super) fn ways(control: &Control<'a>, process: Option<&'a StandIn<'a>>) -> Vec<Self> {
-        let Control { sampler, weights, first, .. } = *control;
+    /// `before` is how many samples are before a final stage, with the weights of all.
+    pub(super) fn ways(
+        pool: &'a Pool,
+        proposal: &Proposal,
+        process: Option<&'a StandIn<'a>>,
+        before: Option<(usize, &[f64])>,
+    ) -> Vec<Self> {
         let mut ways = Vec::new();
         if let Some(all) = process {
             ways.extend(all.process.found.iter().flatten().filter_map(|found| {
-                let before = || all.like(&sampler.pool, weights, 0..first, found).map(Arc::new);
-                let before = if control.of_all() { None } else { Some(before()?) };
+                let before = match before {
+                    Some((n, weights)) => Some(Arc::new(all.like(pool, weights, 0..n, found)?)),
+                    None => None,
+                };
                 Some(Self::Process { all, found, before })
             }));
         }
-        if sampler.pool.len() >= 16 * coefficients(sampler.pool.d) {
-            ways.extend(Self::quadratics(control.proposal));
+        if pool.len() >= 16 * coefficients(pool.d) {
+            ways.extend(Self::quadratics(proposal));
         }
         ways
     }
@@ -78,7 +85,7 @@ fn trusted<'a, T: PartialEq>(probable: &T, shares: &[(&'a T, f64)]) -> Option<&'
 
 #[cfg(test)]
 mod tests {
-    use super::super::Drawn;
+    use super::super::{Control, Drawn};
     use super::*;
     use crate::sampler::Sampler;
     use crate::target::Target;
@@ -116,7 +123,8 @@ mod tests {
             let proposal = sampler.final_stage().expect("has one").1;
             let drawn = Drawn { first, proposal, ln_q: &zeros, ln_w: &zeros };
             let control = Control::new(sampler, (&weights, 0.0), &drawn, &|_, z| z);
-            let made_of = &MadeOf::ways(&control, Some(&process))[0];
+            let before = Some((first, &weights[..]));
+            let made_of = &MadeOf::ways(&sampler.pool, proposal, Some(&process), before)[0];
             [0, 1].map(|fold| {
                 let fold = control.fold(made_of, fold).expect("has spread");
                 fold.variate.at(&[0.3], 3.0, &mut Vec::new())

@@ -6,8 +6,8 @@
 //! to ten times what they say. The sub-nets tell without it, but no more than their own noise shows. The standard error that counts lies
 //! midway between the two, as their geometric mean, unless the draws say the larger one; a process that is further off the
 //! sub-nets than [`FOUND_OUT`] standard errors of both has the error with which it would not be. Where they part, both are known less well
-//! ([`mean_of_two`]). What no sample has shown, both miss alike: but for the points that it is integrated with, the errors of the process go
-//! together with those of the sub-nets ([`TOGETHER`]).
+//! ([`mean_of_two`]). What no sample has shown, both miss alike: but for the points that each is integrated with, the errors of the process
+//! go together with those of the sub-nets ([`TOGETHER`]).
 
 use super::variate::{mean, scatter};
 use crate::sobol::scrambled_net;
@@ -21,7 +21,7 @@ const NETS: usize = 4;
 /// Difference, in standard errors, beyond which the process is found to be wrong.
 const FOUND_OUT: f64 = 5.0;
 
-/// Correlation of the errors of the sub-nets and of the process, but for the points that this one is integrated with: over 24 to 50 seeds
+/// Correlation of the errors of the sub-nets and of the process, but for the points that each is integrated with: over 24 to 50 seeds
 /// .68 to .87 for PS, PA12, PEEK, the banana and the bounded ridge at 50 simulations, .44 to .75 at 100. Taken as independent, PA12 has
 /// errors of 1.6 standard errors at 50 simulations, 1.1 at 100 and 1.3 at 300, and so 1.3, 0.9 and 1.1.
 const TOGETHER: f64 = 0.7;
@@ -47,10 +47,10 @@ pub(super) fn of_nets(
     of_nets
 }
 
-/// Logarithm of the first integral, the others over it, and the variances of all.
+/// Logarithm of the first integral, the others over it, and how unsure all are.
 struct Ratios {
     values: Vec<f64>,
-    variances: Vec<f64>,
+    unsure: Vec<Unsure>,
 }
 
 /// Means over rows of p integrals.
@@ -80,9 +80,8 @@ impl Ratios {
         std::iter::once(means[0].ln()).chain(means[1..].iter().map(|m| m / means[0])).collect()
     }
 
-    /// With the correlations of their errors with those of the sub-nets; none where there is no likelihood, or nothing is known of
-    /// its errors.
-    fn of(all: &ThroughAll, p: usize) -> Option<(Self, Vec<f64>)> {
+    /// None where there is no likelihood, or nothing is known of its errors.
+    fn of(all: &ThroughAll, p: usize) -> Option<Self> {
         let means = means(&all.of_nets, p);
         let draws = all.errors.len() / p;
         if means[0].is_nan() || means[0] <= 0.0 || draws < 2 {
@@ -91,54 +90,87 @@ impl Ratios {
         // Draws are one by one, nets are for their mean.
         let of_draws = variances(&deviations(&all.errors, &means), p);
         let of_nets = variances(&deviations(&all.of_nets, &means), p);
-        let both = of_draws.iter().zip(&of_nets).map(|(of_draws, of_nets)| {
-            let of_draw = draws as f64 * of_draws;
-            let sum = of_draw + of_nets;
-            (sum, if sum > 0.0 { TOGETHER * (of_draw / sum).sqrt() } else { 0.0 })
+        let unsure = of_draws.iter().zip(of_nets).map(|(of_draws, of_nets)| {
+            let all = draws as f64 * of_draws + of_nets;
+            Unsure { all, of_nets }
         });
-        let (variances, correlations) = both.unzip();
-        Some((Self { values: Self::values(&means), variances }, correlations))
+        Some(Self { unsure: unsure.collect(), values: Self::values(&means) })
+    }
+
+    /// By sub-nets, whose rows of integrals are these, each with its two nets for them.
+    fn of_sub_nets(rows: &[f64], of_nets: &[f64], means: &[f64]) -> Self {
+        let p = means.len();
+        let r = (rows.len() / p) as f64;
+        // Off as the mean of two nets is, by their difference.
+        let off: Vec<f64> = of_nets
+            .chunks_exact(2 * p)
+            .flat_map(|nets| (0..p).map(|a| means[a] + 0.5 * (nets[a] - nets[p + a])))
+            .collect();
+        let off = deviations(&off, means);
+        let unsure =
+            variances(&deviations(rows, means), p).into_iter().enumerate().map(|(a, all)| {
+                let squares: f64 = off.iter().skip(a).step_by(p).map(|off| off * off).sum();
+                Unsure { all, of_nets: (squares / (r * r)).min(all) }
+            });
+        Self { unsure: unsure.collect(), values: Self::values(means) }
     }
 }
 
-/// Of two estimates of one number with these variances, this correlation of their errors and this square of their difference: the share of
-/// the second in their mean, and the variance of the mean over that of the first. The second's is taken as midway between both where it
-/// is the smaller one. Their correlation widens the mean's variance and nothing else: with the share that is best for it PS and PA12 are 6 %
-/// further off at 50 simulations.
+/// Variance of an estimate, and that part of it which is of the points that it is integrated with: the rest is of what is not known of
+/// the likelihood.
+#[derive(Clone, Copy)]
+struct Unsure {
+    all: f64,
+    of_nets: f64,
+}
+
+/// Of the estimates of one number by the sub-nets and by the process, and this square of their difference: the share of
+/// the second in their mean, and the variance of the mean over that of the first. Where the process says that it knows more, it is taken as
+/// midway between both. The mean's variance is that of errors that go together as far as they are of the likelihood, and nets tell their
+/// own; with shares that are best for it PS and PA12 are 6 % further off at 50 simulations, so these are those for independent errors.
 ///
 /// Estimates further apart than their errors tell are known less well: the variance of the mean grows with the square of their
 /// difference over the sum of their variances (R. T. Birge, Phys. Rev. 40 (1932) 207), up to that of the first and the square of the way
 /// from it. Sum and bound are those for independent errors: where the process is known worse, what is said stays up to a tenth too small.
-fn mean_of_two([first, second]: [f64; 2], correlation: f64, square: f64) -> (f64, f64) {
-    let midway = second.max((first * second).sqrt());
+fn mean_of_two(own: Unsure, all: Unsure, square: f64) -> (f64, f64) {
+    let (first, of_likelihood) = (own.all, |unsure: Unsure| unsure.all - unsure.of_nets);
     // With this variance of the second the two are as far apart as that.
     let apart = square / FOUND_OUT.powi(2) - first;
-    let sum = first + if apart > midway { apart } else { midway };
-    let share = first / sum;
-    // (1 - s)^2 a + s^2 b + 2 s (1 - s) r sqrt(a b), over a, for s = a / (a + b).
-    let wider = 1.0 + 2.0 * correlation * (share * (1.0 - share)).sqrt();
-    let left = (1.0 - share) * wider * (square / sum).max(1.0);
+    let at_least_apart = |second: f64| if apart > second { apart } else { second };
+    let midway = |second: f64, first: f64| second.max((first * second).sqrt());
+    let share = first / (first + at_least_apart(midway(all.all, first)));
+    let unknown = midway(of_likelihood(all), of_likelihood(own));
+    let second = at_least_apart(all.of_nets + unknown);
+    let together = TOGETHER * (of_likelihood(own) * unknown).sqrt();
+    let rest = 1.0 - share;
+    let variance = rest * rest * first + share * share * second + 2.0 * share * rest * together;
+    let left = variance / first * (square / (first + second)).max(1.0);
     let left = left.min(1.0 + share * share * square / first);
     if first > 0.0 && square.is_finite() && left.is_finite() { (share, left) } else { (0.0, 1.0) }
 }
 
 impl ThroughAll {
     /// Takes a share of this into the p integrals of the sub-nets, which then spread as their mean is known; the part of the variance
-    /// of each that is left.
-    pub(super) fn mixed_into(&self, of_sub_nets: &mut [f64], p: usize) -> Vec<f64> {
+    /// of each that is left. Each sub-net has two nets of integrals.
+    pub(super) fn mixed_into(
+        &self,
+        of_sub_nets: &mut [f64],
+        of_nets: &[f64],
+        p: usize,
+    ) -> Vec<f64> {
         let means = means(of_sub_nets, p);
-        let known = Ratios::of(self, p).filter(|_| means[0] > 0.0);
-        let Some((known, correlations)) = known else { return vec![1.0; p] };
-        let mut off = deviations(of_sub_nets, &means);
-        let own = Ratios { values: Ratios::values(&means), variances: variances(&off, p) };
+        let Some(known) = Ratios::of(self, p).filter(|_| means[0] > 0.0) else {
+            return vec![1.0; p];
+        };
+        let own = Ratios::of_sub_nets(of_sub_nets, of_nets, &means);
         let mixed = |a: usize| {
             let way = known.values[a] - own.values[a];
-            let both = [own.variances[a], known.variances[a]];
-            let (share, left) = mean_of_two(both, correlations[a], way * way);
+            let (share, left) = mean_of_two(own.unsure[a], known.unsure[a], way * way);
             (if share > 0.0 { own.values[a] + share * way } else { own.values[a] }, left)
         };
         let (values, left): (Vec<f64>, Vec<f64>) = (0..p).map(mixed).unzip();
         let evidence = values[0].exp();
+        let mut off = deviations(of_sub_nets, &means);
         for (row, off) in of_sub_nets.chunks_exact_mut(p).zip(off.chunks_exact_mut(p)) {
             off.iter_mut().zip(&left).for_each(|(off, left)| *off *= left.sqrt());
             row[0] = evidence * (1.0 + off[0]);
@@ -164,6 +196,11 @@ mod tests {
         off.iter().enumerate().map(|(i, x)| around[i % P] + sds[i % P] * x).collect()
     }
 
+    /// Two nets for every sub-net, without an error.
+    fn twice(of_sub_nets: &[f64]) -> Vec<f64> {
+        of_sub_nets.chunks_exact(P).flat_map(|row| row.repeat(2)).collect()
+    }
+
     /// Root mean square of error over standard error of the three, and of their errors, where those of the sub-nets and of the process
     /// have this correlation.
     fn over_runs(of_draws: f64, error: f64, correlation: f64) -> ([f64; P], [f64; P]) {
@@ -175,6 +212,7 @@ mod tests {
             let mut of_sub_nets = rows(R, exact, [0.1; P], 3 * run);
             let off = rows(1, [0.0; P], [error; P], 3 * run + 1);
             let own = means(&of_sub_nets, P);
+            let alike = twice(&of_sub_nets);
             let of_nets: Vec<f64> = (0..P)
                 .map(|a| {
                     let shared = (own[a] - exact[a]) / (0.1 / (R as f64).sqrt());
@@ -186,7 +224,7 @@ mod tests {
                 of_nets: of_nets.repeat(2),
                 errors: rows(200, [0.0; P], [of_draws; P], 3 * run + 2),
             };
-            all.mixed_into(&mut of_sub_nets, P);
+            all.mixed_into(&mut of_sub_nets, &alike, P);
             let means = means(&of_sub_nets, P);
             let variances = variances(&deviations(&of_sub_nets, &means), P);
             let values = Ratios::values(&means);
@@ -217,52 +255,91 @@ mod tests {
     #[test]
     fn errors_of_the_points_that_a_process_is_integrated_with_are_its_own() {
         // The variance of a draw, and of the mean of two nets, are 2 x^2 and y^2 over the square of the evidence.
-        let of = |draw: f64, net: f64| {
+        for (draw, net) in [(0.1, 0.0), (0.1, 0.2), (0.0, 0.1)] {
             let off = |by: f64| [2.0 + by, 0.6, -0.2].into_iter().chain([2.0 - by, 0.6, -0.2]);
             let errors = [draw, 0.0, 0.0, -draw, 0.0, 0.0].to_vec();
             let all = ThroughAll { of_nets: off(net).collect(), errors };
-            let (known, correlations) = Ratios::of(&all, P).expect("has errors");
-            (known.variances[0], correlations[0])
-        };
-        let (variance, correlation) = of(0.1, 0.0);
-        assert!((variance - 2.0 * 0.0025).abs() < 1e-12 && (correlation - TOGETHER).abs() < 1e-12);
-        let (variance, correlation) = of(0.1, 0.1 * 2.0_f64.sqrt());
-        assert!((variance - 4.0 * 0.0025).abs() < 1e-12, "{variance}");
-        assert!((correlation - TOGETHER / 2.0_f64.sqrt()).abs() < 1e-12, "{correlation}");
-        assert_eq!(of(0.0, 0.1).1, 0.0);
-        assert_eq!(of(0.0, 0.0).1, 0.0);
+            let found = Ratios::of(&all, P).expect("has errors").unsure[0];
+            let exact = [2.0 * draw * draw + net * net, net * net].map(|square| square / 4.0);
+            assert!((found.all - exact[0]).abs() < 1e-12, "{draw} {net}: {}", found.all);
+            assert!((found.of_nets - exact[1]).abs() < 1e-12, "{draw} {net}: {}", found.of_nets);
+        }
+    }
+
+    #[test]
+    fn errors_of_the_points_that_sub_nets_are_integrated_with_are_the_half_differences_of_their_nets()
+     {
+        // Of three sub-nets around 2 the first two have nets that differ by 0.4 and 0.2: (0.2^2 + 0.1^2) / 9, over 2^2.
+        let of_nets = [[2.2, 0.6, -0.2], [1.8, 0.6, -0.2], [2.4, 0.6, -0.2], [2.6, 0.6, -0.2]];
+        let of_nets = [of_nets.concat(), [1.5, 0.6, -0.2].repeat(2)].concat();
+        let rows = [[2.0, 0.6, -0.2], [2.5, 0.6, -0.2], [1.5, 0.6, -0.2]].concat();
+        let found = Ratios::of_sub_nets(&rows, &of_nets, &means(&rows, P));
+        assert!(
+            (found.unsure[0].of_nets - 0.05 / 36.0).abs() < 1e-12,
+            "{}",
+            found.unsure[0].of_nets
+        );
+        assert!((found.unsure[0].all - 0.5 / 24.0).abs() < 1e-12, "{}", found.unsure[0].all);
+        // The others over it are off by as much of themselves, 0.3 and -0.1.
+        for (a, ratio) in [(1, 0.3_f64), (2, -0.1)] {
+            let exact = ratio * ratio * 0.05 / 36.0;
+            assert!((found.unsure[a].of_nets - exact).abs() < 1e-12, "{a}");
+        }
+        // Never more than all of it.
+        let alike = [[2.0, 0.6, -0.2]; 3].concat();
+        assert_eq!(Ratios::of_sub_nets(&alike, &of_nets, &means(&alike, P)).unsure[0].of_nets, 0.0);
+    }
+
+    #[test]
+    fn the_mean_of_two_estimates_has_the_variance_of_errors_that_go_together_but_for_those_of_nets()
+    {
+        let nets = |all: f64| Unsure { all, of_nets: all };
+        let unknown = |all: f64| Unsure { all, of_nets: 0.0 };
+        // As well known as each other; what is not known of the likelihood goes together, and nothing with nets.
+        assert_eq!(mean_of_two(nets(1.0), nets(1.0), 0.0), (0.5, 0.5));
+        assert_eq!(mean_of_two(nets(1.0), unknown(1.0), 0.0), (0.5, 0.5));
+        assert_eq!(mean_of_two(unknown(1.0), nets(1.0), 0.0), (0.5, 0.5));
+        let (share, left) = mean_of_two(unknown(1.0), unknown(1.0), 0.0);
+        assert!(share == 0.5 && (left - 0.5 * (1.0 + TOGETHER)).abs() < 1e-12, "{left}");
+        let half = Unsure { all: 1.0, of_nets: 0.5 };
+        let (_, left) = mean_of_two(half, half, 0.0);
+        assert!((left - 0.5 * (1.0 + 0.5 * TOGETHER)).abs() < 1e-12, "{left}");
+        // A process that says it knows ten times as well is taken as midway, nets as what they are.
+        let (share, left) = mean_of_two(unknown(1.0), unknown(0.01), 0.0);
+        let rest = 1.0 - share;
+        let exact =
+            rest * rest + 0.1 * share * share + 2.0 * share * rest * TOGETHER * 0.1_f64.sqrt();
+        assert!((share - 1.0 / 1.1).abs() < 1e-12 && (left - exact).abs() < 1e-12, "{left}");
+        let (share, left) = mean_of_two(nets(1.0), nets(0.01), 0.0);
+        let exact = (0.1_f64 / 1.1).powi(2) + 0.01 / 1.1_f64.powi(2);
+        assert!((share - 1.0 / 1.1).abs() < 1e-12 && (left - exact).abs() < 1e-12, "{left}");
     }
 
     #[test]
     fn the_mean_of_two_estimates_knows_less_the_further_they_part() {
-        // As well known as each other, with errors that go together and that do not; the process ten times as well.
-        assert_eq!(mean_of_two([1.0, 1.0], 0.0, 0.0), (0.5, 0.5));
-        assert_eq!(mean_of_two([1.0, 1.0], 1.0, 0.0), (0.5, 1.0));
-        assert_eq!(mean_of_two([1.0, 1.0], 0.5, 0.0), (0.5, 0.75));
-        let (share, left) = mean_of_two([1.0, 0.01], 1.0, 0.0);
-        let together = (0.1 / 1.1 + (0.1_f64).sqrt() / 1.1).powi(2);
-        assert!((share - 1.0 / 1.1).abs() < 1e-12 && (left - together).abs() < 1e-12);
-        let (share, left) = mean_of_two([1.0, 0.01], 0.0, 0.0);
-        assert!((share - 1.0 / 1.1).abs() < 1e-12 && (left - 0.1 / 1.1).abs() < 1e-12);
+        let unknown = |all: f64| Unsure { all, of_nets: 0.0 };
+        let of = |square: f64| mean_of_two(unknown(1.0), unknown(0.01), square);
         // Three standard errors apart its own is three times that; found out, it takes little and adds little.
-        let (share, left) = mean_of_two([1.0, 0.01], 0.0, 9.0 * 1.1);
-        assert!((share - 1.0 / 1.1).abs() < 1e-12 && (left - 9.0 * 0.1 / 1.1).abs() < 1e-12);
-        let (share, left) = mean_of_two([1.0, 0.01], 0.0, 1e4);
+        let (share, left) = of(9.0 * 1.1);
+        assert!((share - 1.0 / 1.1).abs() < 1e-12 && (left / of(0.0).1 - 9.0).abs() < 1e-12);
+        let (share, left) = of(1e4);
         assert!((share - 0.0025).abs() < 1e-12 && (left - 1.0625).abs() < 1e-12, "{share} {left}");
         // No step on the way, and never more than what the other says and the way from it.
         let mut before = 0.0;
         for k in 0..40_000 {
             let square = (0.001 * f64::from(k)).powi(2);
-            let (share, left) = mean_of_two([1.0, 0.01], TOGETHER, square);
+            let (share, left) = of(square);
             assert!(left <= 1.0 + share * share * square + 1e-12, "{square}: {left}");
             assert!(k == 0 || (left - before).abs() < 0.02, "{square}: {before} {left}");
             before = left;
         }
         for (first, second) in [(0.0, 0.0), (0.0, 1.0), (f64::NAN, 1.0), (1.0, f64::NAN)] {
-            assert_eq!(mean_of_two([first, second], TOGETHER, 1.0), (0.0, 1.0), "{first} {second}");
+            let found = mean_of_two(unknown(first), unknown(second), 1.0);
+            assert_eq!(found, (0.0, 1.0), "{first} {second}");
         }
-        assert_eq!(mean_of_two([1.0, 1.0], TOGETHER, f64::NAN), (0.0, 1.0));
-        assert_eq!(mean_of_two([1.0, 1.0], TOGETHER, f64::INFINITY), (0.0, 1.0));
+        for square in [f64::NAN, f64::INFINITY] {
+            assert_eq!(mean_of_two(unknown(1.0), unknown(1.0), square), (0.0, 1.0));
+        }
     }
 
     #[test]
@@ -283,7 +360,7 @@ mod tests {
             of_nets: [4.0, 0.2, 1.0].repeat(2),
             errors: rows(50, [0.0; P], [0.001; P], 2),
         };
-        let left = wrong.mixed_into(&mut of_sub_nets, P);
+        let left = wrong.mixed_into(&mut of_sub_nets, &twice(&before), P);
         assert!(left.iter().all(|left| (1.0..5.0).contains(left)), "{left:?}");
         let off = |a: usize| (mean(&of_sub_nets, P, a) - mean(&before, P, a)).abs();
         assert!((0..P).all(|a| off(a) < 0.1), "{of_sub_nets:?}");
@@ -297,11 +374,13 @@ mod tests {
             factors.iter().flat_map(|f| around.map(|m| f * m)).collect()
         };
         let all = ThroughAll { of_nets: alike(&[1.0, 1.0]), errors: alike(&[0.3, -0.3]) };
-        let (known, _) = Ratios::of(&all, P).expect("has errors");
-        assert!(known.variances[0] > 0.01, "{:?}", known.variances);
-        assert!(known.variances[1..].iter().all(|v| *v < 1e-20), "{:?}", known.variances);
+        let known = Ratios::of(&all, P).expect("has errors");
+        let variances: Vec<f64> = known.unsure.iter().map(|unsure| unsure.all).collect();
+        assert!(variances[0] > 0.01, "{variances:?}");
+        assert!(variances[1..].iter().all(|v| *v < 1e-20), "{variances:?}");
         let mut of_sub_nets = alike(&[0.9, 1.0, 1.1]);
-        all.mixed_into(&mut of_sub_nets, P);
+        let of_nets = twice(&of_sub_nets);
+        all.mixed_into(&mut of_sub_nets, &of_nets, P);
         for row in of_sub_nets.chunks_exact(P) {
             assert!((row[1] / row[0] - 0.3).abs() < 1e-12 && (row[2] / row[0] + 0.1).abs() < 1e-12);
         }
@@ -311,8 +390,9 @@ mod tests {
     fn nothing_is_taken_of_a_process_without_a_likelihood_or_without_draws() {
         let of_sub_nets = rows(4, [2.0, 0.6, -0.2], [0.1; P], 1);
         for (of_nets, errors) in [(vec![0.0; 6], vec![0.1; 6]), (vec![1.0; 6], Vec::new())] {
-            let mut same = of_sub_nets.clone();
-            assert_eq!(ThroughAll { of_nets, errors }.mixed_into(&mut same, P), [1.0; P]);
+            let (mut same, alike) = (of_sub_nets.clone(), twice(&of_sub_nets));
+            let left = ThroughAll { of_nets, errors }.mixed_into(&mut same, &alike, P);
+            assert_eq!(left, [1.0; P]);
             assert_eq!(same, of_sub_nets);
         }
     }
