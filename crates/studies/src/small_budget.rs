@@ -24,11 +24,12 @@ const SAMPLERS: [Sampler; 3] = [
 ];
 
 /// Columns of [`cells`].
-pub(crate) const COLUMNS: [&str; 8] = [
+pub(crate) const COLUMNS: [&str; 9] = [
     "mean [posterior sd]",
     "sd, relative",
     "ln Z",
     "spread of z",
+    "spread of z, ln Z",
     "ESS",
     "k-hat",
     "off, not said",
@@ -41,8 +42,8 @@ const LARGEST: f64 = 10.0;
 const TEXT: &str = "\
 Errors (root mean square over the seeds, each error counted as 10 at most) against exact answers, at equal numbers of simulations: the default
 sampler, many small stages without a surrogate, and the same placed by the surrogate (`Settings::for_budget`). Mean and sd are those of the worst
-parameter, in posterior standard deviations and relative; \"spread of z\" is that of the first mean's error over its stated standard error; ESS and
-k-hat are medians. Of calibrations, the runs are counted with a mean off by more than one sd that do not say that their budget is too small, and those right
+parameter, in posterior standard deviations and relative; \"spread of z\" is that of the first mean's error over its stated standard error, and of
+ln Z's; ESS and k-hat are medians. Of calibrations, the runs are counted with a mean off by more than one sd that do not say that their budget is too small, and those right
 within one sd that do. The neck-growth problems are the measured curves under the closed-form three-stage law, default noise, priors over four to six decades.
 The figures depend on seeds only, not on the machine or its load.
 
@@ -121,11 +122,15 @@ pub(crate) fn cells(exact: &Exact, runs: &[Run]) -> Vec<String> {
     };
     let z =
         runs.iter().zip(&errors).map(|(run, error)| error.mean[0] / (run.mean_se[0] / exact.sd[0]));
+    let z_evidence = runs.iter().zip(&errors).map(|(run, error)| {
+        error.log_evidence.map_or(f64::NAN, |error| error / run.log_evidence_se)
+    });
     vec![
         format!("{:.2}", worst(&errors.iter().map(|e| &e.mean).collect::<Vec<_>>())),
         format!("{:.2}", worst(&errors.iter().map(|e| &e.sd).collect::<Vec<_>>())),
         format!("{:.2}", rms(errors.iter().map(|e| e.log_evidence.unwrap_or(f64::NAN)))),
         format!("{:.1}", rms(z)),
+        format!("{:.1}", rms(z_evidence)),
         format!("{:.0}", median(runs.iter().map(|run| run.ess))),
         format!("{:.2}", median(runs.iter().map(|run| run.khat))),
         judged(runs, &errors, |off, said| off && !said),
