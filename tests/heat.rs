@@ -190,6 +190,7 @@ fn one_pulse_freezes_and_says_nothing_of_another_energy_without_a_law() {
 
 #[test]
 fn pulses_of_one_powder_are_calibrated_together_and_give_the_energy_that_is_enough() {
+    // So few that hardly any sample has the times of the tail.
     let sandbox = calibrated(&plan("power"), 2048);
     assert!(sandbox.path().join("run/fit-together.svg").exists());
     sandbox.run("predict --posterior run --after 1").refused(&["3 experiments", "--of"]);
@@ -282,7 +283,7 @@ fn beds_of_the_same_posterior_freeze_where_its_pairs_do(sandbox: &Sandbox) {
 #[test]
 #[ignore = "long: run by .ci/run"]
 fn a_bed_takes_the_amplitude_of_its_own_pulse_and_no_other() {
-    let sandbox = calibrated(&plan("direct"), 512);
+    let sandbox = calibrated(&plan("direct"), 8192);
     let scene = root().join("experiments/scenes/pair.toml").display().to_string();
     let said = |more: &[&str]| {
         let common = ["densify", "--posterior", "run", "--scene", &scene, "--of", "e23"];

@@ -73,7 +73,9 @@ fn samples_that_do_not_have_the_moments_of_the_result_are_said_to_be_off_by_as_m
     let sandbox = Sandbox::new();
     let moved = (1..=10).find_map(|seed| {
         sandbox
-            .run(&format!("--material ps --samples 50 --seed {seed} --solver quasi-static"))
+            .run(&format!(
+                "--material ps --samples 50 --seed {seed} --solver quasi-static --no-other-kinetics"
+            ))
             .succeeded();
         let found = sandbox.posterior("results/ps");
         let concerns = found["trust"]["concerns"].as_array().expect("concerns").clone();
@@ -372,7 +374,7 @@ fn one_observation_at_time_zero_and_the_fewest_samples_give_a_result_with_warnin
     let ran = sandbox.run("-m pa12 --window :0.3 --samples 8192 --out zero");
     assert!(ran.succeeded().stdout.contains("NOT INFORMED"), "{}", ran.stdout);
     assert!(sandbox.posterior("zero")["experiments"][0]["neck_growth"]["fit"]["frenkel"].is_null());
-    for samples in [16, 17, 31, 100] {
+    for samples in ["16", "17", "31 --no-other-kinetics", "100 --no-other-kinetics"] {
         let ran = sandbox.run(&format!("-m ps --samples {samples} --out few"));
         assert!(ran.succeeded().stdout.contains("NOT TO BE TRUSTED"), "{}", ran.stdout);
         sandbox.posterior("few");

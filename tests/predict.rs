@@ -92,14 +92,14 @@ experiment = "pa12-r30"
 kinetics = "frenkel"
 tau_s_radius_m = 31.5e-6
 [sampler]
-samples = 512
+samples = 8192
 "#;
 
 #[test]
 fn the_run_of_a_plan_with_one_pair_predicts_as_that_of_its_material() {
     let sandbox = calibrated("--material pa12 --kinetics frenkel");
     let of_material = json(&sandbox, "--contact-ratio 0.9 --after 1");
-    let options = "--material pa12 --kinetics frenkel --samples 8192 --dry-run --toml";
+    let options = "--material pa12 --kinetics frenkel --samples 4096 --dry-run --toml";
     let plan = sandbox.run(options).succeeded().stdout.clone();
     sandbox.write("plan.toml", plan);
     sandbox.run("--plan plan.toml --out run --quiet").succeeded();

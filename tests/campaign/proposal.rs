@@ -173,7 +173,7 @@ fn an_earlier_result_that_is_wrong_is_warned_of_and_does_not_decide_the_answer()
 fn a_material_begins_from_an_earlier_result_and_is_continued_without_it() {
     let sandbox = Sandbox::new();
     sandbox.run("--material ps -n 8192 --no-other-kinetics --quiet --out cheap").succeeded();
-    let options = "--material ps --solver quasi-static -n 60 --proposal cheap";
+    let options = "--material ps --solver quasi-static -n 60 --no-other-kinetics --proposal cheap";
     let dry = sandbox.run(&format!("{options} --dry-run --toml"));
     let toml = dry.succeeded().stdout.clone();
     assert!(toml.contains("\nproposal = \"/") && toml.contains("cheap\"\n"), "{toml}");
@@ -188,7 +188,9 @@ fn a_material_begins_from_an_earlier_result_and_is_continued_without_it() {
     assert_eq!(rows("dear"), rows("one-thread"));
     // The former result moved away, the run is continued as it began.
     fs::rename(sandbox.path().join("cheap"), sandbox.path().join("moved")).expect("moved");
-    sandbox.run("--continue-from dear --samples 100 --quiet --out more").succeeded();
+    sandbox
+        .run("--continue-from dear --samples 100 --no-other-kinetics --quiet --out more")
+        .succeeded();
     let theta = |rows: &str| -> Vec<String> {
         let row = |row: &str| row.split(',').take(3).collect::<Vec<_>>().join(",");
         rows.lines().skip(1).map(row).collect()

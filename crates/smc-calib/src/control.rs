@@ -186,10 +186,10 @@ impl<'a> Control<'a> {
                 let known: Vec<usize> = known.collect();
                 Model::Local(Box::new(surrogate(sampler, &known, &self.ln_q, metric)?))
             }
-            MadeOf::Process { before: Some(before), .. } => Model::Process(Arc::clone(before)),
-            MadeOf::Process { all, found, .. } => {
+            MadeOf::Process { all, found } => {
                 Model::Process(Arc::new(all.like(pool, self.weights, known, found)?))
             }
+            MadeOf::ProcessBefore(process) => Model::Process(Arc::clone(process)),
         };
         let cap = cap(others.iter().map(|i| self.target[i - first]), self.of_all());
         let variate = Variate { model, ln_scale, cap };
@@ -205,7 +205,7 @@ impl<'a> Control<'a> {
     /// is one.
     fn folds(&self, made_of: &MadeOf<'_>) -> usize {
         match made_of {
-            MadeOf::Process { .. } if self.of_all() => self.sampler.replicates,
+            MadeOf::Process { .. } => self.sampler.replicates,
             _ => FOLDS,
         }
     }
@@ -440,7 +440,7 @@ pub(crate) fn estimate(
     let (frozen_value, frozen_se) = sampler.frozen_evidence(&frozen);
     let far = sampler.placing.surrogate || sampler.pool.d > MOST_DIMENSIONS;
     let mixture = if far { Proposal::of_stages(&sampler.proposals) } else { None };
-    let ln_w = sampler.ln_weights();
+    let ln_w = if far { sampler.ln_weights() } else { Vec::new() };
     let drawn = if far {
         mixture.as_ref().map(|mixture| Drawn::of_all(sampler, mixture, &ln_w))
     } else {

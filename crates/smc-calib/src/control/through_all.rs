@@ -22,7 +22,8 @@ const NETS: usize = 4;
 const FOUND_OUT: f64 = 5.0;
 
 /// Correlation of the errors of the sub-nets and of the process, but for the points that each is integrated with: over 24 to 50 seeds
-/// .68 to .87 for PS, PA12, PEEK, the banana and the bounded ridge at 50 simulations, .44 to .75 at 100. Taken as independent, PA12 has
+/// .68 to .87 for PS, PA12, PEEK, the banana and the bounded ridge at 50 simulations, .44 to .75 at 100, points included (a third of
+/// the banana's variance there, next to nothing of the others'). Taken as independent, PA12 has
 /// errors of 1.6 standard errors at 50 simulations, 1.1 at 100 and 1.3 at 300, and so 1.3, 0.9 and 1.1.
 const TOGETHER: f64 = 0.7;
 
@@ -91,13 +92,14 @@ impl Ratios {
         let of_draws = variances(&deviations(&all.errors, &means), p);
         let of_nets = variances(&deviations(&all.of_nets, &means), p);
         let unsure = of_draws.iter().zip(of_nets).map(|(of_draws, of_nets)| {
-            let all = draws as f64 * of_draws + of_nets;
-            Unsure { all, of_nets }
+            let of_likelihood = draws as f64 * of_draws;
+            Unsure { variance: of_likelihood + of_nets, of_likelihood, of_nets }
         });
         Some(Self { unsure: unsure.collect(), values: Self::values(&means) })
     }
 
-    /// By sub-nets, whose rows of integrals are these, each with its two nets for them.
+    /// By R sub-nets, whose rows of integrals are these, each with its two nets for them. Both the variance and its part by the nets are
+    /// known to about two over the root of R; half of that at least counts as of the likelihood, or draws would be believed by chance.
     fn of_sub_nets(rows: &[f64], of_nets: &[f64], means: &[f64]) -> Self {
         let p = means.len();
         let r = (rows.len() / p) as f64;
@@ -107,41 +109,44 @@ impl Ratios {
             .flat_map(|nets| (0..p).map(|a| means[a] + 0.5 * (nets[a] - nets[p + a])))
             .collect();
         let off = deviations(&off, means);
-        let unsure =
-            variances(&deviations(rows, means), p).into_iter().enumerate().map(|(a, all)| {
-                let squares: f64 = off.iter().skip(a).step_by(p).map(|off| off * off).sum();
-                Unsure { all, of_nets: (squares / (r * r)).min(all) }
-            });
+        let of_all = variances(&deviations(rows, means), p).into_iter().enumerate();
+        let unsure = of_all.map(|(a, variance)| {
+            let squares: f64 = off.iter().skip(a).step_by(p).map(|off| off * off).sum();
+            let of_nets = squares / (r * r);
+            let of_likelihood = (variance - of_nets).max(variance / r.sqrt());
+            Unsure { variance, of_likelihood, of_nets }
+        });
         Self { unsure: unsure.collect(), values: Self::values(means) }
     }
 }
 
-/// Variance of an estimate, and that part of it which is of the points that it is integrated with: the rest is of what is not known of
-/// the likelihood.
+/// Variance of an estimate: by what is not known of the likelihood, and by the points that it is integrated with.
 #[derive(Clone, Copy)]
 struct Unsure {
-    all: f64,
+    variance: f64,
+    of_likelihood: f64,
     of_nets: f64,
 }
 
 /// Of the estimates of one number by the sub-nets and by the process, and this square of their difference: the share of
-/// the second in their mean, and the variance of the mean over that of the first. Where the process says that it knows more, it is taken as
-/// midway between both. The mean's variance is that of errors that go together as far as they are of the likelihood, and nets tell their
-/// own; with shares that are best for it PS and PA12 are 6 % further off at 50 simulations, so these are those for independent errors.
+/// the second in their mean, and the variance of the mean over that of the first.
+///
+/// Where the process says that it knows more, it is taken as midway between both: for the share the whole of its variance, for the variance
+/// of the mean what is not known of the likelihood. Errors of the likelihood go together, those of points are independent. The share is
+/// that for independent errors: with the one that is best for the correlation PS and PA12 are 6 % further off at 50 simulations.
 ///
 /// Estimates further apart than their errors tell are known less well: the variance of the mean grows with the square of their
 /// difference over the sum of their variances (R. T. Birge, Phys. Rev. 40 (1932) 207), up to that of the first and the square of the way
-/// from it. Sum and bound are those for independent errors: where the process is known worse, what is said stays up to a tenth too small.
-fn mean_of_two(own: Unsure, all: Unsure, square: f64) -> (f64, f64) {
-    let (first, of_likelihood) = (own.all, |unsure: Unsure| unsure.all - unsure.of_nets);
+/// from it. Sum and bound are those for independent errors: where the process is known worse, what is said stays up to an eighth too small.
+fn mean_of_two(sub_nets: Unsure, process: Unsure, square: f64) -> (f64, f64) {
+    let (first, midway) = (sub_nets.variance, |a: f64, b: f64| a.max((b * a).sqrt()));
     // With this variance of the second the two are as far apart as that.
     let apart = square / FOUND_OUT.powi(2) - first;
     let at_least_apart = |second: f64| if apart > second { apart } else { second };
-    let midway = |second: f64, first: f64| second.max((first * second).sqrt());
-    let share = first / (first + at_least_apart(midway(all.all, first)));
-    let unknown = midway(of_likelihood(all), of_likelihood(own));
-    let second = at_least_apart(all.of_nets + unknown);
-    let together = TOGETHER * (of_likelihood(own) * unknown).sqrt();
+    let share = first / (first + at_least_apart(midway(process.variance, first)));
+    let unknown = midway(process.of_likelihood, sub_nets.of_likelihood);
+    let second = at_least_apart(process.of_nets + unknown);
+    let together = TOGETHER * (sub_nets.of_likelihood * unknown).sqrt();
     let rest = 1.0 - share;
     let variance = rest * rest * first + share * share * second + 2.0 * share * rest * together;
     let left = variance / first * (square / (first + second)).max(1.0);
@@ -151,13 +156,14 @@ fn mean_of_two(own: Unsure, all: Unsure, square: f64) -> (f64, f64) {
 
 impl ThroughAll {
     /// Takes a share of this into the p integrals of the sub-nets, which then spread as their mean is known; the part of the variance
-    /// of each that is left. Each sub-net has two nets of integrals.
+    /// of each that is left. `of_nets` are two nets of integrals of each sub-net.
     pub(super) fn mixed_into(
         &self,
         of_sub_nets: &mut [f64],
         of_nets: &[f64],
         p: usize,
     ) -> Vec<f64> {
+        assert_eq!(of_nets.len(), 2 * of_sub_nets.len(), "two nets for every sub-net");
         let means = means(of_sub_nets, p);
         let Some(known) = Ratios::of(self, p).filter(|_| means[0] > 0.0) else {
             return vec![1.0; p];
@@ -201,30 +207,55 @@ mod tests {
         of_sub_nets.chunks_exact(P).flat_map(|row| row.repeat(2)).collect()
     }
 
-    /// Root mean square of error over standard error of the three, and of their errors, where those of the sub-nets and of the process
-    /// have this correlation.
-    fn over_runs(of_draws: f64, error: f64, correlation: f64) -> ([f64; P], [f64; P]) {
+    /// Errors of two estimates over runs, by the likelihood and by points: of every sub-net, in tenths, and of the process; what its draws
+    /// say of the former; and the correlation of the errors of the likelihood.
+    struct Errors {
+        sub_nets: [f64; 2],
+        process: [f64; 2],
+        of_draws: f64,
+        correlation: f64,
+    }
+
+    impl Errors {
+        /// Where integrals are exact.
+        fn of_likelihood(of_draws: f64, error: f64, correlation: f64) -> Self {
+            Self { sub_nets: [1.0, 0.0], process: [error, 0.0], of_draws, correlation }
+        }
+    }
+
+    /// Root mean square of error over standard error of the three, and of their errors.
+    fn over_runs(known: &Errors) -> ([f64; P], [f64; P]) {
         const RUNS: usize = 4000;
         const R: usize = 12;
         let exact = [2.0, 0.6, -0.2];
+        let Errors { sub_nets, process, of_draws, correlation } = known;
+        let [unknown, points] = sub_nets.map(|sd| 0.1 * sd);
         let (mut z, mut errors) = ([0.0; P], [0.0; P]);
         for run in 0..RUNS {
-            let mut of_sub_nets = rows(R, exact, [0.1; P], 3 * run);
-            let off = rows(1, [0.0; P], [error; P], 3 * run + 1);
-            let own = means(&of_sub_nets, P);
-            let alike = twice(&of_sub_nets);
-            let of_nets: Vec<f64> = (0..P)
-                .map(|a| {
-                    let shared = (own[a] - exact[a]) / (0.1 / (R as f64).sqrt());
-                    let rest = (1.0 - correlation * correlation).sqrt();
-                    exact[a] + correlation * error * shared + rest * off[a]
-                })
-                .collect();
+            let seed = |k: usize| 5 * run + k;
+            let of_likelihood = rows(R, exact, [unknown; P], seed(0));
+            // A sub-net's integrals are the mean of its two nets.
+            let of_nets = rows(2 * R, [0.0; P], [points * 2.0_f64.sqrt(); P], seed(1));
+            let of_points = (0..R * P).map(|i| {
+                let first = 2 * P * (i / P) + i % P;
+                0.5 * (of_nets[first] + of_nets[first + P])
+            });
+            let mut of_sub_nets: Vec<f64> =
+                of_likelihood.iter().zip(of_points).map(|(a, b)| a + b).collect();
+            let own = means(&of_likelihood, P);
+            let rest = rows(1, [0.0; P], [process[0]; P], seed(2));
+            let off = rows(NETS, [0.0; P], [process[1] * (NETS as f64).sqrt(); P], seed(3));
+            let of_process = off.iter().enumerate().map(|(i, off)| {
+                let a = i % P;
+                let shared = (own[a] - exact[a]) / (unknown / (R as f64).sqrt());
+                let alone = (1.0 - correlation * correlation).sqrt();
+                exact[a] + process[0] * correlation * shared + alone * rest[a] + off
+            });
             let all = ThroughAll {
-                of_nets: of_nets.repeat(2),
-                errors: rows(200, [0.0; P], [of_draws; P], 3 * run + 2),
+                of_nets: of_process.collect(),
+                errors: rows(200, [0.0; P], [*of_draws; P], seed(4)),
             };
-            all.mixed_into(&mut of_sub_nets, &alike, P);
+            all.mixed_into(&mut of_sub_nets, &of_nets, P);
             let means = means(&of_sub_nets, P);
             let variances = variances(&deviations(&of_sub_nets, &means), P);
             let values = Ratios::values(&means);
@@ -241,14 +272,30 @@ mod tests {
     fn two_estimates_together_have_the_error_that_they_say() {
         // Of sub-nets 0.1 / sqrt(12); the process as good, worse, and as much better as its draws and three times less so.
         for (of_draws, error) in [(0.03, 0.03), (0.1, 0.1), (0.001, 0.005)] {
-            let (z, _) = over_runs(of_draws, error, TOGETHER);
+            let (z, _) = over_runs(&Errors::of_likelihood(of_draws, error, TOGETHER));
             assert!(z.iter().all(|z| (0.8..1.25).contains(z)), "{of_draws} {error}: {z:?}");
         }
     }
 
     #[test]
+    fn two_estimates_have_the_error_that_they_say_where_it_is_of_points() {
+        // Of points nearly all of it, half of it, and a few hundredths; draws say as much as there is, or a third.
+        for (of_likelihood, process, of_draws) in [
+            (0.1, [0.001, 0.02], 0.001),
+            (0.7, [0.01, 0.01], 0.01),
+            (0.7, [0.01, 0.002], 0.0033),
+            (0.98, [0.01, 0.002], 0.0033),
+        ] {
+            let of_points = (1.0_f64 - of_likelihood * of_likelihood).sqrt();
+            let sub_nets = [of_likelihood, of_points];
+            let (z, _) = over_runs(&Errors { sub_nets, process, of_draws, correlation: TOGETHER });
+            assert!(z.iter().all(|z| (0.75..1.25).contains(z)), "{sub_nets:?} {process:?}: {z:?}");
+        }
+    }
+
+    #[test]
     fn errors_that_do_not_go_together_are_stated_up_to_a_half_too_large() {
-        let (z, _) = over_runs(0.03, 0.03, 0.0);
+        let (z, _) = over_runs(&Errors::of_likelihood(0.03, 0.03, 0.0));
         assert!(z.iter().all(|z| (2.0 / 3.0..0.9).contains(z)), "{z:?}");
     }
 
@@ -261,7 +308,7 @@ mod tests {
             let all = ThroughAll { of_nets: off(net).collect(), errors };
             let found = Ratios::of(&all, P).expect("has errors").unsure[0];
             let exact = [2.0 * draw * draw + net * net, net * net].map(|square| square / 4.0);
-            assert!((found.all - exact[0]).abs() < 1e-12, "{draw} {net}: {}", found.all);
+            assert!((found.variance - exact[0]).abs() < 1e-12, "{draw} {net}: {}", found.variance);
             assert!((found.of_nets - exact[1]).abs() < 1e-12, "{draw} {net}: {}", found.of_nets);
         }
     }
@@ -279,30 +326,36 @@ mod tests {
             "{}",
             found.unsure[0].of_nets
         );
-        assert!((found.unsure[0].all - 0.5 / 24.0).abs() < 1e-12, "{}", found.unsure[0].all);
+        let Unsure { variance, of_likelihood, of_nets: points } = found.unsure[0];
+        assert!((variance - 0.5 / 24.0).abs() < 1e-12, "{variance}");
+        assert!((of_likelihood - (variance - points)).abs() < 1e-12, "{of_likelihood}");
         // The others over it are off by as much of themselves, 0.3 and -0.1.
         for (a, ratio) in [(1, 0.3_f64), (2, -0.1)] {
             let exact = ratio * ratio * 0.05 / 36.0;
             assert!((found.unsure[a].of_nets - exact).abs() < 1e-12, "{a}");
         }
-        // Never more than all of it.
-        let alike = [[2.0, 0.6, -0.2]; 3].concat();
-        assert_eq!(Ratios::of_sub_nets(&alike, &of_nets, &means(&alike, P)).unsure[0].of_nets, 0.0);
+        // Of three sub-nets that hardly differ it is taken that 1 / sqrt(3) of the variance is of the likelihood.
+        let alike = [[2.0, 0.6, -0.2], [2.001, 0.6, -0.2], [1.999, 0.6, -0.2]].concat();
+        let found = Ratios::of_sub_nets(&alike, &of_nets, &means(&alike, P)).unsure[0];
+        assert!((found.of_likelihood / found.variance - 1.0 / 3.0_f64.sqrt()).abs() < 1e-12);
     }
 
     #[test]
     fn the_mean_of_two_estimates_has_the_variance_of_errors_that_go_together_but_for_those_of_nets()
     {
-        let nets = |all: f64| Unsure { all, of_nets: all };
-        let unknown = |all: f64| Unsure { all, of_nets: 0.0 };
+        let both = |of_likelihood: f64, of_nets: f64| Unsure {
+            variance: of_likelihood + of_nets,
+            of_likelihood,
+            of_nets,
+        };
+        let (nets, unknown) = (|of_nets: f64| both(0.0, of_nets), |of: f64| both(of, 0.0));
         // As well known as each other; what is not known of the likelihood goes together, and nothing with nets.
         assert_eq!(mean_of_two(nets(1.0), nets(1.0), 0.0), (0.5, 0.5));
         assert_eq!(mean_of_two(nets(1.0), unknown(1.0), 0.0), (0.5, 0.5));
         assert_eq!(mean_of_two(unknown(1.0), nets(1.0), 0.0), (0.5, 0.5));
         let (share, left) = mean_of_two(unknown(1.0), unknown(1.0), 0.0);
         assert!(share == 0.5 && (left - 0.5 * (1.0 + TOGETHER)).abs() < 1e-12, "{left}");
-        let half = Unsure { all: 1.0, of_nets: 0.5 };
-        let (_, left) = mean_of_two(half, half, 0.0);
+        let (_, left) = mean_of_two(both(0.5, 0.5), both(0.5, 0.5), 0.0);
         assert!((left - 0.5 * (1.0 + 0.5 * TOGETHER)).abs() < 1e-12, "{left}");
         // A process that says it knows ten times as well is taken as midway, nets as what they are.
         let (share, left) = mean_of_two(unknown(1.0), unknown(0.01), 0.0);
@@ -317,7 +370,7 @@ mod tests {
 
     #[test]
     fn the_mean_of_two_estimates_knows_less_the_further_they_part() {
-        let unknown = |all: f64| Unsure { all, of_nets: 0.0 };
+        let unknown = |variance: f64| Unsure { variance, of_likelihood: variance, of_nets: 0.0 };
         let of = |square: f64| mean_of_two(unknown(1.0), unknown(0.01), square);
         // Three standard errors apart its own is three times that; found out, it takes little and adds little.
         let (share, left) = of(9.0 * 1.1);
@@ -344,8 +397,8 @@ mod tests {
 
     #[test]
     fn a_process_that_knows_more_takes_most_of_the_error_away() {
-        let (_, alone) = over_runs(1e9, 0.0, 0.0);
-        let (_, with) = over_runs(0.001, 0.002, 0.0);
+        let (_, alone) = over_runs(&Errors::of_likelihood(1e9, 0.0, 0.0));
+        let (_, with) = over_runs(&Errors::of_likelihood(0.001, 0.002, 0.0));
         assert!(
             with.iter().zip(&alone).all(|(with, alone)| with < &(0.25 * alone)),
             "{with:?} {alone:?}"
@@ -375,7 +428,7 @@ mod tests {
         };
         let all = ThroughAll { of_nets: alike(&[1.0, 1.0]), errors: alike(&[0.3, -0.3]) };
         let known = Ratios::of(&all, P).expect("has errors");
-        let variances: Vec<f64> = known.unsure.iter().map(|unsure| unsure.all).collect();
+        let variances: Vec<f64> = known.unsure.iter().map(|unsure| unsure.variance).collect();
         assert!(variances[0] > 0.01, "{variances:?}");
         assert!(variances[1..].iter().all(|v| *v < 1e-20), "{variances:?}");
         let mut of_sub_nets = alike(&[0.9, 1.0, 1.1]);
