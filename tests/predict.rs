@@ -97,10 +97,11 @@ samples = 8192
 
 #[test]
 fn the_run_of_a_plan_with_one_pair_predicts_as_that_of_its_material() {
-    let sandbox = calibrated("--material pa12 --kinetics frenkel");
+    let sandbox = Sandbox::new();
+    let run = "--material pa12 --kinetics frenkel --samples 4096";
+    sandbox.run(&format!("{run} --out run")).succeeded();
     let of_material = json(&sandbox, "--contact-ratio 0.9 --after 1");
-    let options = "--material pa12 --kinetics frenkel --samples 4096 --dry-run --toml";
-    let plan = sandbox.run(options).succeeded().stdout.clone();
+    let plan = sandbox.run(&format!("{run} --dry-run --toml")).succeeded().stdout.clone();
     sandbox.write("plan.toml", plan);
     sandbox.run("--plan plan.toml --out run --quiet").succeeded();
     let of_plan = json(&sandbox, "--contact-ratio 0.9 --after 1");

@@ -7,7 +7,7 @@ use crate::sandbox::Sandbox;
 #[ignore = "long: run by .ci/run"]
 fn a_material_and_its_plan_file_have_the_same_ranks_named_by_the_plan() {
     let sandbox = Sandbox::new();
-    let size = "--data-sets 40 --seed 3";
+    let size = "--data-sets 100 --seed 3";
     let of_material =
         sandbox.run(&format!("validate --material pa12 --samples 8192 {size} --out one"));
     let plan = sandbox.run("--material pa12 --samples 8192 --dry-run --toml");
@@ -17,7 +17,7 @@ fn a_material_and_its_plan_file_have_the_same_ranks_named_by_the_plan() {
     assert_eq!(of_material.code, of_plan.code, "{of_material:?} {of_plan:?}");
     let read = |name: &str| std::fs::read_to_string(sandbox.path().join(name)).expect(name);
     assert_eq!(read("one/sbc-pa12.csv"), read("other/sbc-mine.csv"));
-    assert!(read("other/sbc-mine.md").contains("mine, 40 data sets"));
+    assert!(read("other/sbc-mine.md").contains("mine, 100 data sets"));
     assert!(sandbox.path().join("one/sbc-pa12.svg").exists());
 }
 
