@@ -106,7 +106,7 @@ impl PatchedCopy {
         for part in ["README.md", "src", "tests/planted_bugs"] {
             copy_into(&here.join(part), &copy.join(part));
         }
-        // The tests of the copy need no package beside the crate's own: half of the time was theirs.
+        // These tests need none of the packages that the crate's others do.
         let manifest = fs::read_to_string(here.join("Cargo.toml")).unwrap();
         let (own, _) = manifest.split_once("[dev-dependencies]").unwrap();
         write(&copy.join("Cargo.toml"), format!("{own}[lints]\nworkspace = true\n"));
