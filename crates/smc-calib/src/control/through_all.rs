@@ -9,7 +9,7 @@
 //! ([`mean_of_two`]). What no sample has shown, both miss alike: but for the points that each is integrated with, the errors of the process
 //! go together with those of the sub-nets ([`TOGETHER`]).
 
-use super::variate::{mean, scatter};
+use super::variate::{mean, off_by_nets, scatter};
 use crate::sobol::scrambled_net;
 use crate::stream::{Purpose, stream};
 use rayon::prelude::*;
@@ -98,18 +98,15 @@ impl Ratios {
         Some(Self { unsure: unsure.collect(), values: Self::values(&means) })
     }
 
-    /// By R sub-nets, whose rows of integrals are these, each with its two nets for them. Both the variance and its part by the nets are
+    /// By R sub-nets, whose rows of integrals deviate so from these means, each with its two nets for them. Both the variance and its part by the nets are
     /// known to about two over the root of R; half of that at least counts as of the likelihood, or draws would be believed by chance.
-    fn of_sub_nets(rows: &[f64], of_nets: &[f64], means: &[f64]) -> Self {
+    fn of_sub_nets(deviating: &[f64], of_nets: &[f64], means: &[f64]) -> Self {
         let p = means.len();
-        let r = (rows.len() / p) as f64;
-        // Off as the mean of two nets is, by their difference.
-        let off: Vec<f64> = of_nets
-            .chunks_exact(2 * p)
-            .flat_map(|nets| (0..p).map(|a| means[a] + 0.5 * (nets[a] - nets[p + a])))
-            .collect();
+        let r = (deviating.len() / p) as f64;
+        let mut off = off_by_nets(of_nets, p);
+        off.iter_mut().zip(means.iter().cycle()).for_each(|(off, mean)| *off += mean);
         let off = deviations(&off, means);
-        let of_all = variances(&deviations(rows, means), p).into_iter().enumerate();
+        let of_all = variances(deviating, p).into_iter().enumerate();
         let unsure = of_all.map(|(a, variance)| {
             let squares: f64 = off.iter().skip(a).step_by(p).map(|off| off * off).sum();
             let of_nets = squares / (r * r);
@@ -120,7 +117,8 @@ impl Ratios {
     }
 }
 
-/// Variance of an estimate: by what is not known of the likelihood, and by the points that it is integrated with.
+/// Variance of an estimate: by what is not known of the likelihood, and by the points that it is integrated with. Of the sub-nets all three
+/// are told for themselves and need not add up.
 #[derive(Clone, Copy)]
 struct Unsure {
     variance: f64,
@@ -168,7 +166,8 @@ impl ThroughAll {
         let Some(known) = Ratios::of(self, p).filter(|_| means[0] > 0.0) else {
             return vec![1.0; p];
         };
-        let own = Ratios::of_sub_nets(of_sub_nets, of_nets, &means);
+        let mut off = deviations(of_sub_nets, &means);
+        let own = Ratios::of_sub_nets(&off, of_nets, &means);
         let mixed = |a: usize| {
             let way = known.values[a] - own.values[a];
             let (share, left) = mean_of_two(own.unsure[a], known.unsure[a], way * way);
@@ -176,7 +175,6 @@ impl ThroughAll {
         };
         let (values, left): (Vec<f64>, Vec<f64>) = (0..p).map(mixed).unzip();
         let evidence = values[0].exp();
-        let mut off = deviations(of_sub_nets, &means);
         for (row, off) in of_sub_nets.chunks_exact_mut(p).zip(off.chunks_exact_mut(p)) {
             off.iter_mut().zip(&left).for_each(|(off, left)| *off *= left.sqrt());
             row[0] = evidence * (1.0 + off[0]);
@@ -320,7 +318,11 @@ mod tests {
         let of_nets = [[2.2, 0.6, -0.2], [1.8, 0.6, -0.2], [2.4, 0.6, -0.2], [2.6, 0.6, -0.2]];
         let of_nets = [of_nets.concat(), [1.5, 0.6, -0.2].repeat(2)].concat();
         let rows = [[2.0, 0.6, -0.2], [2.5, 0.6, -0.2], [1.5, 0.6, -0.2]].concat();
-        let found = Ratios::of_sub_nets(&rows, &of_nets, &means(&rows, P));
+        let of = |rows: &[f64]| {
+            let means = means(rows, P);
+            Ratios::of_sub_nets(&deviations(rows, &means), &of_nets, &means)
+        };
+        let found = of(&rows);
         assert!(
             (found.unsure[0].of_nets - 0.05 / 36.0).abs() < 1e-12,
             "{}",
@@ -336,7 +338,7 @@ mod tests {
         }
         // Of three sub-nets that hardly differ it is taken that 1 / sqrt(3) of the variance is of the likelihood.
         let alike = [[2.0, 0.6, -0.2], [2.001, 0.6, -0.2], [1.999, 0.6, -0.2]].concat();
-        let found = Ratios::of_sub_nets(&alike, &of_nets, &means(&alike, P)).unsure[0];
+        let found = of(&alike).unsure[0];
         assert!((found.of_likelihood / found.variance - 1.0 / 3.0_f64.sqrt()).abs() < 1e-12);
     }
 

@@ -286,6 +286,14 @@ pub(super) fn scatter(of_sub_nets: &[f64], p: usize, a: usize) -> f64 {
     of_sub_nets.iter().skip(a).step_by(p).map(|v| (v - mean).powi(2)).sum()
 }
 
+/// What the p integrals of every sub-net are off by as the mean of its two nets, row by row: half of their difference.
+pub(super) fn off_by_nets(of_nets: &[f64], p: usize) -> Vec<f64> {
+    let halves = |nets: &[f64]| -> Vec<f64> {
+        nets[..p].iter().zip(&nets[p..]).map(|(one, other)| 0.5 * (one - other)).collect()
+    };
+    of_nets.chunks_exact(2 * p).flat_map(halves).collect()
+}
+
 /// Widens the spread of the sub-nets' values of each of p integrals by what it misses, for R > 2 sub-nets.
 ///
 /// What an interpolating g leaves at a sample depends on where the next ones are: it is a sum of terms h of pairs of samples.
@@ -297,9 +305,9 @@ pub(super) fn scatter(of_sub_nets: &[f64], p: usize, a: usize) -> f64 {
 /// the differences of the two nets of each sub-net. Local quadratics take the mean of many samples and depend little on any pair.
 pub(super) fn count_pairs_twice(of_sub_nets: &mut [f64], of_nets: &[f64], p: usize) {
     let r = (of_sub_nets.len() / p) as f64;
+    let off = off_by_nets(of_nets, p);
     for a in 0..p {
-        let of_net: f64 =
-            of_nets.chunks(2 * p).map(|net| (net[a] - net[p + a]).powi(2) / 4.0).sum();
+        let of_net: f64 = off.iter().skip(a).step_by(p).map(|off| off * off).sum();
         let all = scatter(of_sub_nets, p, a);
         if all > 0.0 {
             // The mean is taken out of `all`, not of the differences.
