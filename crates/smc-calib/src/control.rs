@@ -30,6 +30,7 @@
 
 mod errors;
 mod frozen;
+mod levels;
 mod made_of;
 mod through_all;
 mod variate;
@@ -106,6 +107,11 @@ impl<'a> Drawn<'a> {
         let Frozen { first, ln_q, ln_w } = frozen;
         (n >= few && *first >= few).then_some(Self { first: *first, proposal, ln_q, ln_w })
     }
+
+    /// f/q over this scale at each.
+    fn over(&self, ln_scale: f64) -> Vec<f64> {
+        self.ln_w.iter().map(|l| (l - ln_scale).exp()).collect()
+    }
 }
 
 /// The process through all samples, where one has placed them, or the first of a run of fewer than [`Settings::WHOLLY_PLAIN`].
@@ -151,11 +157,12 @@ impl<'a> Control<'a> {
         (weights, ln_scale): (&'a [f64], f64),
         drawn: &Drawn<'a>,
         coordinate: &'a (dyn Fn(usize, f64) -> f64 + Sync),
+        levels: Vec<Vec<f64>>,
     ) -> Self {
-        let Drawn { first, proposal, ln_q, ln_w } = *drawn;
-        let target = ln_w.iter().map(|l| (l - ln_scale).exp()).collect();
+        let Drawn { first, proposal, ln_q, .. } = *drawn;
+        let target = drawn.over(ln_scale);
         let ln_q = [&sampler.ln_last_proposal(0..first)[..], ln_q].concat();
-        let (standard, features) = features(&sampler.pool, weights, coordinate);
+        let (standard, features) = features(&sampler.pool, weights, coordinate, levels);
         Self {
             sampler,
             weights,
@@ -249,9 +256,10 @@ impl<'a> Control<'a> {
         let (ways, values): (Vec<_>, Vec<_>) = judged.unzip();
         let judges = self.judges() as u32;
         let labels = &self.sampler.pool.replicate[self.first..];
+        let width = self.standard.count();
         let squares: Vec<Vec<f64>> = (0..p)
             .map(|a| {
-                let phi = self.features[self.first * p + a..].iter().step_by(p);
+                let phi = self.features[self.first * width + a..].iter().step_by(width);
                 let judged = labels.iter().zip(phi);
                 judged.map(|(k, phi)| if *k < judges { phi * phi } else { 0.0 }).collect()
             })
@@ -276,7 +284,7 @@ impl<'a> Control<'a> {
         if stack.is_empty() {
             return None;
         }
-        let (r, p) = (sampler.replicates, coefficients(sampler.pool.d));
+        let (r, p) = (sampler.replicates, self.standard.count());
         let local = stack.iter().all(|part| matches!(part.made_of, MadeOf::Quadratics { .. }));
         // Where samples are left out of a process one by one there are two nets for each sub-net: their difference tells the nets' error.
         let pairs = !local && self.of_all();
@@ -289,7 +297,7 @@ impl<'a> Control<'a> {
             controls.push(self.add(part, local, &mut of_nets, (done, finishing))?);
         }
         let control = |i: usize, a: usize| -> f64 {
-            stack.iter().zip(&controls).map(|(part, of_part)| part.shares[a] * of_part[i]).sum()
+            stack.iter().zip(&controls).map(|(part, of_part)| part.share(a) * of_part[i]).sum()
         };
         if !local {
             // Over all sub-nets: one of a few samples says nothing.
@@ -329,11 +337,8 @@ impl<'a> Control<'a> {
         let known = |a: usize| left[a].min(1.0) * spread[a];
         let shares = (0..p).map(|a| share(known(a), scatter(&by_samples, p, a))).collect();
         let errors = all.filter(|_| few.is_some()).map_or_else(Vec::new, |all| all.errors);
-        let axes = self.axes();
-        Some((
-            Integrals { of_sub_nets, features: self.features, shares, errors, axes },
-            cross_fitted,
-        ))
+        let (axes, features, levels) = (self.axes(), self.features, self.standard.into_levels());
+        Some((Integrals { of_sub_nets, features, shares, errors, axes, levels }, cross_fitted))
     }
 
     /// What coordinates are standardised by, where few samples may have to be moved.
@@ -352,7 +357,7 @@ impl<'a> Control<'a> {
         let process = process.like(pool, self.weights, 0..pool.len(), found)?;
         let cap = cap(self.target.iter().copied(), self.of_all());
         let over = Over { proposal, ln_scale: *ln_scale, cap };
-        let p = coefficients(pool.d);
+        let p = standard.count();
         let features = |z: &[f64], row: &mut [f64]| standard.features_at(z, coordinate, row);
         let errors = errors::errors(&process, pool, over, p, &features, seed);
         let g = Variate { model: Model::Process(Arc::new(process)), ln_scale: *ln_scale, cap };
@@ -373,7 +378,7 @@ impl<'a> Control<'a> {
         ((done, all), finishing): ((usize, usize), &mut Finishing<'_>),
     ) -> Option<Vec<f64>> {
         let Self { sampler, proposal, target, first, .. } = self;
-        let (n, r, p) = (target.len(), sampler.replicates, coefficients(sampler.pool.d));
+        let (n, r, p) = (target.len(), sampler.replicates, self.standard.count());
         let nets = of_nets.len() / (r * p);
         let of_process = POINTS_OF_PROCESS[usize::from(!self.of_all())];
         let least = if local { POINTS[1] } else { of_process };
@@ -400,8 +405,8 @@ impl<'a> Control<'a> {
                         let mut own = vec![0.0; p];
                         let (standard, coordinate) = (&self.standard, self.coordinate);
                         variate.integrate(&net, proposal, standard, coordinate, &mut own);
-                        let shared = sums.iter_mut().zip(&own).zip(&part.shares);
-                        shared.for_each(|((s, own), share)| *s += share * own);
+                        let shared = sums.iter_mut().zip(&own).enumerate();
+                        shared.for_each(|(a, (s, own))| *s += part.share(a) * own);
                     }
                 },
             );
@@ -451,7 +456,13 @@ pub(crate) fn estimate(
     let known = drawn.filter(|_| can_be).and_then(|drawn| {
         let before = (drawn.first > 0).then_some((drawn.first, raw));
         let ways = MadeOf::ways(&sampler.pool, drawn.proposal, process.as_ref(), before);
-        let control = Control::new(sampler, (raw, ln_scale), &drawn, coordinate);
+        let all = process.as_ref().filter(|_| sampler.placing.surrogate);
+        let levels = all.map_or_else(Vec::new, |all| {
+            let cap = cap(drawn.over(ln_scale).into_iter(), true);
+            let over = Over { proposal: drawn.proposal, ln_scale, cap };
+            levels::levels(all, over, coordinate, sampler.settings.seed)
+        });
+        let control = Control::new(sampler, (raw, ln_scale), &drawn, coordinate, levels);
         let stack = control.stacked(ways);
         control.integrals(&stack, process.as_ref(), finishing)
     });

@@ -3,13 +3,16 @@
 //! Sub-net r of every stage together is one replicate of the whole estimate. The spread of the replicates'
 //! shares of an estimate's influence function is its standard error, at no extra simulation.
 
+mod below;
 mod held;
 mod moved;
 
+pub(crate) use self::below::Below;
 pub(crate) use self::held::Integrals;
 pub(crate) use self::moved::Axis;
 pub use self::moved::MovedBy;
 
+use self::below::taken_out;
 use self::held::{Known, Samples};
 use crate::cholesky::solve;
 use crate::pool::{Pool, effective_sample_size};
@@ -26,6 +29,8 @@ pub(crate) struct Estimator {
     /// Log of the factor taken out of the weights.
     pub ln_scale: f64,
     known: Option<Known>,
+    /// What is known of the marginals, better than by the weights.
+    below: Option<Vec<Below>>,
     /// Factor on the variance that sub-nets show.
     wider: f64,
 }
@@ -59,19 +64,20 @@ impl Estimator {
             weights,
             ln_scale,
             known: None,
+            below: None,
             wider: 1.0,
         }
     }
 
     /// Holds the weights to integrals over `d` coordinates, with `far` as far as it takes ([`Samples::held_to`]), where few effective
     /// samples count as [`few`]; false, and nothing is changed, where that would change a weight by too much.
-    pub(crate) fn hold_to(&mut self, integrals: Integrals, d: usize, far: bool) -> bool {
+    pub(crate) fn hold_to(&mut self, mut integrals: Integrals, d: usize, far: bool) -> bool {
         let Self { weights, label, replicates, .. } = &*self;
         let samples = Samples { weights, label, replicates: *replicates };
+        let wider = if far { few(weights) } else { 1.0 };
+        let below = taken_out(&mut integrals, &samples, wider);
         let Some((weights, known)) = samples.held_to(integrals, d, far) else { return false };
-        if far {
-            self.wider = few(&self.weights);
-        }
+        (self.wider, self.below) = (wider, below);
         self.total = weights.iter().sum();
         self.weights = weights;
         self.known = Some(known);
@@ -90,6 +96,11 @@ impl Estimator {
         let axis = known.moved.get(j)?;
         let rows = known.features.chunks_exact(known.p);
         Some(rows.map(|row| axis.coordinate(row[1 + j])).collect())
+    }
+
+    /// What is known of coordinate j's marginal, where that is more than the weights know.
+    pub(crate) fn below(&self, j: usize) -> Option<&Below> {
+        self.below.as_ref()?.get(j)
     }
 
     /// Weighted mean of a function of the samples.

@@ -68,7 +68,7 @@ pub use noise::{
 };
 pub use observations::{ObservationError, Observations};
 pub use posterior::{
-    BandPoint, Counters, Draw, EffectiveSampleSize, Evidence, Failing, FailingPlace, Failure,
+    BandPoint, Counters, Draw, Evidence, Failing, FailingPlace, Failure,
     GroupSummary, Interval, MapPoint, Moments, ParameterSummary, PathParameter, PathPoint,
     Posterior, PredictiveCheck, Residuals, Sample, StopReason,
 };
@@ -81,4 +81,4 @@ pub use simulator::{FnSimulator, SimError, Simulator};
 pub use stage::{ComponentRecord, MixtureRecord, Observer, StageRecord};
 pub use target::Target;
 pub use trust::{Concern, Trust, Verdict};
-pub use weighted::Weighted;
+pub use weighted::{EffectiveSampleSize, Weighted};

@@ -1,6 +1,6 @@
 //! Summaries of one weighted marginal.
 
-use crate::estimate::Estimator;
+use crate::estimate::{Below, Estimator};
 use crate::normal;
 use crate::weighted::Weighted;
 use crate::{Coordinate, Interval, Moments};
@@ -11,6 +11,8 @@ pub(crate) struct Marginal<'a> {
     estimator: &'a Estimator,
     /// Samples whose weight counts, each with its share of the total.
     shares: Weighted,
+    /// What is known of it beyond the samples, and its range.
+    below: Option<(&'a Below, [f64; 2])>,
 }
 
 impl<'a> Marginal<'a> {
@@ -25,12 +27,20 @@ impl<'a> Marginal<'a> {
         alive.sort_by(|a, b| a.0.total_cmp(&b.0));
         let total: f64 = alive.iter().map(|(_, w)| w).sum();
         let shares = Weighted::new(alive.into_iter().map(|(x, w)| (x, w / total)));
-        Self { x, estimator, shares }
+        Self { x, estimator, shares, below: None }
+    }
+
+    /// With what is known beyond the samples, if anything is, and the range of the prior.
+    pub(crate) fn known_by(self, below: Option<&'a Below>, range: [f64; 2]) -> Self {
+        Self { below: below.map(|below| (below, range)), ..self }
     }
 
     /// The p-quantile.
     pub(crate) fn quantile(&self, p: f64) -> f64 {
-        self.shares.at_weight(p)
+        match self.below {
+            Some((below, range)) => below.quantile(p, range),
+            None => self.shares.at_weight(p),
+        }
     }
 
     /// Standard error of the quantile `q` at probability `p`: standard error of the share below q, divided by the density
@@ -39,7 +49,10 @@ impl<'a> Marginal<'a> {
         let h = 0.05f64.min(0.4 * p.min(1.0 - p));
         let width = self.quantile(p + h) - self.quantile(p - h);
         let x = self.x;
-        self.estimator.standard_error(|i| f64::from(u8::from(x[i] <= q)) - p) * width / (2.0 * h)
+        let of_share = self.below.map(|(below, _)| below.error(p)).unwrap_or_else(|| {
+            self.estimator.standard_error(|i| f64::from(u8::from(x[i] <= q)) - p)
+        });
+        of_share * width / (2.0 * h)
     }
 
     fn equal_tailed(&self, share: f64) -> Interval {

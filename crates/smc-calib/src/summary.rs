@@ -1,7 +1,7 @@
 //! From weighted samples to a [`Posterior`].
 
 use crate::control::estimate;
-use crate::estimate::Estimator;
+use crate::estimate::{Below, Estimator};
 use crate::failing::failing;
 use crate::joint::JointProblem;
 use crate::map_search::find_map;
@@ -18,9 +18,9 @@ use crate::stream::{Purpose, stream};
 use crate::target::CurveTarget;
 use crate::trust::khat_holds;
 use crate::{
-    CalibrateError, Counters, Draw, EffectiveSampleSize, Evidence, GroupSummary, MapPoint, MovedBy,
-    Parameter, ParameterSummary, Posterior, Residuals, Sample, Settings, StageRecord, StopReason,
-    psis,
+    CalibrateError, Counters, Draw, EffectiveSampleSize, Evidence, GroupSummary, MapPoint, Moments,
+    MovedBy, Parameter, ParameterSummary, Posterior, Residuals, Sample, Settings, StageRecord,
+    StopReason, psis,
 };
 use rand::RngExt;
 use rayon::prelude::*;
@@ -93,7 +93,10 @@ pub(crate) fn summarise(
         correlation: correlated,
         correlation_si: correlation(&of.columns()[0], &estimator),
         log_evidence,
-        ess: of_size(effective_sample_size(&raw), n),
+        ess: EffectiveSampleSize {
+            by_errors: by_errors(&parameters, &estimator),
+            ..of_size(effective_sample_size(&raw), n)
+        },
         khat,
         sigma: noise.as_ref().and_then(|noise| noise.sigma),
         noise_shape: noise.and_then(|noise| noise.shape),
@@ -114,7 +117,33 @@ pub(crate) fn summarise(
 
 /// An effective sample size of n simulations.
 pub(crate) fn of_size(importance: f64, n: usize) -> EffectiveSampleSize {
-    EffectiveSampleSize { importance, per_simulation: importance / n as f64 }
+    EffectiveSampleSize { importance, per_simulation: importance / n as f64, by_errors: None }
+}
+
+/// [`EffectiveSampleSize::by_errors`].
+fn by_errors(parameters: &[ParameterSummary], estimator: &Estimator) -> Option<f64> {
+    estimator.below(0)?;
+    let each = parameters.iter().map(|parameter| draws_by_errors(&parameter.in_coordinate));
+    Some(each.fold(f64::INFINITY, f64::min)).filter(|draws| draws.is_finite())
+}
+
+/// Independent draws of a normal distribution by which all of these would have standard errors no larger than they have: variances of the
+/// mean, the standard deviation, the median and a p-quantile are s^2, s^2 / 2, pi s^2 / 2 and p (1 - p) / f^2 over their number.
+fn draws_by_errors(of: &Moments) -> f64 {
+    const END: f64 = 1.959_963_984_540_054;
+    let density = (-0.5 * END * END).exp() / std::f64::consts::TAU.sqrt();
+    let end = 0.025 * 0.975 / (density * density);
+    let errors = [
+        (1.0, of.mean_se),
+        (0.5, of.sd_se),
+        (0.5 * std::f64::consts::PI, of.median_se),
+        (end, of.eti95.lower_se),
+        (end, of.eti95.upper_se),
+    ];
+    errors
+        .map(|(factor, se)| factor * (of.sd / se).powi(2))
+        .into_iter()
+        .fold(f64::INFINITY, f64::min)
 }
 
 /// The samples with the weights of the result, and the evidence; tuned weights have none.
@@ -173,7 +202,8 @@ impl Of<'_> {
             } else {
                 pool.z.iter().skip(j).step_by(pool.d).copied().collect()
             };
-            let columns = Columns { z: &z, theta: &theta[j], coordinate: &coordinate[j] };
+            let below = estimator.below(j);
+            let columns = Columns { z: &z, theta: &theta[j], coordinate: &coordinate[j], below };
             let mut summary = parameter_summary(parameter, &columns, judged, estimator);
             summary.khat = summary.khat.max(weight_khat);
             summary.tail_share = summary.tail_share.max(weight_share);
@@ -189,6 +219,8 @@ pub(crate) struct Columns<'a> {
     pub z: &'a [f64],
     pub theta: &'a [f64],
     pub coordinate: &'a [f64],
+    /// What is known of the coordinate beyond the samples.
+    pub below: Option<&'a Below>,
 }
 
 /// Summary of the samples of one parameter, with the k-hat of its moments by the weights `judged`; the MAP is filled in later.
@@ -199,7 +231,10 @@ pub(crate) fn parameter_summary(
     estimator: &Estimator,
 ) -> ParameterSummary {
     let coordinate = p.prior.coordinate();
-    let in_coordinate = Marginal::new(of.coordinate, estimator).moments();
+    let (lower, upper) = p.prior.support();
+    let range = [lower, upper].map(|end| coordinate.of(end));
+    let marginal = Marginal::new(of.coordinate, estimator).known_by(of.below, range);
+    let in_coordinate = marginal.moments();
     let mean = in_coordinate.mean;
     let tail_of = |power: i32| {
         let weighted = judged.iter().zip(of.coordinate);
@@ -404,4 +439,32 @@ pub(crate) fn chosen(estimator: &Estimator, settings: &Settings) -> Vec<usize> {
         chosen.push(last);
     }
     chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Interval;
+
+    #[test]
+    fn errors_of_so_many_normal_draws_are_worth_as_many_draws_and_the_worst_counts() {
+        // Of n draws of N(0, 2^2) the 2.5 % quantile has an error of 2.671 times 2 over the root of n.
+        let of = |n: f64| {
+            let se = |of_one: f64| 2.0 * of_one / n.sqrt();
+            let eti95 =
+                Interval { lower_se: se(2.6713), upper_se: se(2.6713), ..Interval::default() };
+            let (mean_se, sd_se, median_se) = (se(1.0), se(0.5f64.sqrt()), se(1.2533));
+            Moments { sd: 2.0, mean_se, sd_se, median_se, eti95, ..Moments::default() }
+        };
+        assert!((draws_by_errors(&of(250.0)) / 250.0 - 1.0).abs() < 1e-3);
+        let (good, bad) = (of(250.0), of(40.0));
+        for worse in [
+            Moments { mean_se: bad.mean_se, ..good },
+            Moments { sd_se: bad.sd_se, ..good },
+            Moments { median_se: bad.median_se, ..good },
+            Moments { eti95: bad.eti95, ..good },
+        ] {
+            assert!((draws_by_errors(&worse) / 40.0 - 1.0).abs() < 1e-3);
+        }
+    }
 }

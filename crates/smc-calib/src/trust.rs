@@ -1,7 +1,8 @@
 //! Whether a result can be trusted: the one judgement that tables, files and users ask for.
 //!
 //! A result has *converged* where nothing speaks against its weights and it has the effective samples wished for; it is
-//! *rough* where only those are missing; else it is *untrusted*. What else a user should know of it (parameters that the
+//! *rough* where only those are missing, or where a Gaussian process knows means and intervals that few weights do not; else it is
+//! *untrusted*. What else a user should know of it (parameters that the
 //! data do not inform, a poor fit, ..) are its [`Concern`]s. All limits are in [`limits`].
 
 mod concern;
@@ -28,7 +29,8 @@ use std::fmt;
 pub enum Verdict {
     /// Nothing speaks against it, and it has the effective samples wished for.
     Converged,
-    /// Nothing speaks against it but few effective samples.
+    /// Nothing speaks against it but few effective samples; or so few that means, intervals and evidence are known by a Gaussian process
+    /// alone.
     Rough,
     /// Means, intervals and evidence may be wrong.
     Untrusted,
@@ -96,6 +98,19 @@ impl Trust {
     /// One line with the verdict and its grounds. `evidence` belongs to the same result.
     pub fn line(&self, evidence: &Evidence) -> String {
         let wished = self.effective_samples_wished;
+        let few = |concern: &Concern| match concern {
+            Concern::FewEffectiveSamples { by_errors, .. } => *by_errors,
+            _ => None,
+        };
+        let worth = match self.concerns.iter().find_map(few) {
+            Some(draws) => format!(
+                "means and intervals are known as by {draws:.0} independent draws of the posterior, the weighted samples are worth {:.0}",
+                self.effective_samples
+            ),
+            None => {
+                format!("worth {:.0} independent draws of the posterior", self.effective_samples)
+            }
+        };
         let of = if self.effective_samples < wished {
             format!(" (ESS; at least {wished:.0} wished for)")
         } else {
@@ -117,12 +132,7 @@ impl Trust {
         } else {
             String::new()
         };
-        format!(
-            "{}; worth {:.0} independent draws of the posterior{of}; {weights}; {}{explored}",
-            self.verdict,
-            self.effective_samples,
-            self.evidence(evidence)
-        )
+        format!("{}; {worth}{of}; {weights}; {}{explored}", self.verdict, self.evidence(evidence))
     }
 
     /// The log evidence in words, with its standard error only where that can be believed.
@@ -191,11 +201,12 @@ impl Posterior {
         let wished = (self.counters.simulations as f64 / SIMULATIONS_PER_SAMPLE)
             .clamp(FEWEST_EFFECTIVE_SAMPLES, EFFECTIVE_SAMPLES);
         let ess = self.ess.importance;
+        let known = self.known_by_errors(wished).map_or(ess, |draws| draws.max(ess));
         let sound = self.is_posterior
             && self.tails_hold()
             && self.log_evidence.agree
             && !self.failing.as_ref().is_some_and(Failing::matters)
-            && ess >= FEWEST_EFFECTIVE_SAMPLES;
+            && known >= FEWEST_EFFECTIVE_SAMPLES;
         Trust {
             verdict: match (sound, ess >= wished) {
                 (true, true) => Verdict::Converged,
@@ -214,6 +225,11 @@ impl Posterior {
         }
     }
 
+    /// [`EffectiveSampleSize::by_errors`](crate::EffectiveSampleSize::by_errors), where nothing says that the budget was too small.
+    fn known_by_errors(&self, wished: f64) -> Option<f64> {
+        self.ess.by_errors.filter(|_| self.about_budget(wished).is_none())
+    }
+
     /// Share of the prior that no sample may have come from, see [`Trust::unseen`].
     fn unseen(&self) -> f64 {
         let from_prior =
@@ -229,7 +245,8 @@ impl Posterior {
             list.push(Concern::NotAPosterior);
         }
         if ess < wished {
-            list.push(Concern::FewEffectiveSamples { ess, wished });
+            let by_errors = self.known_by_errors(wished).filter(|draws| *draws >= wished);
+            list.push(Concern::FewEffectiveSamples { ess, wished, by_errors });
         }
         if self.is_posterior {
             list.extend(self.about_weights());

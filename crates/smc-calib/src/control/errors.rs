@@ -25,24 +25,34 @@ pub(super) struct Over<'a> {
     pub cap: f64,
 }
 
-/// Points that are drawn from g with a wide edge of failures, row by row, and its integral; none where it is zero. `random` gives
-/// numbers in 0 to 1.
-fn drawn_from(
+/// The points of a net, taken to the proposal, row by row, and g/q there with a wide edge of failures.
+pub(super) fn weighed(
     process: &StandIn<'_>,
     Over { proposal, ln_scale, cap }: Over<'_>,
     net: &[f64],
-    mut random: impl FnMut() -> f64,
-) -> Option<(Vec<f64>, f64)> {
+) -> (Vec<f64>, Vec<f64>) {
     let (width, d) = (proposal.uniforms(), proposal.dimension);
-    let points = net.len() / width;
-    let mut z = vec![0.0; points * d];
+    let mut z = vec![0.0; net.len() / width * d];
     net.chunks_exact(width).zip(z.chunks_exact_mut(d)).for_each(|(u, z)| proposal.draw(u, z));
     let ratio = |z: &[f64]| {
         let ln_ratio =
             process.ln_likelihood_at(z, Edge::WIDE) - proposal.ln_over_prior(z, ln_prior(z));
         capped(ln_ratio - ln_scale, cap)
     };
-    let weights: Vec<f64> = z.par_chunks(d).with_min_len(64).map(ratio).collect();
+    let weights = z.par_chunks(d).with_min_len(64).map(ratio).collect();
+    (z, weights)
+}
+
+/// Points that are drawn from g with a wide edge of failures, row by row, and its integral; none where it is zero. `random` gives
+/// numbers in 0 to 1.
+fn drawn_from(
+    process: &StandIn<'_>,
+    over: Over<'_>,
+    net: &[f64],
+    mut random: impl FnMut() -> f64,
+) -> Option<(Vec<f64>, f64)> {
+    let (z, weights) = weighed(process, over, net);
+    let (d, points) = (over.proposal.dimension, weights.len());
     let total: f64 = weights.iter().sum();
     let mut drawn = Vec::with_capacity(DRAWN * d);
     // One of every so much weight, at random: one in so many points of a net would be a corner of it.

@@ -53,10 +53,17 @@ impl<'a> MadeOf<'a> {
     }
 }
 
-/// A way to make g, and its share of the g of every integral.
+/// A way to make g, and its share of the g of the evidence and of every moment.
 pub(super) struct Part<'a> {
     pub made_of: MadeOf<'a>,
     pub shares: Vec<f64>,
+}
+
+impl Part<'_> {
+    /// The share of integral a: of what lies below a level that of the evidence, as few samples in a tail would tell it badly.
+    pub(super) fn share(&self, a: usize) -> f64 {
+        self.shares.get(a).copied().unwrap_or(self.shares[0])
+    }
 }
 
 /// Of the processes with a mean share of [`LEAST_TRUSTED`] and more: the covariance of the most probable one through all samples, where it
@@ -124,7 +131,7 @@ mod tests {
         let value = |sampler: &Sampler<'_>| {
             let proposal = sampler.final_stage().expect("has one").1;
             let drawn = Drawn { first, proposal, ln_q: &zeros, ln_w: &zeros };
-            let control = Control::new(sampler, (&weights, 0.0), &drawn, &|_, z| z);
+            let control = Control::new(sampler, (&weights, 0.0), &drawn, &|_, z| z, Vec::new());
             let before = Some((first, &weights[..]));
             let made_of = &MadeOf::ways(&sampler.pool, proposal, Some(&process), before)[0];
             [0, 1].map(|fold| {

@@ -16,16 +16,17 @@ const DEPTH: f64 = 16.0;
 /// Largest g/q, in units of the mean of f/q: a g above it is wrong more often than right.
 const CAP: f64 = 3.0;
 
-/// Centre and scale of every coordinate.
+/// Centre and scale of every coordinate, and levels below which shares are integrated, if any.
 pub(super) struct Standard {
     mean: Vec<f64>,
     sd: Vec<f64>,
+    levels: Vec<Vec<f64>>,
 }
 
 impl Standard {
-    fn of(d: usize, x: &[f64], weights: &[f64]) -> Self {
+    fn of(d: usize, x: &[f64], weights: &[f64], levels: Vec<Vec<f64>>) -> Self {
         let total: f64 = weights.iter().sum();
-        let mut standard = Self { mean: vec![0.0; d], sd: vec![0.0; d] };
+        let mut standard = Self { mean: vec![0.0; d], sd: vec![0.0; d], levels };
         for (w, x) in weights.iter().zip(x.chunks_exact(d)).filter(|(w, _)| **w > 0.0) {
             for (m, x) in standard.mean.iter_mut().zip(x) {
                 *m += w / total * x;
@@ -46,7 +47,17 @@ impl Standard {
         each.map(|(j, (mean, sd))| Axis { mean: *mean, sd: *sd, range: range(j) }).collect()
     }
 
-    /// 1, x_j and x_i x_j of the coordinates of z.
+    /// Number of the phi.
+    pub(super) fn count(&self) -> usize {
+        coefficients(self.mean.len()) + self.levels.iter().map(Vec::len).sum::<usize>()
+    }
+
+    /// The levels.
+    pub(super) fn into_levels(self) -> Vec<Vec<f64>> {
+        self.levels
+    }
+
+    /// 1, x_j and x_i x_j of the coordinates of z, and for every level 1 where its coordinate is not above it, else 0.
     pub(super) fn features_at(
         &self,
         z: &[f64],
@@ -59,18 +70,25 @@ impl Standard {
     fn features(&self, x: impl Iterator<Item = f64>, out: &mut [f64]) {
         let mut standard = [0.0; MOST_PARAMETERS];
         let d = self.mean.len();
+        let (moments, mut below) = out.split_at_mut(coefficients(d));
         for (j, x) in x.enumerate().take(d) {
             standard[j] = (x - self.mean[j]) / self.sd[j];
+            if let Some(levels) = self.levels.get(j) {
+                let (own, rest) = below.split_at_mut(levels.len());
+                own.iter_mut().zip(levels).for_each(|(b, l)| *b = f64::from(u8::from(x <= *l)));
+                below = rest;
+            }
         }
-        monomials(&standard[..d], out);
+        monomials(&standard[..d], moments);
     }
 }
 
-/// 1, x_j, and x_i x_j of all samples, row by row, and what x is measured in.
+/// 1, x_j, and x_i x_j of all samples, and whether x is below these levels, row by row, and what x is measured in.
 pub(super) fn features(
     pool: &Pool,
     weights: &[f64],
     coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
+    levels: Vec<Vec<f64>>,
 ) -> (Standard, Vec<f64>) {
     let d = pool.d;
     // Failed samples too: f is zero there, but g need not be.
@@ -79,8 +97,8 @@ pub(super) fn features(
         .with_min_len(256)
         .map(|i| coordinate(i % d, pool.z[i]))
         .collect();
-    let standard = Standard::of(d, &x, weights);
-    let p = coefficients(d);
+    let standard = Standard::of(d, &x, weights, levels);
+    let p = standard.count();
     let mut features = vec![0.0; pool.len() * p];
     features.par_chunks_mut(p).zip(x.par_chunks(d)).with_min_len(256).for_each(|(out, x)| {
         standard.features(x.iter().copied(), out);

@@ -62,6 +62,9 @@ pub(crate) struct Integrals {
     pub errors: Vec<f64>,
     /// What each coordinate is standardised by; empty where samples shall stay where they are.
     pub axes: Vec<Axis>,
+    /// Levels of each coordinate, ascending: for each one a further integral, of what lies below it. Empty where intervals are those
+    /// of the samples.
+    pub levels: Vec<Vec<f64>>,
 }
 
 /// Integrals that the weights are held to.
@@ -100,7 +103,7 @@ impl Known {
 
 impl Integrals {
     /// They and their errors, moments with a part of their shares.
-    fn partly(&self, by_samples: &[f64], part: f64) -> [Vec<f64>; 2] {
+    pub(super) fn partly(&self, by_samples: &[f64], part: f64) -> [Vec<f64>; 2] {
         let Self { of_sub_nets, shares, errors, .. } = self;
         [
             partly(of_sub_nets, by_samples, shares, part),
@@ -141,12 +144,12 @@ impl Held {
 }
 
 /// Those of every p numbers that stand in these columns.
-fn only(all: &[f64], p: usize, columns: &[usize]) -> Vec<f64> {
+pub(super) fn only(all: &[f64], p: usize, columns: &[usize]) -> Vec<f64> {
     all.chunks_exact(p).flat_map(|row| columns.iter().map(|a| row[*a])).collect()
 }
 
 /// Sums over rows of p numbers.
-fn totals(rows: &[f64], p: usize) -> Vec<f64> {
+pub(super) fn totals(rows: &[f64], p: usize) -> Vec<f64> {
     (0..p).map(|a| rows.iter().skip(a).step_by(p).sum()).collect()
 }
 
@@ -330,7 +333,7 @@ impl Samples<'_> {
     }
 
     /// Sums of weight times feature over the samples of every sub-net, of p features.
-    fn sums(&self, weights: &[f64], features: &[f64], p: usize) -> Vec<f64> {
+    pub(super) fn sums(&self, weights: &[f64], features: &[f64], p: usize) -> Vec<f64> {
         let mut sums = vec![0.0; self.replicates * p];
         for ((w, label), row) in weights.iter().zip(self.label).zip(features.chunks_exact(p)) {
             if *w > 0.0 {

@@ -318,7 +318,8 @@ impl Found<'_> {
         let mut summaries: Vec<_> = (0..parameters.len())
             .into_par_iter()
             .map(|j| {
-                let of = Columns { z: &z[j], theta: &theta[j], coordinate: &coordinate[j] };
+                let of =
+                    Columns { z: &z[j], theta: &theta[j], coordinate: &coordinate[j], below: None };
                 parameter_summary(&parameters[j], &of, judged, estimator)
             })
             .collect();

@@ -25,6 +25,9 @@ pub enum Concern {
         ess: f64,
         /// Effective samples wished for.
         wished: f64,
+        /// Independent draws by which means and intervals are known, where they are enough.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        by_errors: Option<f64>,
     },
     /// Heavy-tailed importance weights.
     HighKhat {
@@ -275,6 +278,9 @@ impl Concern {
     pub fn meaning(&self) -> &str {
         match self {
             Self::NotAPosterior => "this is not a posterior, and its intervals mean nothing",
+            Self::FewEffectiveSamples { by_errors: Some(_), .. } => {
+                "draws, and what is computed from them, are rough; means and intervals of the parameters, which a Gaussian process knows better, are not"
+            }
             Self::FewEffectiveSamples { .. } => "means and intervals are rough",
             Self::HighKhat { .. } => "the posterior may be incomplete",
             Self::EvidenceDisagrees { .. } => "part of the posterior may be unseen",

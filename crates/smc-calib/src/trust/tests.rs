@@ -46,7 +46,7 @@ fn sound() -> Posterior {
         correlation: vec![vec![1.0, 0.0], vec![0.0, 1.0]],
         correlation_si: Vec::new(),
         log_evidence: Evidence { value: -3.25, se: 0.012, agree: true, ..Evidence::default() },
-        ess: EffectiveSampleSize { importance: 5000.0, per_simulation: 0.5 },
+        ess: EffectiveSampleSize { importance: 5000.0, ..EffectiveSampleSize::default() },
         khat: 0.2,
         map: crate::MapPoint::default(),
         sigma: None,
@@ -128,9 +128,9 @@ fn effective_samples_are_judged_at_400_at_a_third_of_few_simulations_and_at_40()
             })
         };
         assert!(at(limit).converged() && at(limit).concerns.is_empty());
-        let below = at(limit - 0.1);
-        let ess = limit - 0.1;
-        assert_eq!(below.concerns, [Concern::FewEffectiveSamples { ess, wished: limit }]);
+        let (below, ess) = (at(limit - 0.1), limit - 0.1);
+        let told = Concern::FewEffectiveSamples { ess, wished: limit, by_errors: None };
+        assert_eq!(below.concerns, [told]);
         let rough = if limit > 40.0 { Verdict::Rough } else { Verdict::Untrusted };
         assert_eq!(below.verdict, rough, "{simulations}");
     }

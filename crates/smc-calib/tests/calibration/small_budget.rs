@@ -1,10 +1,12 @@
 //! Budgets of 50 to 300 simulations: as right as they can be, and honest where that is not enough.
 
+use crate::conjugate::exact;
 use crate::support::{line, line_problem, prior};
+use smc_calib::quadrature::{QuadratureSettings, quadrature};
 use smc_calib::reference::{self, Reference};
 use smc_calib::{
     Concern, FixedSigma, FnSimulator, Noise, Observations, Parameter, Posterior, PriorSpec,
-    Problem, Settings, SimError, Simulator, Target, calibrate, sample_density,
+    Problem, Settings, SimError, Simulator, Target, Verdict, calibrate, sample_density,
 };
 
 fn rms(values: impl Iterator<Item = f64>) -> f64 {
@@ -361,4 +363,83 @@ fn failing_simulations_do_not_stop_a_small_budget() {
         assert!(p.failures[0].count < 150, "{:?}", p.failures);
     }
     assert!(rms(errors.iter().copied()) < 0.25, "{errors:?}");
+}
+
+/// Errors of median and ends of the 95 % interval, and their standard errors, in posterior sds.
+fn of_interval(p: &Posterior, j: usize, sd: f64, exact: [f64; 3]) -> [[f64; 2]; 3] {
+    let of = p.parameters[j].in_coordinate;
+    let [lower, median, upper] = exact;
+    [
+        [of.eti95.lower - lower, of.eti95.lower_se],
+        [of.median - median, of.median_se],
+        [of.eti95.upper - upper, of.eti95.upper_se],
+    ]
+    .map(|pair| pair.map(|x| x / sd))
+}
+
+/// By fifty weighted samples, of twenty effective ones, ends of intervals are known to half a standard deviation.
+#[test]
+fn intervals_after_fifty_simulations_are_known_and_as_well_as_they_say() {
+    let simulator = line();
+    let line = line_problem(&simulator, Noise::Fixed { sigma: FixedSigma::Absolute(0.05) });
+    let conjugate = exact(0.05);
+    // y = e^x + noise of 0.5, x ~ N(0, 1): skewed.
+    let exponential = FnSimulator::new(1, 1, |x: &[f64], out: &mut [f64]| {
+        out[0] = x[0].exp();
+        Ok::<(), SimError>(())
+    });
+    let skewed = Problem {
+        simulator: &exponential,
+        parameters: vec![Parameter::new("x", "1", prior(PriorSpec::Normal { mean: 0.0, sd: 1.0 }))],
+        observations: Observations::new(vec![0.0], vec![1.0]).unwrap(),
+        noise: Noise::Fixed { sigma: FixedSigma::Absolute(0.5) },
+    };
+    let by_quadrature = quadrature(&skewed, &QuadratureSettings::default()).unwrap();
+    let of_skewed = [0, 3, 6].map(|k| by_quadrature.quantiles[0][k]);
+    let mut found = Vec::new();
+    for seed in 1..=6 {
+        let settings = Settings { seed, ..Settings::for_budget(50) };
+        let p = calibrate(&line, &settings, &mut ()).unwrap();
+        for j in 0..2 {
+            let (mean, sd) = (conjugate.mean[j], conjugate.covariance[(j, j)].sqrt());
+            found.extend(of_interval(
+                &p,
+                j,
+                sd,
+                [-1.959_964, 0.0, 1.959_964].map(|s| mean + s * sd),
+            ));
+        }
+        let p = calibrate(&skewed, &settings, &mut ()).unwrap();
+        found.extend(of_interval(&p, 0, by_quadrature.sd[0], of_skewed));
+    }
+    let error = rms(found.iter().map(|[off, _]| *off));
+    let z = rms(found.iter().map(|[off, se]| off / se));
+    assert!(error < 0.03 && (0.3..1.5).contains(&z), "{error} {z}: {found:?}");
+}
+
+#[test]
+fn what_few_samples_do_not_know_and_a_process_does_is_rough_unless_the_budget_was_too_small() {
+    let simulator = line();
+    let problem = line_problem(&simulator, Noise::Fixed { sigma: FixedSigma::Absolute(0.05) });
+    let mut p = calibrate(&problem, &Settings::for_budget(50), &mut ()).unwrap();
+    assert!(p.ess.importance < 40.0 && p.ess.by_errors.is_some_and(|draws| draws > 400.0));
+    let few = |p: &Posterior| {
+        p.trust().concerns.into_iter().find_map(|concern| match concern {
+            Concern::FewEffectiveSamples { by_errors, .. } => Some(by_errors),
+            _ => None,
+        })
+    };
+    let trust = p.trust();
+    assert_eq!((trust.verdict, trust.evidence_error_known), (Verdict::Rough, true));
+    assert_eq!(few(&p), Some(p.ess.by_errors));
+    let line = trust.line(&p.log_evidence);
+    assert!(line.contains("known as by") && line.contains("+-"), "{line}");
+    // Known to no more than 39 draws; known well by a budget that was too small; not known by a process.
+    let known = p.ess.by_errors;
+    p.ess.by_errors = Some(39.9);
+    assert_eq!((p.trust().verdict, few(&p)), (Verdict::Untrusted, Some(None)));
+    (p.ess.by_errors, p.ess.importance) = (known, 2.9);
+    assert_eq!((p.trust().verdict, few(&p)), (Verdict::Untrusted, Some(None)));
+    (p.ess.by_errors, p.ess.importance) = (None, 39.9);
+    assert_eq!((p.trust().verdict, few(&p)), (Verdict::Untrusted, Some(None)));
 }

@@ -1,0 +1,190 @@
+//! Shares of the posterior below levels of a coordinate, and the quantiles that they tell.
+
+use super::held::{Integrals, Samples, only, totals};
+use crate::normal;
+
+/// Shares are taken to be at least so far from none and all: the levels reach three normal scores out, and half a score beyond nothing
+/// is said.
+const LEAST: f64 = 2e-4;
+
+/// Shares of the posterior below some levels of one coordinate, as normal scores, ascending; with their standard errors.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Below {
+    levels: Vec<f64>,
+    scores: Vec<f64>,
+    errors: Vec<f64>,
+}
+
+impl Below {
+    /// None where fewer than three levels have shares of their own.
+    fn new(levels: &[f64], shares: &[f64], errors: &[f64]) -> Option<Self> {
+        let mut below = Self { levels: Vec::new(), scores: Vec::new(), errors: Vec::new() };
+        for ((level, share), error) in levels.iter().zip(shares).zip(errors) {
+            let inside = (LEAST..=1.0 - LEAST).contains(share);
+            let last = (below.levels.last(), below.scores.last());
+            let score = normal::quantile(*share);
+            // Levels at which the share does not grow are errors of it.
+            let grows = last.0.is_none_or(|l| level > l) && last.1.is_none_or(|s| score > *s);
+            if inside && grows && error.is_finite() {
+                below.levels.push(*level);
+                below.scores.push(score);
+                below.errors.push(*error);
+            }
+        }
+        (below.levels.len() > 2).then_some(below)
+    }
+
+    /// The last of the levels that a normal score is not below, but for the last one.
+    fn place(&self, score: f64) -> usize {
+        let after = self.scores.partition_point(|s| *s <= score);
+        after.saturating_sub(1).min(self.scores.len() - 2)
+    }
+
+    /// The p-quantile: linear in the normal score between two levels, and on beyond the first and the last, to no more than the
+    /// range.
+    pub(crate) fn quantile(&self, p: f64, range: [f64; 2]) -> f64 {
+        let score = normal::quantile(p.clamp(LEAST, 1.0 - LEAST));
+        let k = self.place(score);
+        let slope = (self.levels[k + 1] - self.levels[k]) / (self.scores[k + 1] - self.scores[k]);
+        (self.levels[k] + slope * (score - self.scores[k])).max(range[0]).min(range[1])
+    }
+
+    /// Standard error of the share below the p-quantile: linear between two levels.
+    pub(crate) fn error(&self, p: f64) -> f64 {
+        let score = normal::quantile(p.clamp(LEAST, 1.0 - LEAST));
+        let k = self.place(score);
+        let along = (score - self.scores[k]) / (self.scores[k + 1] - self.scores[k]);
+        let along = along.clamp(0.0, 1.0);
+        (1.0 - along) * self.errors[k] + along * self.errors[k + 1]
+    }
+}
+
+/// Takes the levels out of the integrals, and what they tell of each coordinate; `wider` is the factor on the variance that sub-nets show.
+/// None where there are no levels, or they tell nothing of one of the coordinates.
+pub(super) fn taken_out(
+    integrals: &mut Integrals,
+    samples: &Samples<'_>,
+    wider: f64,
+) -> Option<Vec<Below>> {
+    let levels = std::mem::take(&mut integrals.levels);
+    if levels.is_empty() {
+        return None;
+    }
+    let p = integrals.shares.len();
+    let moments = p - levels.iter().map(Vec::len).sum::<usize>();
+    let by_samples = samples.sums(samples.weights, &integrals.features, p);
+    let [known, off] = integrals.partly(&by_samples, 1.0);
+    let r = (known.len() / p) as f64;
+    let sums = totals(&known, p);
+    // Share below, with the larger of the errors by sub-nets and by draws.
+    let of = |a: usize| {
+        let share = sums[a] / sums[0];
+        let squares = |rows: &[f64]| -> f64 {
+            rows.chunks_exact(p).map(|row| ((row[a] - share * row[0]) * r / sums[0]).powi(2)).sum()
+        };
+        let by_sub_nets = wider * squares(&known) / (r * (r - 1.0));
+        let draws = (off.len() / p) as f64;
+        let by_draws = if draws < 2.0 { 0.0 } else { squares(&off) / (draws - 1.0) };
+        (share, by_sub_nets.max(by_draws).sqrt())
+    };
+    let mut first = moments;
+    let below = levels.iter().map(|levels| {
+        let (shares, errors): (Vec<f64>, Vec<f64>) = (first..first + levels.len()).map(of).unzip();
+        first += levels.len();
+        Below::new(levels, &shares, &errors)
+    });
+    let below = below.collect();
+    let columns: Vec<usize> = (0..moments).collect();
+    let Integrals { of_sub_nets, features, shares, errors, .. } = integrals;
+    [of_sub_nets, features, errors].into_iter().for_each(|all| *all = only(all, p, &columns));
+    shares.truncate(moments);
+    below
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Levels of N(1, 2^2) a normal score apart, with the shares below them.
+    fn normal_levels() -> Below {
+        let scores: Vec<f64> = (-2..=2).map(f64::from).collect();
+        let levels: Vec<f64> = scores.iter().map(|s| 1.0 + 2.0 * s).collect();
+        let shares: Vec<f64> = scores.iter().map(|s| normal::cdf(*s)).collect();
+        Below::new(&levels, &shares, &[0.01, 0.02, 0.03, 0.02, 0.01]).expect("five levels")
+    }
+
+    #[test]
+    fn quantiles_of_a_normal_are_exact_between_its_levels_and_beyond_them() {
+        let below = normal_levels();
+        let everywhere = [f64::NEG_INFINITY, f64::INFINITY];
+        for p in [0.001, 0.025, 0.3, 0.5, 0.84, 0.999] {
+            let exact = 1.0 + 2.0 * normal::quantile(p);
+            assert!((below.quantile(p, everywhere) - exact).abs() < 1e-9, "{p}");
+        }
+        assert_eq!([0.001, 0.999].map(|p| below.quantile(p, [-4.0, 6.0])), [-4.0, 6.0]);
+        assert!(below.quantile(0.0, everywhere).is_finite());
+    }
+
+    #[test]
+    fn errors_of_shares_are_linear_between_levels_and_those_of_the_ends_beyond() {
+        let below = normal_levels();
+        let at = |score: f64| below.error(normal::cdf(score));
+        for (score, error) in
+            [(-3.0, 0.01), (-1.5, 0.015), (0.0, 0.03), (0.25, 0.0275), (2.5, 0.01)]
+        {
+            assert!((at(score) - error).abs() < 1e-9, "{score}: {}", at(score));
+        }
+    }
+
+    #[test]
+    fn levels_below_which_no_more_lies_than_below_those_before_are_left_out() {
+        let of = |shares: &[f64]| {
+            let levels: Vec<f64> = (0..shares.len() as i32).map(f64::from).collect();
+            Below::new(&levels, shares, &vec![0.1; shares.len()]).map(|below| below.levels)
+        };
+        assert_eq!(of(&[0.1, 0.3, 0.2, 0.3, 0.6]), Some(vec![0.0, 1.0, 4.0]));
+        assert_eq!(of(&[-0.1, 0.0, 0.2, 0.5, 0.9, 1.0, 1.1]), Some(vec![2.0, 3.0, 4.0]));
+        assert_eq!(of(&[0.1, f64::NAN, 0.5]), None);
+        // Equal levels have one quantile.
+        let below = Below::new(&[1.0, 1.0, 2.0, 3.0], &[0.1, 0.2, 0.3, 0.4], &[0.1; 4]);
+        assert_eq!(below.expect("three").levels, [1.0, 2.0, 3.0]);
+    }
+
+    #[test]
+    fn levels_are_taken_out_of_the_integrals_with_the_larger_error_of_sub_nets_and_draws() {
+        // 1, x and x^2 of three sub-nets, and three levels; evidence 2, of which sub-nets differ in what is below the second alone.
+        let row = |off: f64| [2.0, 0.2, 2.0, 0.4, 1.0 + off, 1.6];
+        let of = |draw: f64| {
+            let draw = [0.0, 0.0, 0.0, 0.0, draw, 0.0];
+            let mut integrals = Integrals {
+                of_sub_nets: [row(-0.1), row(0.0), row(0.1)].concat(),
+                features: vec![1.0; 6 * 3],
+                shares: vec![1.0; 6],
+                errors: [draw, draw.map(|x: f64| -x)].concat(),
+                levels: vec![vec![-1.0, 0.0, 1.0]],
+                ..Integrals::default()
+            };
+            let samples = Samples { weights: &[1.0; 3], label: &[0, 1, 2], replicates: 3 };
+            let below = taken_out(&mut integrals, &samples, 1.5).expect("three levels");
+            assert_eq!((integrals.shares.len(), integrals.features.len()), (3, 9));
+            assert_eq!(integrals.of_sub_nets, [2.0, 0.2, 2.0].repeat(3));
+            assert_eq!(integrals.errors, vec![0.0; 6]);
+            below[0].errors.clone()
+        };
+        // 1.5 times the variance 0.1^2 / 3 of a mean, over the evidence; and the spread of two draws.
+        let by_sub_nets = (1.5_f64 * 0.01 / 3.0).sqrt() / 2.0;
+        for (draw, exact) in [(0.0, by_sub_nets), (0.2, 0.2 * 2.0_f64.sqrt() / 2.0)] {
+            let errors = of(draw);
+            assert!((errors[1] - exact).abs() < 1e-12, "{errors:?} {exact}");
+            assert!(errors[0] < 1e-12 && errors[2] < 1e-12, "{errors:?}");
+        }
+    }
+
+    #[test]
+    fn without_levels_nothing_is_taken_out() {
+        let mut integrals = Integrals { shares: vec![1.0; 3], ..Integrals::default() };
+        let samples = Samples { weights: &[], label: &[], replicates: 3 };
+        assert_eq!(taken_out(&mut integrals, &samples, 1.0), None);
+        assert_eq!(integrals.shares.len(), 3);
+    }
+}
