@@ -68,9 +68,9 @@ pub use noise::{
 };
 pub use observations::{ObservationError, Observations};
 pub use posterior::{
-    BandPoint, Counters, Draw, Evidence, Failing, FailingPlace, Failure,
-    GroupSummary, Interval, MapPoint, Moments, ParameterSummary, PathParameter, PathPoint,
-    Posterior, PredictiveCheck, Residuals, Sample, StopReason,
+    BandPoint, Counters, Draw, Evidence, Failing, FailingPlace, Failure, GroupSummary, Interval,
+    MapPoint, Moments, ParameterSummary, PathParameter, PathPoint, Posterior, PredictiveCheck,
+    Residuals, Sample, StopReason,
 };
 pub use predictive::{predictive_band, predictive_band_of_group};
 pub use prior::{Coordinate, Prior, PriorError, PriorSpec};
