@@ -48,7 +48,7 @@ pub enum Concern {
         /// Standard error of the difference.
         se: f64,
     },
-    /// Means, intervals and correlations are of samples that were moved to moments known better than by their weights.
+    /// Means, standard deviations and correlations are of samples that were moved to moments known better than by their weights.
     SamplesMoved {
         /// Largest difference of a mean of the samples where they are, in posterior standard deviations.
         mean: f64,
@@ -209,7 +209,7 @@ impl Concern {
                 "two estimates of the log evidence differ ({pooled:.3} from all samples, {frozen:.3} from the final ones, standard error {se:.3})"
             ),
             Self::SamplesMoved { mean, sd, correlation } => format!(
-                "means, intervals and correlations are of samples moved to moments that are known better than by their weights (where they were simulated, means differ by up to {mean:.2} posterior sds, sds by {:.0} %, correlations by {correlation:.2})",
+                "means, sds and correlations are of samples moved to moments that are known better than by their weights (where they were simulated, means differ by up to {mean:.2} posterior sds, sds by {:.0} %, correlations by {correlation:.2})",
                 100.0 * sd
             ),
             Self::BudgetTooSmall { simulations, .. } => format!("{simulations} simulations were too few"),
