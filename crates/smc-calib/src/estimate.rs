@@ -103,6 +103,11 @@ impl Estimator {
         self.below.as_ref()?.get(j)
     }
 
+    /// Whether weights or moved samples have all moments that are known.
+    pub(crate) fn has_all_moments(&self) -> bool {
+        self.known.as_ref().is_some_and(|known| known.whole)
+    }
+
     /// Weighted mean of a function of the samples.
     pub(crate) fn mean(&self, value: impl Fn(usize) -> f64) -> f64 {
         (0..self.n)

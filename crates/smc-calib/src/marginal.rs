@@ -47,7 +47,13 @@ impl<'a> Marginal<'a> {
     /// at q.
     fn quantile_error(&self, p: f64, q: f64) -> f64 {
         let h = 0.05f64.min(0.4 * p.min(1.0 - p));
-        let width = self.quantile(p + h) - self.quantile(p - h);
+        // What ends at the end of the prior is not known without error.
+        let everywhere = [f64::NEG_INFINITY, f64::INFINITY];
+        let at = |p: f64| match self.below {
+            Some((below, _)) => below.quantile(p, everywhere),
+            None => self.quantile(p),
+        };
+        let width = at(p + h) - at(p - h);
         let x = self.x;
         let of_share = self.below.map(|(below, _)| below.error(p)).unwrap_or_else(|| {
             self.estimator.standard_error(|i| f64::from(u8::from(x[i] <= q)) - p)

@@ -94,7 +94,7 @@ pub(crate) fn summarise(
         correlation_si: correlation(&of.columns()[0], &estimator),
         log_evidence,
         ess: EffectiveSampleSize {
-            by_errors: by_errors(&parameters, &estimator),
+            by_errors: by_errors(&parameters, &estimator, &log_evidence),
             ..of_size(effective_sample_size(&raw), n)
         },
         khat,
@@ -120,11 +120,27 @@ pub(crate) fn of_size(importance: f64, n: usize) -> EffectiveSampleSize {
     EffectiveSampleSize { importance, per_simulation: importance / n as f64, by_errors: None }
 }
 
-/// [`EffectiveSampleSize::by_errors`].
-fn by_errors(parameters: &[ParameterSummary], estimator: &Estimator) -> Option<f64> {
-    estimator.below(0)?;
-    let each = parameters.iter().map(|parameter| draws_by_errors(&parameter.in_coordinate));
-    Some(each.fold(f64::INFINITY, f64::min)).filter(|draws| draws.is_finite())
+/// [`EffectiveSampleSize::by_errors`]; none where moments or an end of an interval are not known beyond the samples.
+fn by_errors(
+    parameters: &[ParameterSummary],
+    estimator: &Estimator,
+    evidence: &Evidence,
+) -> Option<f64> {
+    let each = parameters.iter().enumerate().map(|(j, parameter)| {
+        let below = estimator.below(j).filter(|_| estimator.has_all_moments())?;
+        let reached = below.reaches(0.025) && below.reaches(0.975);
+        reached.then(|| draws_by_errors(&parameter.in_coordinate))
+    });
+    // The evidence is a mean: by n draws that are as unequal as their mean is large it has a relative error of 1 / sqrt(n).
+    let of_evidence = draws_by_error(1.0, evidence.se);
+    let least = each.into_iter().try_fold(of_evidence, |least, draws| Some(least.min(draws?)))?;
+    least.is_finite().then_some(least)
+}
+
+/// Draws by which something of this variance by one of them has such an error; none by an error that is not a number.
+fn draws_by_error(variance: f64, se: f64) -> f64 {
+    let draws = variance / (se * se);
+    if draws.is_nan() { 0.0 } else { draws }
 }
 
 /// Independent draws of a normal distribution by which all of these would have standard errors no larger than they have: variances of the
@@ -141,7 +157,7 @@ fn draws_by_errors(of: &Moments) -> f64 {
         (end, of.eti95.upper_se),
     ];
     errors
-        .map(|(factor, se)| factor * (of.sd / se).powi(2))
+        .map(|(factor, se)| draws_by_error(factor * of.sd.powi(2), se))
         .into_iter()
         .fold(f64::INFINITY, f64::min)
 }
@@ -466,5 +482,7 @@ mod tests {
         ] {
             assert!((draws_by_errors(&worse) / 40.0 - 1.0).abs() < 1e-3);
         }
+        assert_eq!(draws_by_errors(&Moments { median_se: f64::NAN, ..good }), 0.0);
+        assert_eq!(draws_by_errors(&Moments { sd: f64::NAN, ..good }), 0.0);
     }
 }

@@ -245,7 +245,8 @@ impl Posterior {
             list.push(Concern::NotAPosterior);
         }
         if ess < wished {
-            let by_errors = self.known_by_errors(wished).filter(|draws| *draws >= wished);
+            let enough = |draws: &f64| *draws >= FEWEST_EFFECTIVE_SAMPLES.max(ess);
+            let by_errors = self.known_by_errors(wished).filter(enough);
             list.push(Concern::FewEffectiveSamples { ess, wished, by_errors });
         }
         if self.is_posterior {

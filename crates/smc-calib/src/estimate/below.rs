@@ -6,6 +6,8 @@ use crate::normal;
 /// Shares are taken to be at least so far from none and all: the levels reach three normal scores out, and half a score beyond nothing
 /// is said.
 const LEAST: f64 = 2e-4;
+/// Normal scores beyond the first and the last level up to which something is known.
+const BEYOND: f64 = 0.3;
 
 /// Shares of the posterior below some levels of one coordinate, as normal scores, ascending; with their standard errors.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,7 +36,7 @@ impl Below {
         (below.levels.len() > 2).then_some(below)
     }
 
-    /// The last of the levels that a normal score is not below, but for the last one.
+    /// The first of the two levels that a normal score is between, or of the two at the end that it is beyond.
     fn place(&self, score: f64) -> usize {
         let after = self.scores.partition_point(|s| *s <= score);
         after.saturating_sub(1).min(self.scores.len() - 2)
@@ -44,9 +46,25 @@ impl Below {
     /// range.
     pub(crate) fn quantile(&self, p: f64, range: [f64; 2]) -> f64 {
         let score = normal::quantile(p.clamp(LEAST, 1.0 - LEAST));
-        let k = self.place(score);
-        let slope = (self.levels[k + 1] - self.levels[k]) / (self.scores[k + 1] - self.scores[k]);
-        (self.levels[k] + slope * (score - self.scores[k])).max(range[0]).min(range[1])
+        let last = self.scores.len() - 1;
+        // Beyond the levels the slope is that over a normal score: two levels next to each other may have nearly the same one.
+        let (from, to) = if score < self.scores[0] {
+            (0, self.scores.partition_point(|s| *s < self.scores[0] + 1.0).min(last))
+        } else if score > self.scores[last] {
+            let inner = self.scores.partition_point(|s| *s <= self.scores[last] - 1.0);
+            (last, inner.saturating_sub(1))
+        } else {
+            let k = self.place(score);
+            (k, k + 1)
+        };
+        let slope = (self.levels[to] - self.levels[from]) / (self.scores[to] - self.scores[from]);
+        (self.levels[from] + slope * (score - self.scores[from])).max(range[0]).min(range[1])
+    }
+
+    /// Whether the p-quantile is between levels, or hardly beyond them.
+    pub(crate) fn reaches(&self, p: f64) -> bool {
+        let (score, last) = (normal::quantile(p), self.scores.len() - 1);
+        self.scores[0] - BEYOND <= score && score <= self.scores[last] + BEYOND
     }
 
     /// Standard error of the share below the p-quantile: linear between two levels.
@@ -123,6 +141,21 @@ mod tests {
         }
         assert_eq!([0.001, 0.999].map(|p| below.quantile(p, [-4.0, 6.0])), [-4.0, 6.0]);
         assert!(below.quantile(0.0, everywhere).is_finite());
+    }
+
+    #[test]
+    fn beyond_levels_of_nearly_the_same_share_quantiles_go_on_as_over_a_normal_score_and_are_not_reached()
+     {
+        let scores = [-1.001, -1.0, -0.5, 0.0, 0.5, 1.0, 1.001];
+        let shares = scores.map(normal::cdf);
+        let levels = [-1.25, -1.0, -0.5, 0.0, 0.5, 1.0, 1.25];
+        let below = Below::new(&levels, &shares, &[0.01; 7]).expect("seven levels");
+        let everywhere = [f64::NEG_INFINITY, f64::INFINITY];
+        for p in [0.025, 0.975] {
+            assert!(below.quantile(p, everywhere).abs() < 2.7, "{}", below.quantile(p, everywhere));
+            assert!(!below.reaches(p) && below.reaches(0.5) && below.reaches(normal::cdf(1.3)));
+        }
+        assert!(normal_levels().reaches(0.975));
     }
 
     #[test]

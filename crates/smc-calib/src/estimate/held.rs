@@ -86,6 +86,8 @@ pub(super) struct Known {
     pub far: bool,
     /// Axes of the coordinates, where the features are those of moved samples.
     pub moved: Vec<Axis>,
+    /// Whether all that is known is held to, not a part of it.
+    pub whole: bool,
 }
 
 impl Known {
@@ -138,8 +140,10 @@ impl Held {
     ) -> (Vec<f64>, Known) {
         let Self { spread, weights, of_pool, factor } = self;
         let p = features.len() / weights.len();
-        let moved = Vec::new();
-        (weights, Known { p, of_sub_nets, features, errors, of_pool, spread, factor, far, moved })
+        let (moved, whole) = (Vec::new(), true);
+        let known =
+            Known { p, of_sub_nets, features, errors, of_pool, spread, factor, far, moved, whole };
+        (weights, known)
     }
 }
 
@@ -278,7 +282,9 @@ impl Samples<'_> {
             }
         }
         let features = columns.map(|columns| only(&integrals.features, p, &columns));
-        Some(held.to([known, errors], features.unwrap_or(integrals.features), far))
+        let (weights, known) =
+            held.to([known, errors], features.unwrap_or(integrals.features), far);
+        Some((weights, Known { whole: !in_part, ..known }))
     }
 
     /// Weights held to the evidence, and with the moments, or those of each coordinate without their products, to a mean of what is known

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use smc_calib::trust::limits::FEWEST_EFFECTIVE_SAMPLES;
 use smc_calib::{CalibrateError, FirstProposal, Parameter, Verdict};
 
 use super::earlier::EarlierPosterior;
@@ -112,7 +113,9 @@ fn read(plan: &Plan, named: &Named<'_>) -> Result<(EarlierPosterior, Vec<String>
         }
     })?;
     let mut said = Vec::new();
-    if record.trust.verdict == Verdict::Untrusted || !record.is_posterior {
+    // It is fitted to weighted samples: of few ones it is doubtful, however well a process knows means and intervals.
+    let few = record.trust.effective_samples < FEWEST_EFFECTIVE_SAMPLES;
+    if few || record.trust.verdict == Verdict::Untrusted || !record.is_posterior {
         said.push(Careful::UntrustedProposal { from: from.to_owned() }.to_string());
     }
     if first.outside_priors > OUTSIDE {
