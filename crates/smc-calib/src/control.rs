@@ -28,6 +28,8 @@
 //! Its own integrals, without any weights, are taken with the share that its errors beside those of the sub-nets give them
 //! ([`through_all`]): most of it where the likelihood is smooth.
 
+mod by_process;
+mod drawn;
 mod errors;
 mod frozen;
 mod levels;
@@ -35,8 +37,9 @@ mod made_of;
 mod through_all;
 mod variate;
 
-pub(crate) use self::frozen::Frozen;
+pub(crate) use self::by_process::ByProcess;
 
+use self::drawn::Drawn;
 use self::errors::Over;
 use self::made_of::{MadeOf, Part, most_trusted};
 use self::through_all::ThroughAll;
@@ -82,37 +85,6 @@ const MOST_SCORE: f64 = 7.0;
 /// Standard error of the final stage's evidence, over that of all samples, from which on the latter is reported. By its number of
 /// samples the final stage has 1.4 times the error, and its mean is exact; with more it has missed what earlier stages found.
 const WORSE: f64 = 1.5;
-
-/// Samples that were drawn from one density q.
-struct Drawn<'a> {
-    /// The first of them in the pool; all after it are.
-    first: usize,
-    proposal: &'a Proposal,
-    /// Log of q over the prior at each.
-    ln_q: &'a [f64],
-    /// Log of likelihood times prior over q at each.
-    ln_w: &'a [f64],
-}
-
-impl<'a> Drawn<'a> {
-    /// All, and the mixture that they are drawn from.
-    fn of_all(sampler: &'a Sampler<'_>, proposal: &'a Proposal, ln_w: &'a [f64]) -> Self {
-        Self { first: 0, proposal, ln_q: &sampler.pool.ln_mixture_over_prior, ln_w }
-    }
-
-    /// The final stage, where it is large enough for local quadratics.
-    fn finally(sampler: &'a Sampler<'_>, frozen: &'a Frozen) -> Option<Self> {
-        let (n, proposal) = sampler.final_stage()?;
-        let few = 8 * coefficients(sampler.pool.d);
-        let Frozen { first, ln_q, ln_w } = frozen;
-        (n >= few && *first >= few).then_some(Self { first: *first, proposal, ln_q, ln_w })
-    }
-
-    /// f/q over this scale at each.
-    fn over(&self, ln_scale: f64) -> Vec<f64> {
-        self.ln_w.iter().map(|l| (l - ln_scale).exp()).collect()
-    }
-}
 
 /// The process through all samples, where one has placed them, or the first of a run of fewer than [`Settings::WHOLLY_PLAIN`].
 fn process<'a>(sampler: &'a Sampler<'_>, weights: &[f64]) -> Option<StandIn<'a>> {
@@ -430,15 +402,15 @@ impl<'a> Control<'a> {
     }
 }
 
-/// All samples with the weights of the result, and the evidence. `raw` are the importance weights over
-/// `exp(ln_scale)`, `coordinate(j, z_j)` is what moments are taken of.
-pub(crate) fn estimate(
-    sampler: &Sampler<'_>,
+/// All samples with the weights of the result, the evidence, and a process to draw from where one knows more than they do. `raw` are the
+/// importance weights over `exp(ln_scale)`, `coordinate(j, z_j)` is what moments are taken of.
+pub(crate) fn estimate<'a>(
+    sampler: &'a Sampler<'_>,
     raw: &[f64],
     ln_scale: f64,
     coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
     finishing: &mut Finishing<'_>,
-) -> (Estimator, Evidence) {
+) -> (Estimator, Evidence, Option<ByProcess<'a>>) {
     let mut estimator = Estimator::new(&sampler.pool, raw.to_vec(), ln_scale, sampler.replicates);
     let (pooled_value, pooled_se) = estimator.log_evidence();
     let frozen = sampler.frozen();
@@ -453,16 +425,14 @@ pub(crate) fn estimate(
     };
     let process = if far || drawn.is_some() { process(sampler, raw) } else { None };
     let can_be = sampler.pool.d <= MOST_PARAMETERS && sampler.replicates > 1;
-    let known = drawn.filter(|_| can_be).and_then(|drawn| {
+    let all = process.as_ref().filter(|_| sampler.placing.surrogate);
+    let known = drawn.as_ref().filter(|_| can_be).and_then(|drawn| {
         let before = (drawn.first > 0).then_some((drawn.first, raw));
         let ways = MadeOf::ways(&sampler.pool, drawn.proposal, process.as_ref(), before);
-        let all = process.as_ref().filter(|_| sampler.placing.surrogate);
         let levels = all.map_or_else(Vec::new, |all| {
-            let cap = cap(drawn.over(ln_scale).into_iter(), true);
-            let over = Over { proposal: drawn.proposal, ln_scale, cap };
-            levels::levels(all, over, coordinate, sampler.settings.seed)
+            levels::levels(all, drawn.capped(ln_scale), coordinate, sampler.settings.seed)
         });
-        let control = Control::new(sampler, (raw, ln_scale), &drawn, coordinate, levels);
+        let control = Control::new(sampler, (raw, ln_scale), drawn, coordinate, levels);
         let stack = control.stacked(ways);
         control.integrals(&stack, process.as_ref(), finishing)
     });
@@ -480,9 +450,8 @@ pub(crate) fn estimate(
         (pooled_value, pooled_se)
     };
     let agree = agree(pooled_value, frozen_value, pooled_se.hypot(frozen_se));
-    let by_process = process
-        .filter(|_| sampler.placing.surrogate && effective_sample_size(raw) < HELD_AGAINST_PROCESS)
-        .and_then(|process| sampler.evidences_of(&process));
+    let held = all.filter(|_| effective_sample_size(raw) < HELD_AGAINST_PROCESS);
+    let by_process = held.and_then(|process| sampler.evidences_of(process));
     let [process_value, process_mean] = by_process.map_or([None; 2], |both| both.map(Some));
     let evidence = Evidence {
         value,
@@ -496,5 +465,8 @@ pub(crate) fn estimate(
         process_mean,
         cross_fitted_value: cross_fitted.filter(|by| by.is_finite() && process_value.is_some()),
     };
-    (estimator, evidence)
+    let drawn_by = all.zip(drawn).filter(|_| estimator.below(0).is_some());
+    let drawn_by =
+        drawn_by.and_then(|(all, of)| ByProcess::new(all, sampler, raw, of.capped(ln_scale)));
+    (estimator, evidence, drawn_by)
 }

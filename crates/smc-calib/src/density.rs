@@ -62,7 +62,7 @@ pub fn sample_density_in(
         return Err(CalibrateError::ZeroEvidence { simulations: sampler.pool.len() });
     }
     let ess = crate::pool::effective_sample_size(&raw);
-    let (estimator, log_evidence) =
+    let (estimator, log_evidence, _) =
         estimate(&sampler, &raw, ln_scale, coordinate, &mut Finishing(&mut ()));
     let d = sampler.pool.d;
     let mut khat = psis::khat(&raw);

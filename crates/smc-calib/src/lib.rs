@@ -8,6 +8,8 @@ mod cloud;
 mod control;
 mod density;
 mod design;
+mod draw;
+mod draws;
 mod em;
 mod error;
 mod estimate;
@@ -57,6 +59,7 @@ mod weighted;
 pub use calibrate::{calibrate, calibrate_joint};
 pub use density::{DensitySummary, sample_density, sample_density_in};
 pub use design::calibrate_design;
+pub use draw::{Draw, Point};
 pub use error::CalibrateError;
 pub use estimate::MovedBy;
 pub use first_proposal::FirstProposal;
@@ -68,7 +71,7 @@ pub use noise::{
 };
 pub use observations::{ObservationError, Observations};
 pub use posterior::{
-    BandPoint, Counters, Draw, Evidence, Failing, FailingPlace, Failure, GroupSummary, Interval,
+    BandPoint, Counters, Evidence, Failing, FailingPlace, Failure, GroupSummary, Interval,
     MapPoint, Moments, ParameterSummary, PathParameter, PathPoint, Posterior, PredictiveCheck,
     Residuals, Sample, StopReason,
 };

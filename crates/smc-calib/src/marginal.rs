@@ -3,7 +3,7 @@
 use crate::estimate::{Below, Estimator};
 use crate::normal;
 use crate::weighted::Weighted;
-use crate::{Coordinate, Interval, Moments};
+use crate::{Coordinate, Interval, Moments, Prior};
 
 /// One coordinate of the samples, by the weights of an estimator.
 pub(crate) struct Marginal<'a> {
@@ -210,6 +210,65 @@ pub(crate) fn in_si(coordinate: Coordinate, m: &Moments, moments: (f64, f64, f64
     }
 }
 
+/// The prior's range in its coordinate.
+pub(crate) fn range(prior: &Prior) -> [f64; 2] {
+    let ((lower, upper), coordinate) = (prior.support(), prior.coordinate());
+    [lower, upper].map(|end| coordinate.of(end))
+}
+
+/// Draws by which something of this variance by one of them has such an error; none by an error that is not a number.
+pub(crate) fn draws_by_error(variance: f64, se: f64) -> f64 {
+    let draws = variance / (se * se);
+    if draws.is_nan() { 0.0 } else { draws }
+}
+
+/// Independent draws of a normal distribution by which all of these would have standard errors no larger than they have: variances of the
+/// mean, the standard deviation, the median and a p-quantile are s^2, s^2 / 2, pi s^2 / 2 and p (1 - p) / f^2 over their number.
+pub(crate) fn draws_by_errors(of: &Moments) -> f64 {
+    const END: f64 = 1.959_963_984_540_054;
+    let density = (-0.5 * END * END).exp() / std::f64::consts::TAU.sqrt();
+    let end = 0.025 * 0.975 / (density * density);
+    let errors = [
+        (1.0, of.mean_se),
+        (0.5, of.sd_se),
+        (0.5 * std::f64::consts::PI, of.median_se),
+        (end, of.eti95.lower_se),
+        (end, of.eti95.upper_se),
+    ];
+    errors
+        .map(|(factor, se)| draws_by_error(factor * of.sd.powi(2), se))
+        .into_iter()
+        .fold(f64::INFINITY, f64::min)
+}
+
+/// Correlation matrix of weighted columns.
+pub(crate) fn correlation(columns: &[Vec<f64>], e: &Estimator) -> Vec<Vec<f64>> {
+    let d = columns.len();
+    let means: Vec<f64> = columns.iter().map(|x| e.mean(|i| x[i])).collect();
+    let mut c = vec![vec![0.0; d]; d];
+    for i in 0..d {
+        for j in 0..=i {
+            let v = e.mean(|k| (columns[i][k] - means[i]) * (columns[j][k] - means[j]));
+            c[i][j] = v;
+            c[j][i] = v;
+        }
+    }
+    let sd: Vec<f64> = (0..d).map(|i| c[i][i].max(0.0).sqrt()).collect();
+    for i in 0..d {
+        for j in 0..d {
+            let s = sd[i] * sd[j];
+            c[i][j] = if i == j {
+                1.0
+            } else if s > 0.0 {
+                (c[i][j] / s).clamp(-1.0, 1.0)
+            } else {
+                0.0
+            };
+        }
+    }
+    c
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -241,5 +300,29 @@ mod tests {
         }
         let [low, high] = [[0.01, 0.1, 0.3], [0.99, 0.9, 0.7]].map(|p| bits(p.into_iter(), 1.0));
         assert!((low - high).abs() < 1e-9 && low > 0.0, "{low} {high}");
+    }
+
+    #[test]
+    fn errors_of_so_many_normal_draws_are_worth_as_many_draws_and_the_worst_counts() {
+        // Of n draws of N(0, 2^2) the 2.5 % quantile has an error of 2.671 times 2 over the root of n.
+        let of = |n: f64| {
+            let se = |of_one: f64| 2.0 * of_one / n.sqrt();
+            let eti95 =
+                Interval { lower_se: se(2.6713), upper_se: se(2.6713), ..Interval::default() };
+            let (mean_se, sd_se, median_se) = (se(1.0), se(0.5f64.sqrt()), se(1.2533));
+            Moments { sd: 2.0, mean_se, sd_se, median_se, eti95, ..Moments::default() }
+        };
+        assert!((draws_by_errors(&of(250.0)) / 250.0 - 1.0).abs() < 1e-3);
+        let (good, bad) = (of(250.0), of(40.0));
+        for worse in [
+            Moments { mean_se: bad.mean_se, ..good },
+            Moments { sd_se: bad.sd_se, ..good },
+            Moments { median_se: bad.median_se, ..good },
+            Moments { eti95: bad.eti95, ..good },
+        ] {
+            assert!((draws_by_errors(&worse) / 40.0 - 1.0).abs() < 1e-3);
+        }
+        assert_eq!(draws_by_errors(&Moments { median_se: f64::NAN, ..good }), 0.0);
+        assert_eq!(draws_by_errors(&Moments { sd: f64::NAN, ..good }), 0.0);
     }
 }

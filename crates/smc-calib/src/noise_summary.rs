@@ -1,5 +1,6 @@
 //! The posterior of the noise, from the samples of the parameters.
 
+use crate::draws::Draws;
 use crate::estimate::Estimator;
 use crate::noise::{Likelihood, NoiseDraws};
 use crate::predictive::intervals;
@@ -31,32 +32,28 @@ pub(crate) struct GroupNoise {
 }
 
 impl Part<'_> {
-    /// Draws the noise of each of the `chosen` samples, and sums it up.
+    /// Draws the noise of each draw of the parameters, and sums it up.
     pub(crate) fn noise(
         &self,
         sampler: &Sampler<'_>,
         estimator: &Estimator,
-        chosen: &[usize],
+        of: &Draws<'_>,
     ) -> GroupNoise {
         if self.likelihood.has_shape() {
-            return self.with_shape(sampler, chosen);
+            return self.with_shape(sampler, of);
         }
-        let sigmas = self.draw_sigmas(chosen, sampler.settings);
+        let sigmas = self.draw_sigmas(of, sampler.settings);
         let draws = sigmas.iter().map(|sigma| NoiseDraw { sigma: *sigma, shape: None }).collect();
-        GroupNoise { draws, sigma: self.sigma_summary(sigmas, estimator), shape: None }
+        GroupNoise { draws, sigma: self.sigma_summary(sigmas, of, estimator), shape: None }
     }
 
-    /// The noise of a model with a shape, from the curves of the chosen samples.
-    fn with_shape(&self, sampler: &Sampler<'_>, chosen: &[usize]) -> GroupNoise {
-        let (pool, seed) = (&sampler.pool, sampler.settings.seed);
-        let curve = |k: usize| {
-            let again = k > 0 && chosen[k] == chosen[k - 1];
-            let kept = &pool.kept[chosen[k] * pool.kept_width..][self.range.clone()];
-            (!again).then_some(kept)
-        };
-        let drawn = self.likelihood.draw_shapes((chosen.len(), true), curve, |k| {
-            stream(seed, Purpose::Sigma, self.group, k)
-        });
+    /// The noise of a model with a shape, from the curves of the draws.
+    fn with_shape(&self, sampler: &Sampler<'_>, of: &Draws<'_>) -> GroupNoise {
+        let seed = sampler.settings.seed;
+        let curve = |k: usize| (!of.again(k)).then(|| &of.outputs(k)[self.range.clone()]);
+        let drawn = self
+            .likelihood
+            .draw_shapes((of.len(), true), curve, |k| stream(seed, Purpose::Sigma, self.group, k));
         let Some(NoiseDraws { draws, moments: [mean, square], shape }) = drawn else {
             return GroupNoise { draws: Vec::new(), sigma: None, shape: None };
         };
@@ -72,20 +69,19 @@ impl Part<'_> {
 
     /// One noise standard deviation per draw, from its conditional inverse gamma. Empty where the noise is fixed point by
     /// point or tuned.
-    fn draw_sigmas(&self, chosen: &[usize], settings: &Settings) -> Vec<f64> {
+    fn draw_sigmas(&self, of: &Draws<'_>, settings: &Settings) -> Vec<f64> {
         let part = self.likelihood;
         let Some((nu0, sum0)) = part.inferred() else {
-            return part.common_sigma().map_or_else(Vec::new, |sigma| vec![sigma; chosen.len()]);
+            return part.common_sigma().map_or_else(Vec::new, |sigma| vec![sigma; of.len()]);
         };
         let Ok(gamma) = Gamma::new(0.5 * (nu0 + part.values().len() as f64), 1.0) else {
             return Vec::new();
         };
-        chosen
-            .par_iter()
-            .enumerate()
+        (0..of.len())
+            .into_par_iter()
             .with_min_len(256)
-            .map(|(k, sample)| {
-                let s = part.sum_of_squares_at(self.ln_l[*sample]).unwrap_or(0.0);
+            .map(|k| {
+                let s = self.sum_of_squares(of, k);
                 let mut rng = stream(settings.seed, Purpose::Sigma, self.group, k);
                 let g: f64 = gamma.sample(&mut rng);
                 (0.5 * (sum0 + s) / g).sqrt()
@@ -93,10 +89,24 @@ impl Part<'_> {
             .collect()
     }
 
+    /// Sum of the squared residuals of draw k.
+    fn sum_of_squares(&self, of: &Draws<'_>, k: usize) -> f64 {
+        let ln_l = match &of.drawn {
+            Some(_) => self.likelihood.ln_joint(&of.outputs(k)[self.range.clone()]),
+            None => self.ln_l[of.samples[k]],
+        };
+        self.likelihood.sum_of_squares_at(ln_l).unwrap_or(0.0)
+    }
+
     /// Posterior of the noise standard deviation: moments exactly, as the weighted mixture of conditional inverse
     /// gammas, sigma^2 ~ IG(a, b), a = (nu0 + m)/2, b = (nu0 s0^2 + S)/2, with
     /// `E sigma = sqrt(b) Gamma(a - 1/2)/Gamma(a)` and `E sigma^2 = b/(a - 1)`; quantiles from the drawn `values`.
-    fn sigma_summary(&self, values: Vec<f64>, estimator: &Estimator) -> Option<SigmaSummary> {
+    fn sigma_summary(
+        &self,
+        values: Vec<f64>,
+        of: &Draws<'_>,
+        estimator: &Estimator,
+    ) -> Option<SigmaSummary> {
         let likelihood = self.likelihood;
         if let Some(s) = likelihood.common_sigma() {
             return Some(SigmaSummary { fixed: true, ..certain(s, 0.0) });
@@ -104,11 +114,15 @@ impl Part<'_> {
         let (nu0, sum0) = likelihood.inferred()?;
         let a = 0.5 * (nu0 + likelihood.values().len() as f64);
         let first = (ln_gamma(a - 0.5) - ln_gamma(a)).exp();
-        let b = |i: usize| 0.5 * (sum0 + likelihood.sum_of_squares_at(self.ln_l[i]).unwrap_or(0.0));
-        let mean = estimator.mean(|i| b(i).sqrt() * first);
+        let mean_of = |value: &dyn Fn(f64) -> f64| {
+            let b = |sum: f64| value(0.5 * (sum0 + sum));
+            let of_sample = |i: usize| likelihood.sum_of_squares_at(self.ln_l[i]).unwrap_or(0.0);
+            of.mean(estimator, |i| b(of_sample(i)), |k| b(self.sum_of_squares(of, k)))
+        };
+        let mean = mean_of(&|b| b.sqrt() * first);
         // With a at most 1 the second moment does not exist.
         let sd = if a > 1.0 {
-            (estimator.mean(|i| b(i) / (a - 1.0)) - mean * mean).max(0.0).sqrt()
+            (mean_of(&|b| b / (a - 1.0)) - mean * mean).max(0.0).sqrt()
         } else {
             f64::MAX
         };

@@ -1,8 +1,8 @@
 //! The result of a calibration, as plain data.
 
 use crate::{
-    Coordinate, EffectiveSampleSize, MovedBy, Noise, NoiseDraw, NoiseShape, Parameter, Settings,
-    ShapeSummary, SigmaSummary, StageRecord,
+    Coordinate, Draw, EffectiveSampleSize, MovedBy, Noise, NoiseDraw, NoiseShape, Parameter, Point,
+    Settings, ShapeSummary, SigmaSummary, StageRecord,
 };
 use serde::{Deserialize, Serialize};
 
@@ -18,7 +18,7 @@ pub struct Posterior {
     pub settings: Settings,
     /// Every simulated sample, in the order drawn.
     pub samples: Vec<Sample>,
-    /// Equally weighted draws: systematic resampling of `samples`.
+    /// Equally weighted draws: systematic resampling of `samples`, or of the Gaussian process that knows more than a few weights do.
     pub draws: Vec<Draw>,
     /// One summary per parameter.
     pub parameters: Vec<ParameterSummary>,
@@ -159,29 +159,28 @@ impl Sample {
 }
 
 impl Posterior {
-    /// Parameters of a draw in SI: those of its sample, [`estimated`](Sample::estimated).
-    pub fn theta(&self, draw: &Draw) -> &[f64] {
-        self.samples[draw.sample].estimated()
+    /// Parameters of one of its draws in SI: its own where a process drew it, or those of its sample, [`estimated`](Sample::estimated).
+    pub fn theta<'a>(&'a self, draw: &'a Draw) -> &'a [f64] {
+        if draw.theta.is_empty() { self.samples[draw.sample].estimated() } else { &draw.theta }
     }
-}
 
-/// One equally weighted posterior draw.
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Draw {
-    /// Index into `samples`.
-    pub sample: usize,
-    /// Noise standard deviation; none where the noise is fixed per point or tuned, or there are several.
-    pub sigma: Option<f64>,
-    /// What the noise has beside its standard deviation; none where it has nothing, or there are several.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub shape: Option<NoiseShape>,
-}
+    /// Parameters in SI with their shares of the posterior: draws of a process where there are any, else all samples that have weight.
+    pub fn points(&self) -> impl Iterator<Item = Point<'_>> {
+        let drawn = self.is_drawn();
+        let share = 1.0 / self.draws.len() as f64;
+        let draws = self.draws.iter().filter(move |_| drawn);
+        let draws = draws.map(move |d| Point { theta: &d.theta, weight: share, replicate: None });
+        let samples = self.samples.iter().filter(move |sample| !drawn && sample.weight > 0.0);
+        draws.chain(samples.map(|sample| Point {
+            theta: sample.estimated(),
+            weight: sample.weight,
+            replicate: Some(sample.replicate),
+        }))
+    }
 
-impl Draw {
-    /// The noise; none where it is fixed per point or tuned, or there are several.
-    pub fn noise(&self) -> Option<NoiseDraw> {
-        Some(NoiseDraw { sigma: self.sigma?, shape: self.shape })
+    /// Whether draws are of a Gaussian process, not of the samples.
+    pub fn is_drawn(&self) -> bool {
+        self.draws.first().is_some_and(|draw| !draw.theta.is_empty())
     }
 }
 

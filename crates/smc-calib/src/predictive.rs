@@ -1,12 +1,13 @@
 //! Posterior predictive bands.
 
+use crate::draws::Draws;
 use crate::estimate::Estimator;
 use crate::sampler::Sampler;
 use crate::sobol::evenly;
 use crate::stream::{Purpose, stream};
 use crate::target::CurveTarget;
 use crate::weighted::Weighted;
-use crate::{BandPoint, Draw, GroupSummary, NoiseDraw, Posterior, Sample, SimError, Simulator};
+use crate::{BandPoint, Draw, GroupSummary, NoiseDraw, Posterior, SimError, Simulator};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
@@ -32,7 +33,7 @@ pub(crate) fn at_observations(
     target: &CurveTarget<'_>,
     sampler: &Sampler<'_>,
     estimator: &Estimator,
-    draws: &[Draw],
+    (draws, of): (&[Draw], &Draws<'_>),
     groups: &[GroupSummary],
 ) -> Vec<BandPoint> {
     if draws.is_empty() {
@@ -41,12 +42,12 @@ pub(crate) fn at_observations(
     let pool = &sampler.pool;
     let width = pool.kept_width;
     let control = target.problem.control();
-    let errors = Errors::new(target, sampler, draws, groups);
+    let errors = Errors::new(target, (draws, of), groups);
     (0..target.indices.len())
         .into_par_iter()
         .map(|k| {
             let index = target.indices[k];
-            let values: Vec<f64> = draws.iter().map(|d| pool.kept[d.sample * width + k]).collect();
+            let values: Vec<f64> = (0..draws.len()).map(|at| of.outputs(at)[k]).collect();
             let mut rng = stream(sampler.settings.seed, Purpose::Predictive, 0, k);
             let point_sigma = target.likelihood.fixed_sigma(index);
             let group = groups.iter().find(|g| g.places().contains(&index));
@@ -70,7 +71,7 @@ pub(crate) fn at_observations(
                     })
                     .collect(),
             };
-            let mean = estimator.mean(|i| pool.kept[i * width + k]);
+            let mean = of.mean(estimator, |i| pool.kept[i * width + k], |at| values[at]);
             band(index, control[index], mean, values, noisy)
         })
         .collect()
@@ -87,8 +88,7 @@ impl Errors {
     /// None where no group's noise has more than its standard deviation.
     fn new(
         target: &CurveTarget<'_>,
-        sampler: &Sampler<'_>,
-        draws: &[Draw],
+        (draws, of): (&[Draw], &Draws<'_>),
         groups: &[GroupSummary],
     ) -> Option<Self> {
         if !target.likelihood.has_shape() {
@@ -100,7 +100,7 @@ impl Errors {
         let used: Vec<usize> = evenly(draws.len(), count).collect();
         let mut table = vec![[0.0; 2]; count * m];
         table.par_chunks_mut(m).zip(&used).for_each(|(row, at)| {
-            let curve = &sampler.pool.kept[draws[*at].sample * m..][..m];
+            let curve = &of.outputs(*at)[..m];
             for (g, (part, range)) in target.likelihood.groups().enumerate() {
                 let noise = groups.get(g).map_or(draws[*at].noise(), |g| g.noise_draw(*at));
                 let found = match noise {
@@ -183,19 +183,18 @@ fn band_on_grid(
     }
     let count = all.len().min(max_draws);
     let chosen: Vec<usize> = evenly(all.len(), count).collect();
+    if let Some(draw) = all.iter().find(|draw| draw.sample >= posterior.samples.len()) {
+        let sample = draw.sample;
+        let text = format!("draw refers to sample {sample}, which does not exist");
+        return Err(SimError::fatal(text));
+    }
     // Neighbouring draws are often the same sample: simulate it once.
-    let mut distinct: Vec<usize> = chosen.iter().map(|at| all[*at].sample).collect();
+    let mut distinct: Vec<&[f64]> = chosen.iter().map(|at| posterior.theta(&all[*at])).collect();
     distinct.dedup();
     let curves: Vec<Option<Vec<f64>>> = distinct
         .par_iter()
-        .map(|sample| {
+        .map(|theta| {
             let mut out = vec![0.0; control.len()];
-            let theta = posterior.samples.get(*sample).map(Sample::estimated);
-            let Some(theta) = theta else {
-                return Err(SimError::fatal(format!(
-                    "draw refers to sample {sample}, which does not exist"
-                )));
-            };
             match simulator.simulate(theta, &mut out) {
                 Ok(()) if out.iter().all(|v| v.is_finite()) => Ok(Some(out)),
                 Ok(()) => Ok(None),
@@ -207,7 +206,7 @@ fn band_on_grid(
     let mut curve_of = Vec::with_capacity(chosen.len());
     let mut at = 0;
     for draw in &chosen {
-        while distinct[at] != all[*draw].sample {
+        while distinct[at] != posterior.theta(&all[*draw]) {
             at += 1;
         }
         curve_of.push(at);

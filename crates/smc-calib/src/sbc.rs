@@ -11,8 +11,8 @@
 use crate::sobol::evenly;
 use crate::stream::{Purpose, normals, stream};
 use crate::{
-    CalibrateError, Likelihood, Noise, NoiseDraw, NoiseQuantity, NoiseShape, Observations,
-    Parameter, Posterior, Problem, Settings, ShapeSummary, Simulator, calibrate,
+    CalibrateError, Draw, Likelihood, Noise, NoiseDraw, NoiseQuantity, NoiseShape, Observations,
+    Parameter, Point, Posterior, Problem, Settings, ShapeSummary, Simulator, calibrate,
 };
 use rand::rngs::ChaCha8Rng;
 use rand::{Rng, RngExt};
@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use statrs::function::gamma::ln_gamma;
 
-/// Most draws of the parameters over which the noise's shape is ranked.
+/// Most draws of the parameters that are simulated, over which the noise is ranked.
 const SHAPE_DRAWS: usize = 128;
 /// Points at which empirical distribution functions are compared with the uniform one.
 const POINTS: usize = 100;
@@ -162,7 +162,7 @@ fn one(study: &Study<'_>, k: usize) -> Result<Outcome, CalibrateError> {
     let posterior = calibrate(&problem, &settings, &mut ())?;
     let truth = Truth { z, theta, noise, ln_likelihood: likelihood.ln_joint(&outputs) };
     let mut ties = stream(study.settings.seed, Purpose::Ties, 0, k);
-    let mut ranks = ranks(&posterior, &truth, &likelihood, &mut ties);
+    let mut ranks = ranks((&posterior, study.simulator), &truth, &likelihood, &mut ties);
     if study.noise.is_correlated() {
         let found = fine.and_then(|fine| shape_ranks(&posterior, study.simulator, &truth, &fine));
         ranks.extend(found.unwrap_or([f64::NAN; 2]));
@@ -198,8 +198,7 @@ fn shape_ranks(
     let mut outputs = vec![0.0; fine.values().len()];
     let (mut sums, mut used) = ([0.0; 2], 0.0);
     for k in evenly(p.draws.len(), count) {
-        let sample = p.samples.get(p.draws[k].sample)?;
-        if simulator.simulate(&sample.theta, &mut outputs).is_ok() {
+        if simulator.simulate(p.theta(&p.draws[k]), &mut outputs).is_ok() {
             let below = fine.below(&shape, &outputs)?;
             sums = [sums[0] + below[0], sums[1] + below[1]];
             used += 1.0;
@@ -209,28 +208,36 @@ fn shape_ranks(
 }
 
 /// Posterior distribution functions at the truth; a random place within ties.
-fn ranks(p: &Posterior, truth: &Truth, likelihood: &Likelihood, rng: &mut impl Rng) -> Vec<f64> {
+fn ranks(
+    (p, simulator): (&Posterior, &dyn Simulator),
+    truth: &Truth,
+    likelihood: &Likelihood,
+    rng: &mut impl Rng,
+) -> Vec<f64> {
     let d = truth.z.len();
-    let mut weighted = |value: &dyn Fn(&crate::Sample) -> f64, at: f64| -> f64 {
+    let mut rank = |values: &mut dyn Iterator<Item = (f64, f64)>, at: f64| -> f64 {
         let (mut below, mut equal) = (0.0, 0.0);
-        for s in p.samples.iter().filter(|s| s.weight > 0.0) {
-            let v = value(s);
-            if v < at {
-                below += s.weight;
-            } else if v == at {
-                equal += s.weight;
+        for (value, weight) in values {
+            if value < at {
+                below += weight;
+            } else if value == at {
+                equal += weight;
             }
         }
         (below + rng.random::<f64>() * equal).clamp(0.0, 1.0)
     };
-    let mut out: Vec<f64> =
-        (0..d).map(|j| weighted(&|s| s.estimated()[j], truth.theta[j])).collect();
-    let marginal =
-        weighted(&|s| s.log_likelihood.unwrap_or(f64::NEG_INFINITY), truth.ln_likelihood);
+    let mut out: Vec<f64> = (0..d)
+        .map(|j| rank(&mut p.points().map(|at| (at.theta[j], at.weight)), truth.theta[j]))
+        .collect();
+    let samples = p.samples.iter().filter(|s| s.weight > 0.0);
+    let likelihoods = samples.map(|s| (s.log_likelihood.unwrap_or(f64::NEG_INFINITY), s.weight));
+    let marginal = rank(&mut likelihoods.into_iter(), truth.ln_likelihood);
+    let z = |at: &Point<'_>, j: usize| p.parameters[j].parameter.prior.to_z(at.theta[j]);
     let mut products = Vec::new();
     for i in 0..d {
         for j in 0..i {
-            products.push(weighted(&|s| s.z[i] * s.z[j], truth.z[i] * truth.z[j]));
+            let mut of = p.points().map(|at| (z(&at, i) * z(&at, j), at.weight));
+            products.push(rank(&mut of, truth.z[i] * truth.z[j]));
         }
     }
     let m = likelihood.values().len() as f64;
@@ -238,16 +245,24 @@ fn ranks(p: &Posterior, truth: &Truth, likelihood: &Likelihood, rng: &mut impl R
         let s = likelihood.sum_of_squares_at(ln_joint).unwrap_or(f64::NAN);
         -m * sigma.ln() - 0.5 * s / (sigma * sigma)
     };
+    // Draws of a process have no simulation: it is run for some of them.
+    let most = if p.is_drawn() { SHAPE_DRAWS } else { usize::MAX };
+    let ranked: Vec<&Draw> =
+        evenly(p.draws.len(), p.draws.len().min(most)).map(|k| &p.draws[k]).collect();
+    let mut outputs = vec![0.0; likelihood.values().len()];
+    let mut ln_l = |draw: &Draw| match p.is_drawn() {
+        true => simulator
+            .simulate(&draw.theta, &mut outputs)
+            .map(|()| likelihood.ln_joint(&outputs))
+            .ok(),
+        false => p.samples[draw.sample].log_likelihood,
+    };
+    let ln_l: Vec<f64> = ranked.iter().map(|d| ln_l(d).unwrap_or(f64::NEG_INFINITY)).collect();
     let mut drawn = |value: &dyn Fn(f64, f64) -> f64, at: f64| -> f64 {
-        let below = p
-            .draws
-            .iter()
-            .filter(|d| {
-                let ln = p.samples[d.sample].log_likelihood.unwrap_or(f64::NEG_INFINITY);
-                value(ln, d.sigma.unwrap_or(f64::NAN)) < at
-            })
-            .count();
-        (below as f64 + rng.random::<f64>()) / (p.draws.len() + 1) as f64
+        let values =
+            ranked.iter().zip(&ln_l).map(|(d, ln)| value(*ln, d.sigma.unwrap_or(f64::NAN)));
+        let below = values.filter(|value| *value < at).count();
+        (below as f64 + rng.random::<f64>()) / (ranked.len() + 1) as f64
     };
     out.push(drawn(&|_, sigma| sigma, truth.noise.sigma));
     out.push(marginal);

@@ -231,8 +231,13 @@ impl<'a> StandIn<'a> {
         Unknown::of_curves(self.target, &self.process, rows)
     }
 
+    /// Whether it predicts outputs, and not the log likelihood alone.
+    pub(crate) fn predicts_outputs(&self) -> bool {
+        self.outputs
+    }
+
     /// What the process predicts at z.
-    fn predicted(&self, z: &[f64]) -> Vec<f64> {
+    pub(crate) fn predicted(&self, z: &[f64]) -> Vec<f64> {
         let mut values = vec![0.0; self.process.units.len()];
         self.process.predict(z, &mut values);
         values

@@ -1,11 +1,15 @@
 //! From weighted samples to a [`Posterior`].
 
-use crate::control::estimate;
+use crate::control::{ByProcess, estimate};
+use crate::draws::{Drawn, Draws};
 use crate::estimate::{Below, Estimator};
 use crate::failing::failing;
 use crate::joint::JointProblem;
 use crate::map_search::find_map;
-use crate::marginal::{Marginal, in_si, mean_and_sd, mean_and_variance};
+use crate::marginal::{
+    Marginal, correlation, draws_by_error, draws_by_errors, in_si, mean_and_sd, mean_and_variance,
+    range,
+};
 use crate::noise_summary::{GroupNoise, Part};
 use crate::path::path;
 use crate::pool::{Pool, effective_sample_size};
@@ -14,15 +18,12 @@ use crate::replicated;
 use crate::residuals::residuals_of;
 use crate::sampler::Sampler;
 use crate::stage::{Finishing, Observer};
-use crate::stream::{Purpose, stream};
 use crate::target::CurveTarget;
 use crate::trust::khat_holds;
 use crate::{
-    CalibrateError, Counters, Draw, EffectiveSampleSize, Evidence, GroupSummary, MapPoint, Moments,
-    MovedBy, Parameter, ParameterSummary, Posterior, Residuals, Sample, Settings, StageRecord,
-    StopReason, psis,
+    CalibrateError, Counters, Draw, EffectiveSampleSize, Evidence, GroupSummary, MapPoint, MovedBy,
+    Parameter, ParameterSummary, Posterior, Residuals, Sample, StageRecord, StopReason, psis,
 };
-use rand::RngExt;
 use rayon::prelude::*;
 
 /// A finished run.
@@ -48,7 +49,7 @@ pub(crate) fn summarise(
     let (problem, likelihood, settings) = (target.problem, target.likelihood, sampler.settings);
     let pool = &sampler.pool;
     let (n, d) = (pool.len(), pool.d);
-    let (estimator, log_evidence) =
+    let (estimator, log_evidence, by_process) =
         estimator(problem, &sampler, (&raw, ln_scale), tuned, &mut finishing);
 
     // Columns of the samples: SI, coordinate.
@@ -64,20 +65,28 @@ pub(crate) fn summarise(
     // What is said of the parameters is of the samples where the estimates have them.
     let moved = moved(problem, &estimator);
     let of = Of { own: &own, moved: moved.as_ref() };
-    let parameters = of.parameters(problem, pool, &raw, &estimator, &map);
+    let mut parameters = of.parameters(problem, pool, &raw, &estimator, &map);
     let correlated = correlation(&of.columns()[1], &estimator);
+    let drawn = by_process.and_then(|by| Drawn::new(&by, problem, &estimator, settings));
+    if let Some(drawn) = &drawn {
+        drawn.tell(&mut parameters);
+    }
+    let correlation_si = match &drawn {
+        Some(drawn) => drawn.correlation_si(),
+        None => correlation(&of.columns()[0], &estimator),
+    };
     let khat = parameters.iter().map(|p| p.khat).fold(f64::NEG_INFINITY, f64::max);
 
     finishing.after_integrals(2, "noise and predictions");
-    let chosen = chosen(&estimator, settings);
+    let drawn = Draws::new(pool, &estimator, settings, drawn);
     let noise = likelihood.single().map(|one| {
         let range = 0..problem.observations();
         let part = Part { likelihood: one, group: 0, range, ln_l: &pool.ln_l };
-        part.noise(&sampler, &estimator, &chosen)
+        part.noise(&sampler, &estimator, &drawn)
     });
-    let draws = draws(&chosen, noise.as_ref());
-    let groups = groups(target, &sampler, &estimator, &chosen, &map);
-    let predictive = at_observations(target, &sampler, &estimator, &draws, &groups);
+    let draws = draws(&drawn, noise.as_ref());
+    let groups = groups(target, &sampler, &estimator, &drawn, &map);
+    let predictive = at_observations(target, &sampler, &estimator, (&draws, &drawn), &groups);
     finishing.after_integrals(3, "what each observation taught");
     // The kept curves are most of the memory: used up here, before the samples take theirs.
     let kept = std::mem::take(&mut sampler.pool.kept);
@@ -91,7 +100,7 @@ pub(crate) fn summarise(
         samples: samples(pool, &of, &estimator, (&raw, ln_scale)),
         moved: of.moved.map(|_| moved_by((&parameters, &correlated), &own[1], &estimator)),
         correlation: correlated,
-        correlation_si: correlation(&of.columns()[0], &estimator),
+        correlation_si,
         log_evidence,
         ess: EffectiveSampleSize {
             by_errors: by_errors(&parameters, &estimator, &log_evidence),
@@ -137,54 +146,29 @@ fn by_errors(
     least.is_finite().then_some(least)
 }
 
-/// Draws by which something of this variance by one of them has such an error; none by an error that is not a number.
-fn draws_by_error(variance: f64, se: f64) -> f64 {
-    let draws = variance / (se * se);
-    if draws.is_nan() { 0.0 } else { draws }
-}
-
-/// Independent draws of a normal distribution by which all of these would have standard errors no larger than they have: variances of the
-/// mean, the standard deviation, the median and a p-quantile are s^2, s^2 / 2, pi s^2 / 2 and p (1 - p) / f^2 over their number.
-fn draws_by_errors(of: &Moments) -> f64 {
-    const END: f64 = 1.959_963_984_540_054;
-    let density = (-0.5 * END * END).exp() / std::f64::consts::TAU.sqrt();
-    let end = 0.025 * 0.975 / (density * density);
-    let errors = [
-        (1.0, of.mean_se),
-        (0.5, of.sd_se),
-        (0.5 * std::f64::consts::PI, of.median_se),
-        (end, of.eti95.lower_se),
-        (end, of.eti95.upper_se),
-    ];
-    errors
-        .map(|(factor, se)| draws_by_error(factor * of.sd.powi(2), se))
-        .into_iter()
-        .fold(f64::INFINITY, f64::min)
-}
-
-/// The samples with the weights of the result, and the evidence; tuned weights have none.
-fn estimator(
+/// The samples with the weights of the result, the evidence, and a process to draw from, if there is one; tuned weights have none of both.
+fn estimator<'a>(
     problem: &JointProblem<'_>,
-    sampler: &Sampler<'_>,
+    sampler: &'a Sampler<'_>,
     (raw, ln_scale): (&[f64], f64),
     tuned: bool,
     finishing: &mut Finishing<'_>,
-) -> (Estimator, Evidence) {
+) -> (Estimator, Evidence, Option<ByProcess<'a>>) {
     if tuned {
         let estimator = Estimator::new(&sampler.pool, raw.to_vec(), ln_scale, sampler.replicates);
-        return (estimator, Evidence { agree: true, ..Evidence::default() });
+        return (estimator, Evidence { agree: true, ..Evidence::default() }, None);
     }
     estimate(sampler, raw, ln_scale, &problem.coordinate(), finishing)
 }
 
-/// The chosen samples with the noise that was drawn for each.
-fn draws(chosen: &[usize], noise: Option<&GroupNoise>) -> Vec<Draw> {
+/// Draws as plain data, with the noise that was drawn for each.
+fn draws(of: &Draws<'_>, noise: Option<&GroupNoise>) -> Vec<Draw> {
     let draw = |(k, sample): (usize, &usize)| {
         let noise = noise.and_then(|noise| noise.draws.get(k));
         let (sigma, shape) = (noise.map(|draw| draw.sigma), noise.and_then(|draw| draw.shape));
-        Draw { sample: *sample, sigma, shape }
+        Draw { sample: *sample, theta: of.theta(k), sigma, shape }
     };
-    chosen.iter().enumerate().map(draw).collect()
+    of.samples.iter().enumerate().map(draw).collect()
 }
 
 /// Columns of the samples where they were simulated, SI and coordinate, and of where they were moved to, if they were.
@@ -247,9 +231,7 @@ pub(crate) fn parameter_summary(
     estimator: &Estimator,
 ) -> ParameterSummary {
     let coordinate = p.prior.coordinate();
-    let (lower, upper) = p.prior.support();
-    let range = [lower, upper].map(|end| coordinate.of(end));
-    let marginal = Marginal::new(of.coordinate, estimator).known_by(of.below, range);
+    let marginal = Marginal::new(of.coordinate, estimator).known_by(of.below, range(&p.prior));
     let in_coordinate = marginal.moments();
     let mean = in_coordinate.mean;
     let tail_of = |power: i32| {
@@ -306,7 +288,7 @@ fn groups(
     target: &CurveTarget<'_>,
     sampler: &Sampler<'_>,
     estimator: &Estimator,
-    chosen: &[usize],
+    draws: &Draws<'_>,
     map: &MapPoint,
 ) -> Vec<GroupSummary> {
     if target.likelihood.single().is_some() {
@@ -327,11 +309,11 @@ fn groups(
                 .collect();
             let outputs = &map.outputs[range.clone()];
             let noise = Part { likelihood: part, group: g, range: range.clone(), ln_l: &ln_l }
-                .noise(sampler, estimator, chosen);
+                .noise(sampler, estimator, draws);
             // Thinned curves are those at some of the observations.
             let check = (!target.thinned).then(|| {
-                let curve = |k: usize| &pool.kept[chosen[k] * width..][range.clone()];
-                replicated::check((g, group, part), sampler.settings.seed, chosen.len(), curve)
+                let curve = |k: usize| &draws.outputs(k)[range.clone()];
+                replicated::check((g, group, part), sampler.settings.seed, draws.len(), curve)
             });
             GroupSummary {
                 name: group.name.clone(),
@@ -404,85 +386,4 @@ fn moved_by(
     let off = correlated.iter().flatten().zip(own).map(|(known, own)| (known - own).abs());
     by.correlation = off.fold(0.0, f64::max);
     by
-}
-
-/// Correlation matrix of weighted columns.
-pub(crate) fn correlation(columns: &[Vec<f64>], e: &Estimator) -> Vec<Vec<f64>> {
-    let d = columns.len();
-    let means: Vec<f64> = columns.iter().map(|x| e.mean(|i| x[i])).collect();
-    let mut c = vec![vec![0.0; d]; d];
-    for i in 0..d {
-        for j in 0..=i {
-            let v = e.mean(|k| (columns[i][k] - means[i]) * (columns[j][k] - means[j]));
-            c[i][j] = v;
-            c[j][i] = v;
-        }
-    }
-    let sd: Vec<f64> = (0..d).map(|i| c[i][i].max(0.0).sqrt()).collect();
-    for i in 0..d {
-        for j in 0..d {
-            let s = sd[i] * sd[j];
-            c[i][j] = if i == j {
-                1.0
-            } else if s > 0.0 {
-                (c[i][j] / s).clamp(-1.0, 1.0)
-            } else {
-                0.0
-            };
-        }
-    }
-    c
-}
-
-/// Systematic resampling: the sample of each draw.
-pub(crate) fn chosen(estimator: &Estimator, settings: &Settings) -> Vec<usize> {
-    let count = settings.draws;
-    if count == 0 {
-        return Vec::new();
-    }
-    let step = estimator.total / count as f64;
-    let mut next = step * stream(settings.seed, Purpose::Draws, 0, 0).random::<f64>();
-    let mut chosen = Vec::with_capacity(count);
-    let mut sum = 0.0;
-    for (i, w) in estimator.weights.iter().enumerate() {
-        sum += w;
-        while next < sum && chosen.len() < count {
-            chosen.push(i);
-            next += step;
-        }
-    }
-    while let (true, Some(last)) = (chosen.len() < count, chosen.last().copied()) {
-        chosen.push(last);
-    }
-    chosen
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::Interval;
-
-    #[test]
-    fn errors_of_so_many_normal_draws_are_worth_as_many_draws_and_the_worst_counts() {
-        // Of n draws of N(0, 2^2) the 2.5 % quantile has an error of 2.671 times 2 over the root of n.
-        let of = |n: f64| {
-            let se = |of_one: f64| 2.0 * of_one / n.sqrt();
-            let eti95 =
-                Interval { lower_se: se(2.6713), upper_se: se(2.6713), ..Interval::default() };
-            let (mean_se, sd_se, median_se) = (se(1.0), se(0.5f64.sqrt()), se(1.2533));
-            Moments { sd: 2.0, mean_se, sd_se, median_se, eti95, ..Moments::default() }
-        };
-        assert!((draws_by_errors(&of(250.0)) / 250.0 - 1.0).abs() < 1e-3);
-        let (good, bad) = (of(250.0), of(40.0));
-        for worse in [
-            Moments { mean_se: bad.mean_se, ..good },
-            Moments { sd_se: bad.sd_se, ..good },
-            Moments { median_se: bad.median_se, ..good },
-            Moments { eti95: bad.eti95, ..good },
-        ] {
-            assert!((draws_by_errors(&worse) / 40.0 - 1.0).abs() < 1e-3);
-        }
-        assert_eq!(draws_by_errors(&Moments { median_se: f64::NAN, ..good }), 0.0);
-        assert_eq!(draws_by_errors(&Moments { sd: f64::NAN, ..good }), 0.0);
-    }
 }

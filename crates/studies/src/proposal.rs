@@ -151,15 +151,15 @@ fn corrected(
     dear: &Calibration,
 ) -> Result<(Exact, String), Failure> {
     let step = (earlier.draws.len() / DRAWS).max(1);
-    let samples: Vec<_> =
-        earlier.draws.iter().step_by(step).map(|draw| &earlier.samples[draw.sample]).collect();
+    let thetas: Vec<&[f64]> =
+        earlier.draws.iter().step_by(step).map(|draw| earlier.theta(draw)).collect();
     let ln = |model: &Calibration, theta: &[f64]| {
         let mut curve = vec![0.0; model.observations.len()];
         model.model.simulate(theta, &mut curve).map(|()| model.likelihood.ln_joint(&curve))
     };
     let ratio =
-        |theta: &Vec<f64>| Ok::<f64, smc_calib::SimError>(ln(dear, theta)? - ln(cheap, theta)?);
-    let ratios: Result<Vec<f64>, _> = samples.par_iter().map(|s| ratio(&s.theta)).collect();
+        |theta: &[f64]| Ok::<f64, smc_calib::SimError>(ln(dear, theta)? - ln(cheap, theta)?);
+    let ratios: Result<Vec<f64>, _> = thetas.par_iter().map(|theta| ratio(theta)).collect();
     let ratios: Vec<f64> = ratios.map_err(RunError::new)?.into_iter().map(f64::exp).collect();
     let n = ratios.len() as f64;
     let total: f64 = ratios.iter().sum();

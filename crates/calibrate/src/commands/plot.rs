@@ -55,7 +55,7 @@ pub(crate) fn run(args: &PlotArgs) -> Result<(), Failure> {
     let path = record::locate(&args.file);
     let record = record::read(&args.file)?;
     let folder = folder_of(&path);
-    let samples = report::read_samples(&record, folder)?;
+    let points = report::PointColumns::read(&record, folder)?;
     let out = args.out.as_deref().unwrap_or(folder);
     if args.out.is_some() {
         fs::create_dir_all(out).map_err(|error| {
@@ -66,7 +66,7 @@ pub(crate) fn run(args: &PlotArgs) -> Result<(), Failure> {
     }
     output::check_file(&out.join("corner.png"))?;
     let figures =
-        report::pictures(&record, &samples, arguments::time_scale(args.log_time, args.linear_time));
+        report::pictures(&record, &points, arguments::time_scale(args.log_time, args.linear_time));
     let write = |name: &str, bytes: &[u8]| {
         output::write_file(&out.join(name), bytes)
             .map_err(|error| RunError::new(format_args!("{}: {error}", out.join(name).display())))

@@ -46,14 +46,16 @@ pub use member::{FEW_EFFECTIVE, Member, MemberLikelihood, MemberSamples};
 
 use crate::calibrate::{final_weights, stage_record};
 use crate::control::estimate;
+use crate::draws::chosen;
 use crate::estimate::Estimator;
 use crate::marginal::Marginal;
+use crate::marginal::correlation;
 use crate::pool::effective_sample_size;
 use crate::sampler::Sampler;
 use crate::sobol::evenly;
 use crate::stage::{Finishing, Observer};
 use crate::stream::{Purpose, stream};
-use crate::summary::{Columns, chosen, correlation, of_size, parameter_summary, tail};
+use crate::summary::{Columns, of_size, parameter_summary, tail};
 use crate::{
     CalibrateError, Concern, Coordinate, Draw, MapPoint, Moments, Noise, Parameter, Posterior,
     Residuals, Sample, Settings, SimError, StageRecord, StopReason, Target, Trust, Weighted,
@@ -169,7 +171,7 @@ pub fn calibrate_population(
     if ln_scale == f64::NEG_INFINITY {
         return Err(CalibrateError::ZeroEvidence { simulations: sampler.pool.len() });
     }
-    let (estimator, log_evidence) =
+    let (estimator, log_evidence, _) =
         estimate(&sampler, &raw, ln_scale, &coordinate, &mut Finishing(observer));
     let found = Found { problem, sampler: &sampler, estimator: &estimator, raw: &raw };
     let drawn = chosen(&estimator, settings);
@@ -344,7 +346,7 @@ impl Found<'_> {
             noise: Noise::default(),
             settings: self.sampler.settings.clone(),
             samples: (0..self.len()).map(sample).collect(),
-            draws: drawn.iter().map(|i| Draw { sample: *i, sigma: None, shape: None }).collect(),
+            draws: drawn.iter().map(|i| Draw::of_sample(*i)).collect(),
             correlation: correlation(&coordinate, estimator),
             correlation_si: correlation(&theta, estimator),
             log_evidence,

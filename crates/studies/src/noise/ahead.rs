@@ -113,8 +113,8 @@ fn mixtures(
     let mut mixtures: Vec<Mixture> = later.iter().map(|_| Mixture(Vec::new())).collect();
     let (mut curve, mut next) = (vec![0.0; first.observations.len()], vec![0.0; later.len()]);
     for k in 0..DRAWS {
-        let draw = posterior.draws[k * posterior.draws.len() / DRAWS];
-        let theta = &posterior.samples[draw.sample].theta;
+        let draw = &posterior.draws[k * posterior.draws.len() / DRAWS];
+        let theta = posterior.theta(draw);
         first.model.simulate(theta, &mut curve).map_err(RunError::new)?;
         ahead.simulate(theta, &mut next).map_err(RunError::new)?;
         let Some(noise) = draw.noise() else { continue };

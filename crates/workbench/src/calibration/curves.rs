@@ -84,32 +84,32 @@ struct Bands {
 }
 
 fn bands(of: &OfPair<'_>, on_grid: &NeckGrowth) -> Result<Bands, Failure> {
-    let posterior = of.posterior;
     let points = on_grid.times_s().len();
     let draws = representative_draws(of);
-    // One run per distinct sample, however many draws it stands for.
-    let mut distinct: Vec<usize> = draws.iter().map(|&(sample, _)| sample).collect();
-    distinct.sort_unstable();
-    distinct.dedup();
-    let thetas: Vec<f64> = distinct
-        .iter()
-        .flat_map(|&sample| posterior.samples[sample].estimated())
-        .copied()
-        .collect();
+    // One run for all draws of the same parameters; those of a sample follow one another.
+    let mut distinct: Vec<&[f64]> = Vec::new();
+    let mut runs = Vec::with_capacity(draws.len());
+    for &(theta, _) in &draws {
+        if distinct.last() != Some(&theta) {
+            distinct.push(theta);
+        }
+        runs.push(distinct.len() - 1);
+    }
+    let thetas = distinct.concat();
     let mut outputs = vec![0.0; distinct.len() * points];
     let results = on_grid.simulate_batch(0, &thetas, &mut outputs);
     let errors = Errors::new(of)?;
     let kept: Vec<Drawn<'_>> = draws
         .par_iter()
         .enumerate()
-        .filter_map(|(k, &(sample, noise))| {
-            let run = distinct.binary_search(&sample).ok()?;
+        .filter_map(|(k, &(theta, noise))| {
+            let run = runs[k];
             let curve = results[run].is_ok().then(|| &outputs[run * points..][..points])?;
             // Noise by golden-ratio sequences: stratified, and the same for every time, so that the band is smooth.
             let u = |step: f64| ((k as f64 + 0.5) * step).fract();
             let widening = noise.map_or(1.0, |noise| noise.widening(u(0.754_877_666_246_692_8)));
             let score = smc_calib::normal::quantile(u(0.618_033_988_749_894_9)) * widening;
-            let errors = errors.at(of, sample, noise, on_grid.times_s());
+            let errors = errors.at(of, theta, noise, on_grid.times_s());
             Some(Drawn { curve, noise, score, errors })
         })
         .collect();
@@ -181,26 +181,28 @@ impl Errors {
     fn at(
         &self,
         of: &OfPair<'_>,
-        sample: usize,
+        theta: &[f64],
         noise: Option<NoiseDraw>,
         times: &[f64],
     ) -> Vec<[f64; 2]> {
         let (Some(likelihood), Some(noise)) = (&self.0, noise) else { return Vec::new() };
         let mut curve = vec![0.0; of.measured.values.len()];
-        match of.model.simulate(of.posterior.samples[sample].estimated(), &mut curve) {
+        match of.model.simulate(theta, &mut curve) {
             Ok(()) => likelihood.errors_at(&noise, &curve, times),
             Err(_) => Vec::new(),
         }
     }
 }
 
-/// Evenly chosen draws, at most [`GRID_DRAWS`]: their samples, and the noise of this pair's observable.
-fn representative_draws(of: &OfPair<'_>) -> Vec<(usize, Option<NoiseDraw>)> {
-    let all = &of.posterior.draws;
+/// Evenly chosen draws, at most [`GRID_DRAWS`]: their parameters, and the noise of this pair's observable.
+fn representative_draws<'a>(of: &OfPair<'a>) -> Vec<(&'a [f64], Option<NoiseDraw>)> {
+    let posterior = of.posterior;
+    let all = &posterior.draws;
     let noise = |draw: usize| match of.posterior.groups.get(of.group) {
         Some(group) => group.noise_draw(draw),
         None => all[draw].noise(),
     };
     let kept = all.len().min(GRID_DRAWS);
-    (0..kept).map(|k| k * all.len() / kept).map(|draw| (all[draw].sample, noise(draw))).collect()
+    let chosen = (0..kept).map(|k| k * all.len() / kept);
+    chosen.map(|draw| (posterior.theta(&all[draw]), noise(draw))).collect()
 }

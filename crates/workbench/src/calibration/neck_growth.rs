@@ -8,7 +8,7 @@ use super::of_pair::{OfPair, simulation_failure};
 use crate::careful::Careful;
 use crate::error::Failure;
 use crate::input::material::Material;
-use crate::pair::derived::{of_samples, weighted};
+use crate::pair::derived::{of_points, weighted};
 use crate::pair::frenkel_fit;
 use crate::pair::parameter::ParameterName;
 use crate::pair::product;
@@ -150,9 +150,9 @@ impl OfPair<'_> {
             (knee.has_zipping && knee.has_stretching).then_some(Knee { time_s, ..knee })
         };
         let Some(at_map) = at(&self.posterior.map.theta) else { return Ok(None) };
-        let total: f64 = self.posterior.samples.iter().map(|sample| sample.weight).sum();
+        let total: f64 = self.posterior.points().map(|point| point.weight).sum();
         let knees: Vec<(Knee, f64)> =
-            of_samples(self.posterior, at).map(|(knee, sample)| (knee, sample.weight)).collect();
+            of_points(self.posterior, at).map(|(knee, point)| (knee, point.weight)).collect();
         let with_knee: f64 = knees.iter().map(|(_, weight)| weight).sum();
         let scene = self.pair.scene()?;
         // The paper's pair in the clock of this table.

@@ -50,6 +50,7 @@ pub(super) fn record(
         plan: plan.clone(),
         is_posterior: posterior.is_posterior,
         parameters: posterior.parameters.clone(),
+        drawn_by_process: posterior.is_drawn(),
         correlation: posterior.correlation.clone(),
         correlation_si: posterior.correlation_si.clone(),
         log_evidence: posterior.log_evidence,

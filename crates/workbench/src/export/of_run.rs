@@ -146,12 +146,26 @@ struct OfRun<'a> {
 
 /// Places of the exported draws among those of the run.
 fn chosen(record: &Record, draws: usize) -> Vec<usize> {
-    let effective = record.trust.effective_samples.floor() as usize;
+    let by_errors = record.ess.by_errors.filter(|_| record.drawn_by_process).unwrap_or(0.0);
+    let effective = record.trust.effective_samples.max(by_errors).floor() as usize;
     let fit = MOST_NUMBERS / record.plan.observations().max(1);
     let count = draws.min(effective).min(fit).max(1).min(draws);
     let mut chosen: Vec<usize> = (0..count).map(|k| k * draws / count).collect();
     chosen.shuffle(&mut stream(record.plan.sampler.seed, Stream::Order, 0));
     chosen
+}
+
+/// Simulated values of draws, each at its parameters; none where those of one are not known. Draws of a sample are simulated once.
+fn simulated(curves: &Curves<'_>, samples: &[usize], placed: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
+    let bits = |theta: &[f64]| theta.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+    let keys: Vec<(usize, Vec<u64>)> =
+        samples.iter().zip(placed).map(|(sample, theta)| (*sample, bits(theta))).collect();
+    let distinct: BTreeMap<_, &[f64]> = keys.iter().zip(placed).map(|(k, t)| (k, &t[..])).collect();
+    let found: Option<HashMap<_, Vec<f64>>> = distinct
+        .into_par_iter()
+        .map(|(key, theta)| Some((key, curves.of(key.0, theta)?)))
+        .collect();
+    found.map(|found| keys.iter().map(|key| found[key].clone()).collect())
 }
 
 impl<'a> OfRun<'a> {
@@ -167,18 +181,15 @@ impl<'a> OfRun<'a> {
         let samples: Vec<usize> = chosen.iter().map(|k| draws.samples[*k]).collect();
         // Reading draws refuses numbers of samples that `posterior.json` has not, and reading samples another number of them.
         let place = |sample: &usize| of_all.parameters.iter().map(|of| of[*sample]).collect();
-        let placed: Vec<Vec<f64>> = samples.iter().map(place).collect();
-        let simulated: BTreeMap<usize, &[f64]> =
-            samples.iter().zip(&placed).map(|(sample, theta)| (*sample, &theta[..])).collect();
-        let simulated: Option<HashMap<usize, Vec<f64>>> = simulated
-            .into_par_iter()
-            .map(|(sample, theta)| Some((sample, curves.of(sample, theta)?)))
-            .collect();
+        let placed: Vec<Vec<f64>> = match record.drawn_by_process {
+            true => thetas.clone(),
+            false => samples.iter().map(place).collect(),
+        };
         Ok(Self {
             record,
             observed: observed(record, draws, &chosen)?,
             of: draws.samples.len(),
-            curves: simulated.map(|of| samples.iter().map(|sample| of[sample].clone()).collect()),
+            curves: simulated(curves, &samples, &placed),
             weights: samples.iter().map(|sample| of_all.weights[*sample]).collect(),
             placed,
             thetas,
@@ -193,15 +204,22 @@ impl<'a> OfRun<'a> {
             Some(curves) => {
                 groups.extend([self.log_likelihood(curves), self.predictive(curves)]);
             }
-            None => notes.push(
-                "log_likelihood, posterior_predictive and lp are missing: the simulated values of some draws are not \
-                 stored (the folder campaign/ beside posterior.json has them)"
-                    .to_owned(),
-            ),
+            None => notes.push(self.not_simulated().to_owned()),
         }
         groups.extend([self.observed_data(), self.sample_stats()]);
         groups.extend(self.constant_data());
         Ok(Groups { attributes: self.attributes(&notes), groups, notes })
+    }
+
+    /// Why there are no simulated values of the draws.
+    fn not_simulated(&self) -> &'static str {
+        if self.record.drawn_by_process {
+            "log_likelihood, posterior_predictive and lp are missing: the draws are of the Gaussian process through the \
+             simulations, and the program was run at none of them"
+        } else {
+            "log_likelihood, posterior_predictive and lp are missing: the simulated values of some draws are not \
+             stored (the folder campaign/ beside posterior.json has them)"
+        }
     }
 
     /// Names of the noise of every observable: sigma, correlation length, white share, none of which a parameter has.
@@ -360,7 +378,11 @@ impl<'a> OfRun<'a> {
             variables.push(Variable::of_draws("lp".to_owned(), Values::Real(lp.collect()), about));
         }
         let samples = self.samples.iter().map(|sample| *sample as i64).collect();
-        let description = "row of samples.csv that the draw is of, from 0; draws of one row are the same simulation, of which lp is";
+        let description = if self.record.drawn_by_process {
+            "row of samples.csv that is nearest to the draw, from 0"
+        } else {
+            "row of samples.csv that the draw is of, from 0; draws of one row are the same simulation, of which lp is"
+        };
         let about = attributes([("description", description.into())]);
         variables.push(Variable::of_draws("sample".to_owned(), Values::Whole(samples), about));
         let about = attributes([("description", "weight of that sample among all".into())]);

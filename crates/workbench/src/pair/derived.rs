@@ -1,7 +1,7 @@
 //! Quantities that follow from the parameters, under the posterior, with Monte Carlo errors.
 
 use serde::Serialize;
-use smc_calib::{Posterior, Sample, Weighted};
+use smc_calib::{Point, Posterior, Weighted};
 
 /// Median and 95 % interval of a quantity, and how far the next seed may be from them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -13,43 +13,40 @@ pub struct Estimate {
     pub median: f64,
     /// Equal-tailed 95 % interval.
     pub eti95: [f64; 2],
-    /// Monte Carlo standard errors of the lower end, the median and the upper end. Below 2048 samples, where a Gaussian process
-    /// can take most of the noise out of the weights, they are up to four times too large.
+    /// Monte Carlo standard errors of the lower end, the median and the upper end. Where a Gaussian process drew the points, those of as
+    /// many independent draws as its errors of the parameters are worth.
     pub se: [f64; 3],
 }
 
-/// What follows from the parameters of each sample that has weight, as the summaries have them, with the sample; without those of which
-/// it does not exist.
-pub(crate) fn of_samples<T>(
+/// What follows from the parameters of each point of the posterior, with the point; without those of which it does not exist.
+pub(crate) fn of_points<T>(
     posterior: &Posterior,
     of: impl Fn(&[f64]) -> Option<T>,
-) -> impl Iterator<Item = (T, &Sample)> {
-    let samples = posterior.samples.iter().filter(|sample| sample.weight > 0.0);
-    samples.filter_map(move |sample| Some((of(sample.estimated())?, sample)))
+) -> impl Iterator<Item = (T, Point<'_>)> {
+    posterior.points().filter_map(move |point| Some((of(point.theta)?, point)))
 }
 
-/// A quantity of each sample that has it, with its weight.
+/// A quantity of each point that has it, with its weight.
 pub(crate) fn weighted(posterior: &Posterior, value: impl Fn(&[f64]) -> Option<f64>) -> Weighted {
-    Weighted::new(of_samples(posterior, value).map(|(value, sample)| (value, sample.weight)))
+    Weighted::new(of_points(posterior, value).map(|(value, point)| (value, point.weight)))
 }
 
-/// The quantity `value` under a posterior, with its weighted samples; none where no sample has it.
+/// The quantity `value` under a posterior, with its weighted points; none where no point has it.
 pub(crate) fn estimate(
     posterior: &Posterior,
     value: impl Fn(&[f64]) -> Option<f64>,
 ) -> Option<(Estimate, Weighted)> {
     let finite = |theta: &[f64]| value(theta).filter(|value| value.is_finite());
-    let values: Vec<(f64, f64, usize)> = of_samples(posterior, finite)
-        .map(|(value, sample)| (value, sample.weight, sample.replicate))
-        .collect();
+    let values: Vec<(f64, Point<'_>)> = of_points(posterior, finite).collect();
     if values.is_empty() {
         return None;
     }
-    let marginal = Weighted::new(values.iter().map(|(value, weight, _)| (*value, *weight)));
-    let all: f64 = posterior.samples.iter().map(|sample| sample.weight).sum();
+    let marginal = Weighted::new(values.iter().map(|(value, point)| (*value, point.weight)));
+    let all: f64 = posterior.points().map(|point| point.weight).sum();
+    let worth = posterior.ess.by_errors.unwrap_or(posterior.ess.importance);
     let [lower, median, upper] = [0.025, 0.5, 0.975].map(|p| {
         let quantile = marginal.quantile(p);
-        (quantile, quantile_error(&values, &marginal, p, quantile))
+        (quantile, quantile_error((&values, worth), &marginal, p, quantile))
     });
     let estimate = Estimate {
         probability: (marginal.total() / all).min(1.0),
@@ -60,22 +57,31 @@ pub(crate) fn estimate(
     Some((estimate, marginal))
 }
 
-/// Standard error of a quantile: that of the share below it, from the spread over the independent sub-nets,
-/// carried over by the marginal itself.
-fn quantile_error(values: &[(f64, f64, usize)], marginal: &Weighted, p: f64, quantile: f64) -> f64 {
-    let replicates = values.iter().map(|value| value.2).max().map_or(0, |largest| largest + 1);
-    if replicates < 2 {
-        return f64::MAX;
-    }
-    let mut parts = vec![0.0; replicates];
-    for &(value, weight, replicate) in values {
-        let below = if value < quantile { 1.0 } else { 0.0 };
-        parts[replicate] += weight * (below - p) / marginal.total();
-    }
-    let r = replicates as f64;
-    let mean = parts.iter().sum::<f64>() / r;
-    let variance = r / (r - 1.0) * parts.iter().map(|part| (part - mean).powi(2)).sum::<f64>();
-    let shift = variance.sqrt();
+/// Standard error of a quantile: that of the share below it, carried over by the marginal itself. The share's is the spread over the
+/// independent sub-nets; of draws of a process, that of so many independent draws as these are worth.
+fn quantile_error(
+    (values, worth): (&[(f64, Point<'_>)], f64),
+    marginal: &Weighted,
+    p: f64,
+    quantile: f64,
+) -> f64 {
+    let replicates = values.iter().filter_map(|(_, point)| point.replicate);
+    let shift = match replicates.max() {
+        None => (p * (1.0 - p) / worth).sqrt(),
+        Some(0) => return f64::MAX,
+        Some(last) => {
+            let mut parts = vec![0.0; last + 1];
+            for (value, point) in values {
+                let below = if *value < quantile { 1.0 } else { 0.0 };
+                let replicate = point.replicate.unwrap_or_default();
+                parts[replicate] += point.weight * (below - p) / marginal.total();
+            }
+            let r = parts.len() as f64;
+            let mean = parts.iter().sum::<f64>() / r;
+            let squares = parts.iter().map(|part| (part - mean).powi(2)).sum::<f64>();
+            (r / (r - 1.0) * squares).sqrt()
+        }
+    };
     let [below, above] = [p - shift, p + shift].map(|p| marginal.quantile(p.clamp(0.0, 1.0)));
     0.5 * (above - below)
 }

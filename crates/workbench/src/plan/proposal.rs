@@ -11,7 +11,7 @@ use crate::careful::Careful;
 use crate::error::{InputError, Mistake};
 use crate::output::checksums;
 use crate::record::{self, Record};
-use crate::report::read_samples;
+use crate::report::PointColumns;
 
 /// Largest share of the earlier posterior outside the new priors that is not warned of.
 const OUTSIDE: f64 = 0.5;
@@ -75,7 +75,7 @@ fn read(plan: &Plan, named: &Named<'_>) -> Result<(EarlierPosterior, Vec<String>
     let record = record::read(path).map_err(named_here)?;
     let file = record::locate(path);
     let folder = file.parent().unwrap_or(Path::new("."));
-    let samples = read_samples(&record, folder).map_err(named_here)?;
+    let points = PointColumns::read(&record, folder).map_err(named_here)?;
     let theirs = |own: &Parameter| {
         let same =
             |(_, other): &(usize, &Parameter)| other.name == own.name && other.unit == own.unit;
@@ -83,7 +83,7 @@ fn read(plan: &Plan, named: &Named<'_>) -> Result<(EarlierPosterior, Vec<String>
     };
     let places: Vec<Option<usize>> = plan.parameters.iter().map(theirs).collect();
     let columns: Vec<Option<&[f64]>> =
-        places.iter().map(|at| at.map(|at| samples.parameters[at].as_slice())).collect();
+        places.iter().map(|at| at.map(|at| points.parameters[at].as_slice())).collect();
     let chosen = |there: bool| {
         let own = plan.parameters.iter().zip(&places).filter(move |(_, at)| at.is_some() == there);
         own.map(|(own, _)| own.name.clone()).collect::<Vec<_>>()
@@ -97,7 +97,7 @@ fn read(plan: &Plan, named: &Named<'_>) -> Result<(EarlierPosterior, Vec<String>
     });
     let left_out: Vec<String> = left_out.collect();
     let settings = &plan.sampler;
-    let fitted = FirstProposal::fitted(&plan.parameters, &columns, &samples.weights, settings);
+    let fitted = FirstProposal::fitted(&plan.parameters, &columns, &points.weights, settings);
     let first = fitted.map_err(|error| {
         let names = plan.parameter_names().join(", ");
         let refused = place(Mistake::Conflict);
@@ -113,8 +113,8 @@ fn read(plan: &Plan, named: &Named<'_>) -> Result<(EarlierPosterior, Vec<String>
         }
     })?;
     let mut said = Vec::new();
-    // It is fitted to weighted samples: of few ones it is doubtful, however well a process knows means and intervals.
-    let few = record.trust.effective_samples < FEWEST_EFFECTIVE_SAMPLES;
+    // What is fitted to a few weighted samples is doubtful, however well a process knows means and intervals.
+    let few = !record.drawn_by_process && record.trust.effective_samples < FEWEST_EFFECTIVE_SAMPLES;
     if few || record.trust.verdict == Verdict::Untrusted || !record.is_posterior {
         said.push(Careful::UntrustedProposal { from: from.to_owned() }.to_string());
     }

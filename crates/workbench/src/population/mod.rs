@@ -250,6 +250,7 @@ impl PopulationJob {
             next: pair.transpose()?,
         };
         Ok(Record {
+            drawn_by_process: false,
             schema_version: SCHEMA_VERSION,
             plan,
             is_posterior: true,

@@ -45,6 +45,10 @@ pub struct Record {
     pub is_posterior: bool,
     /// One summary per parameter: in the prior's coordinate (log10 or linear) and in SI.
     pub parameters: Vec<ParameterSummary>,
+    /// Whether `draws.csv`, and what follows from parameters, are of draws of the Gaussian process through the samples, which know more
+    /// than few weights do.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub drawn_by_process: bool,
     /// Correlation in the priors' coordinates, row by row.
     pub correlation: Vec<Vec<f64>>,
     /// Correlation in SI, row by row.

@@ -6,6 +6,7 @@ mod noise;
 mod notation;
 mod of_calibration;
 mod pictures;
+mod points;
 mod population;
 mod samples;
 pub(crate) mod simulated;
@@ -36,6 +37,7 @@ pub(crate) use noise::length_unit;
 pub use notation::TimeScale;
 pub(crate) use notation::symbol;
 pub use pictures::{fit, pictures};
+pub use points::PointColumns;
 pub use population::csv as population_csv;
 pub(crate) use samples::DRAWS;
 pub use samples::{
@@ -67,9 +69,9 @@ pub fn again(path: &Path) -> Result<String, Failure> {
     let record = record::read(path)?;
     let file = record::locate(path);
     let folder = folder_of(&file);
-    let samples = read_samples(&record, folder)?;
+    let points = PointColumns::read(&record, folder)?;
     let unwritten = |_: &str, _: &[u8]| Ok(());
-    let figures = pictures(&record, &samples, TimeScale::ByData);
+    let figures = pictures(&record, &points, TimeScale::ByData);
     let drawn = draw_all(&figures, Width::Column, &unwritten)?;
     let inputs = Inputs::read(folder)?;
     let sums = folder.join(checksums::FILE_NAME);
@@ -85,7 +87,7 @@ pub(crate) fn write_all(
     write: &WriteFile<'_>,
     watch: &dyn Watch,
 ) -> Result<(), RunError> {
-    let figures = pictures(record, &SampleColumns::of(posterior), TimeScale::ByData);
+    let figures = pictures(record, &PointColumns::of(posterior), TimeScale::ByData);
     watch.begin(figures.len() as u64 + 1, 0, "tables and figures");
     let tables = || {
         let written = write_tables(record, posterior, write);

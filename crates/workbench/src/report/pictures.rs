@@ -9,8 +9,8 @@ use smc_calib::{BandPoint, Coordinate, Moments, Parameter, PathParameter};
 
 use super::drawing::{NamedFigures, band};
 use super::notation::{TimeScale, symbol};
+use super::points::PointColumns;
 use super::population;
-use super::samples::SampleColumns;
 use super::summary::{neck_growth, paper_place};
 use crate::plan::ObservablePlan;
 use crate::record::{NeckGrowthRecord, ObservableRecord, Record};
@@ -25,17 +25,17 @@ const PRIOR_POINTS: usize = 161;
 
 /// The figures by name of file: `corner`, `recursion`, `convergence`, `failures` where simulations failed, `fit-together` of several pairs, and for every
 /// observable with two points or more `fit` and `residuals`, with its label behind where there are several.
-pub fn pictures(record: &Record, samples: &SampleColumns, scale: TimeScale) -> NamedFigures {
+pub fn pictures(record: &Record, points: &PointColumns, scale: TimeScale) -> NamedFigures {
     if let Some(population) = &record.population {
         let mut figures: NamedFigures = vec![
-            ("corner".to_owned(), Box::new(corner(record, samples))),
+            ("corner".to_owned(), Box::new(corner(record, points))),
             ("convergence".to_owned(), Box::new(convergence(record))),
         ];
-        figures.extend(population::figures(record, population, samples, scale));
+        figures.extend(population::figures(record, population, points, scale));
         return figures;
     }
     let mut figures: NamedFigures = vec![
-        ("corner".to_owned(), Box::new(corner(record, samples))),
+        ("corner".to_owned(), Box::new(corner(record, points))),
         ("recursion".to_owned(), Box::new(recursion(record, scale))),
         ("convergence".to_owned(), Box::new(convergence(record))),
     ];
@@ -231,12 +231,10 @@ fn axes(plan: &ObservablePlan, scale: TimeScale) -> Axes {
 }
 
 /// Marginals and pairs of the parameters, of what the summaries are of.
-fn corner(record: &Record, samples: &SampleColumns) -> CornerFigure {
+fn corner(record: &Record, points: &PointColumns) -> CornerFigure {
     let parameters = shown(record, MOST_IN_CORNER)
         .into_iter()
-        .filter_map(|place| {
-            Some((place, &record.parameters[place], samples.estimated().get(place)?))
-        })
+        .filter_map(|place| Some((place, &record.parameters[place], points.parameters.get(place)?)))
         .map(|(place, summary, column)| {
             let coordinate = summary.coordinate;
             let (symbol, unit) = symbol(&summary.parameter.name, &summary.parameter.unit);
@@ -247,14 +245,14 @@ fn corner(record: &Record, samples: &SampleColumns) -> CornerFigure {
                 symbol,
                 unit,
                 log10: coordinate == Coordinate::Log10,
-                prior: prior_density(&summary.parameter, &draws, &samples.weights),
+                prior: prior_density(&summary.parameter, &draws, &points.weights),
                 draws,
                 paper: paper(record, &summary.parameter.name).map(|value| coordinate.of(value)),
                 map: Some(coordinate.of(record.map.theta[place])),
             }
         })
         .collect();
-    CornerFigure { title: record.plan.title.clone(), parameters, weights: samples.weights.clone() }
+    CornerFigure { title: record.plan.title.clone(), parameters, weights: points.weights.clone() }
 }
 
 /// The paper's value \[SI\] of a parameter, where it has one.
@@ -385,9 +383,9 @@ mod tests {
                 PairOptions { material: Some(material), samples: 8192, ..PairOptions::default() };
             let planned = options.plan().expect("a plan");
             let found = Calibration::run(&planned, &Unwatched::default()).expect("a run");
-            let samples = SampleColumns::of(&found.posterior);
+            let points = PointColumns::of(&found.posterior);
             for scale in [TimeScale::ByData, TimeScale::Linear, TimeScale::Log] {
-                for (name, figure) in pictures(&found.record, &samples, scale) {
+                for (name, figure) in pictures(&found.record, &points, scale) {
                     for width in [Width::Column, Width::Full] {
                         let broken = broken_rules(figure.as_ref(), width).expect("drawn");
                         assert!(broken.is_empty(), "{material:?}, {name}, {scale:?}: {broken:?}");

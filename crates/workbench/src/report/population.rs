@@ -7,7 +7,7 @@ use smc_calib::{Coordinate, Moments, ParameterSummary, Weighted};
 
 use super::drawing::{NamedFigures, band};
 use super::notation::{TimeScale, symbol};
-use super::samples::SampleColumns;
+use super::points::PointColumns;
 use crate::input::data_table::quoted;
 use crate::number::significant;
 use crate::record::{Marginal, MemberRecord, NextPair, PopulationRecord, Record};
@@ -151,12 +151,12 @@ pub fn csv(record: &Record) -> String {
 pub(super) fn figures(
     record: &Record,
     population: &PopulationRecord,
-    samples: &SampleColumns,
+    points: &PointColumns,
     scale: TimeScale,
 ) -> NamedFigures {
     let next = |j: usize, summary: &ParameterSummary| {
-        let column = samples.parameters[j].iter().map(|theta| summary.coordinate.of(*theta));
-        Marginal::of(&Weighted::new(column.zip(samples.weights.iter().copied()))).quantiles
+        let column = points.parameters[j].iter().map(|theta| summary.coordinate.of(*theta));
+        Marginal::of(&Weighted::new(column.zip(points.weights.iter().copied()))).quantiles
     };
     let shown = &population.members[..population.members.len().min(MOST_DRAWN)];
     let names = |next: &str| {

@@ -202,12 +202,13 @@ pub(super) fn draws_csv(record: &Record, posterior: &Posterior) -> String {
     let _ = writeln!(text, ",{SAMPLE}");
     text.reserve(posterior.draws.len() * 150);
     for (place, draw) in posterior.draws.iter().enumerate() {
-        let sample = &posterior.samples[draw.sample];
+        let (theta, sample) = (posterior.theta(draw), &posterior.samples[draw.sample]);
         let priors = posterior.parameters.iter().map(|one| &one.parameter.prior);
         let score = |(theta, prior): (&f64, &Prior)| prior.to_z(*theta).clamp(-FARTHEST, FARTHEST);
-        let moved: Vec<f64> = sample.moved.iter().zip(priors).map(score).collect();
-        let scores = if moved.is_empty() { &sample.z } else { &moved };
-        numbers(&mut text, sample.estimated().iter().chain(scores));
+        let elsewhere = theta != sample.theta;
+        let own: Vec<f64> = theta.iter().zip(priors).filter(|_| elsewhere).map(score).collect();
+        let scores = if elsewhere { &own } else { &sample.z };
+        numbers(&mut text, theta.iter().chain(scores));
         if single {
             let sigma = draw.sigma.map_or_else(String::new, |sigma| sigma.to_string());
             let _ = write!(text, ",{sigma}");

@@ -1,0 +1,66 @@
+//! The posterior that a process through all samples predicts: points drawn from it.
+
+use super::errors::{Over, drawn_from};
+use crate::mixture::Proposal;
+use crate::sampler::Sampler;
+use crate::small_budget::StandIn;
+use crate::sobol::scrambled_net;
+use crate::stream::{Purpose, stream};
+use rand::RngExt as _;
+use rayon::prelude::*;
+
+/// Points of the proposal for each that is drawn, and the least and the most.
+const EACH: usize = 4;
+const POINTS: [usize; 2] = [4096, 65_536];
+
+/// A process that estimates are taken with, and the mixture that points are drawn from.
+pub(crate) struct ByProcess<'a> {
+    process: StandIn<'a>,
+    proposal: Proposal,
+    ln_scale: f64,
+    cap: f64,
+}
+
+impl<'a> ByProcess<'a> {
+    /// With the covariance of a process through some of the samples. None where it does not predict outputs: what belongs to a draw could
+    /// not be told.
+    pub(super) fn new(
+        of: &StandIn<'a>,
+        sampler: &'a Sampler<'_>,
+        weights: &[f64],
+        over: Over<'_>,
+    ) -> Option<Self> {
+        let pool = &sampler.pool;
+        let process = of.like(pool, weights, 0..pool.len(), &of.process.covariance)?;
+        let Over { proposal, ln_scale, cap } = over;
+        process.predicts_outputs().then(|| Self {
+            process,
+            proposal: proposal.clone(),
+            ln_scale,
+            cap,
+        })
+    }
+
+    /// So many points, row by row; none where it has no likelihood.
+    pub(crate) fn points(&self, count: usize, seed: u64) -> Option<Vec<f64>> {
+        let Self { process, proposal, ln_scale, cap } = self;
+        let over = Over { proposal, ln_scale: *ln_scale, cap: *cap };
+        let mut rng = stream(seed, Purpose::Draws, 1, 0);
+        let points = (EACH * count).clamp(POINTS[0], POINTS[1]);
+        let net = scrambled_net(proposal.uniforms(), points, &mut rng);
+        let (mut drawn, _) = drawn_from(process, over, &net, count, || rng.random())?;
+        // The last one may be lost to rounding.
+        let d = proposal.dimension;
+        while drawn.len() < count * d {
+            drawn.extend_from_within(drawn.len() - d..);
+        }
+        drawn.truncate(count * d);
+        Some(drawn)
+    }
+
+    /// Predicted outputs at points, row by row.
+    pub(crate) fn outputs(&self, z: &[f64]) -> Vec<f64> {
+        let rows = z.par_chunks(self.proposal.dimension).with_min_len(16);
+        rows.flat_map_iter(|z| self.process.predicted(z)).collect()
+    }
+}
