@@ -33,6 +33,7 @@ mod path;
 mod pool;
 pub mod population;
 mod posterior;
+mod predicted;
 mod predictive;
 mod prior;
 mod problem;
@@ -75,6 +76,7 @@ pub use posterior::{
     MapPoint, Moments, ParameterSummary, PathParameter, PathPoint, Posterior, PredictiveCheck,
     Residuals, Sample, StopReason,
 };
+pub use predicted::{Simulations, predicted_outputs};
 pub use predictive::{predictive_band, predictive_band_of_group};
 pub use prior::{Coordinate, Prior, PriorError, PriorSpec};
 pub use problem::{Parameter, Problem};

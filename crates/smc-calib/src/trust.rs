@@ -99,12 +99,14 @@ impl Trust {
     pub fn line(&self, evidence: &Evidence) -> String {
         let wished = self.effective_samples_wished;
         let few = |concern: &Concern| match concern {
-            Concern::FewEffectiveSamples { by_errors, .. } => *by_errors,
+            Concern::FewEffectiveSamples { by_errors, drawn, .. } => by_errors.map(|draws| {
+                (draws, if *drawn { ", intervals and draws" } else { " and intervals" })
+            }),
             _ => None,
         };
         let worth = match self.concerns.iter().find_map(few) {
-            Some(draws) => format!(
-                "means and intervals are known as by {draws:.0} independent draws of the posterior, the weighted samples are worth {:.0}",
+            Some((draws, and)) => format!(
+                "means{and} are known as by {draws:.0} independent draws of the posterior, the weighted samples are worth {:.0}",
                 self.effective_samples
             ),
             None => {
@@ -247,7 +249,8 @@ impl Posterior {
         if ess < wished {
             let enough = |draws: &f64| *draws >= FEWEST_EFFECTIVE_SAMPLES.max(ess);
             let by_errors = self.known_by_errors(wished).filter(enough);
-            list.push(Concern::FewEffectiveSamples { ess, wished, by_errors });
+            let drawn = self.is_drawn();
+            list.push(Concern::FewEffectiveSamples { ess, wished, by_errors, drawn });
         }
         if self.is_posterior {
             list.extend(self.about_weights());

@@ -171,10 +171,10 @@ fn corrected(
         settled: exact.settled,
     };
     for (j, parameter) in cheap.parameters.iter().enumerate() {
-        let x = |k: usize| parameter.prior.to_coordinate(samples[k].theta[j]);
+        let x = |k: usize| parameter.prior.to_coordinate(thetas[k][j]);
         let moments = |weight: &dyn Fn(usize) -> f64| {
-            let mean: f64 = (0..samples.len()).map(|k| weight(k) * x(k)).sum();
-            let square: f64 = (0..samples.len()).map(|k| weight(k) * (x(k) - mean).powi(2)).sum();
+            let mean: f64 = (0..thetas.len()).map(|k| weight(k) * x(k)).sum();
+            let square: f64 = (0..thetas.len()).map(|k| weight(k) * (x(k) - mean).powi(2)).sum();
             (mean, square.sqrt())
         };
         let (before, after) = (moments(&|_| 1.0 / n), moments(&|k| ratios[k] / total));

@@ -438,7 +438,12 @@ mod tests {
             line,
             "5 draws are few for a 90 % interval: its ends are the extreme draws; take --draws 20 or more (see careful.md, \"few-draws\")"
         );
-        let few = Concern::FewEffectiveSamples { ess: 31.2, wished: 400.0, by_errors: None };
+        let few = Concern::FewEffectiveSamples {
+            ess: 31.2,
+            wished: 400.0,
+            by_errors: None,
+            drawn: false,
+        };
         let of_pair = Simulations {
             number: 16_384,
             of_programs: false,

@@ -28,6 +28,9 @@ pub enum Concern {
         /// Independent draws by which means and intervals are known, where they are enough.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         by_errors: Option<f64>,
+        /// Whether draws are of a process that knows means and intervals, not of the samples.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        drawn: bool,
     },
     /// Heavy-tailed importance weights.
     HighKhat {
@@ -278,6 +281,9 @@ impl Concern {
     pub fn meaning(&self) -> &str {
         match self {
             Self::NotAPosterior => "this is not a posterior, and its intervals mean nothing",
+            Self::FewEffectiveSamples { by_errors: Some(_), drawn: true, .. } => {
+                "what is computed from the weighted samples is rough; means, intervals and draws, which a Gaussian process knows better, are not"
+            }
             Self::FewEffectiveSamples { by_errors: Some(_), .. } => {
                 "draws, and what is computed from them, are rough; means and intervals of the parameters, which a Gaussian process knows better, are not"
             }
@@ -285,7 +291,7 @@ impl Concern {
             Self::HighKhat { .. } => "the posterior may be incomplete",
             Self::EvidenceDisagrees { .. } => "part of the posterior may be unseen",
             Self::SamplesMoved { .. } => {
-                "draws are of moved samples too; curves at the observations and what is computed from them have the other moments"
+                "what is computed from their curves, and from their weights where they are, has the other moments"
             }
             Self::BudgetTooSmall { reason, .. } => reason,
             Self::NotInformed { bits, .. } if *bits < UNINFORMED_BITS => {

@@ -129,7 +129,8 @@ fn effective_samples_are_judged_at_400_at_a_third_of_few_simulations_and_at_40()
         };
         assert!(at(limit).converged() && at(limit).concerns.is_empty());
         let (below, ess) = (at(limit - 0.1), limit - 0.1);
-        let told = Concern::FewEffectiveSamples { ess, wished: limit, by_errors: None };
+        let told =
+            Concern::FewEffectiveSamples { ess, wished: limit, by_errors: None, drawn: false };
         assert_eq!(below.concerns, [told]);
         let rough = if limit > 40.0 { Verdict::Rough } else { Verdict::Untrusted };
         assert_eq!(below.verdict, rough, "{simulations}");

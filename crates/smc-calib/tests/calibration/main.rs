@@ -5,6 +5,7 @@ mod batches;
 mod conjugate;
 mod correlated;
 mod determinism;
+mod draws;
 mod extended;
 mod failures;
 mod few_observations;

@@ -187,7 +187,7 @@ fn new_errors_of_correlated_noise_are_known_near_the_observations_only() {
     let data = measured(&plan);
     let found = posterior(&plan, data.clone(), 4096, 1);
     let likelihood = smc_calib::Likelihood::new(&found.noise, &data).unwrap();
-    let draw = found.draws[found.draws.len() / 2];
+    let draw = &found.draws[found.draws.len() / 2];
     let mut curve = vec![0.0; data.len()];
     NeckGrowth::of(&plan).unwrap().simulate(&found.samples[draw.sample].theta, &mut curve).unwrap();
     let noise = draw.noise().unwrap();

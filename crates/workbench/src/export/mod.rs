@@ -1,6 +1,7 @@
 //! A run for other programs: its tables so far, also while it runs, and its posterior for ArviZ, R and CmdStan's readers.
 
 mod csv;
+mod curves;
 mod files;
 mod groups;
 mod inference_data;

@@ -4,19 +4,19 @@
 //! random stream of its own, each with noise drawn for its curve), taken at even steps, in an order that means nothing. There
 //! are no more of them than the effective sample size, so that programs that count draws do not see more than there is.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 use std::path::Path;
 
-use campaign::Contents;
 use rand::RngExt as _;
 use rand::seq::SliceRandom as _;
 use rayon::prelude::*;
 use serde_json::Value;
 use smc_calib::{NoiseDraw, ShapeSummary, normal};
 
+use super::curves::{Curves, placed};
 use super::groups::{Attributes, Group, Groups, Values, Variable, attributes, free_name, units};
 use super::observed::{Observed, Stream, columns, observed, open, stream};
-use super::replay::{Replay, Simulated};
+use super::replay::Replay;
 use crate::calibration::{Calibration, refused};
 use crate::compare;
 use crate::error::{Failure, InputError, Mistake};
@@ -24,7 +24,7 @@ use crate::given_up;
 use crate::input::text_file::folder_of;
 use crate::output::CAMPAIGN;
 use crate::pair::parameter::ParameterName;
-use crate::plan::{noise_in_words, prior_in_words, run_number};
+use crate::plan::{noise_in_words, prior_in_words};
 use crate::record::{self, Record};
 use crate::report::{DrawColumns, SampleColumns, read_samples};
 
@@ -100,32 +100,6 @@ fn refuse_tuned(record: &Record, name: &str) -> Result<(), InputError> {
         .help("its samples with their weights are in samples.csv"))
 }
 
-/// The parameters that every run of a program was placed at.
-fn placed(contents: Option<&Contents>) -> HashMap<u64, &[f64]> {
-    let tasks = contents.into_iter().flat_map(|contents| &contents.tasks);
-    tasks.map(|task| (task.number, task.parameters.as_slice())).collect()
-}
-
-/// Simulated values of samples.
-struct Curves<'a> {
-    replay: Replay<'a>,
-    placed: HashMap<u64, &'a [f64]>,
-}
-
-impl Curves<'_> {
-    /// Those of a sample; none where a run of it is not stored, or was placed elsewhere since the record was written.
-    fn of(&self, sample: usize, theta: &[f64]) -> Option<Vec<f64>> {
-        let plan = self.replay.plan;
-        let elsewhere = plan.commands().any(|(experiment, ..)| {
-            self.placed.get(&run_number(plan, sample, experiment)) != Some(&theta)
-        });
-        match (elsewhere, self.replay.sample(sample, theta)) {
-            (false, Simulated::Values(values)) => Some(values),
-            _ => None,
-        }
-    }
-}
-
 /// The draws that are exported, and what belongs to them.
 struct OfRun<'a> {
     record: &'a Record,
@@ -140,8 +114,10 @@ struct OfRun<'a> {
     placed: Vec<Vec<f64>>,
     /// Weight of that sample.
     weights: Vec<f64>,
-    /// Simulated values of each draw; none where those of one are not known.
+    /// Values of each draw; none where those of one are not known.
     curves: Option<Vec<Vec<f64>>>,
+    /// Whether these are predicted by the process that made the draws, not simulated.
+    predicted: bool,
 }
 
 /// Places of the exported draws among those of the run.
@@ -153,19 +129,6 @@ fn chosen(record: &Record, draws: usize) -> Vec<usize> {
     let mut chosen: Vec<usize> = (0..count).map(|k| k * draws / count).collect();
     chosen.shuffle(&mut stream(record.plan.sampler.seed, Stream::Order, 0));
     chosen
-}
-
-/// Simulated values of draws, each at its parameters; none where those of one are not known. Draws of a sample are simulated once.
-fn simulated(curves: &Curves<'_>, samples: &[usize], placed: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
-    let bits = |theta: &[f64]| theta.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
-    let keys: Vec<(usize, Vec<u64>)> =
-        samples.iter().zip(placed).map(|(sample, theta)| (*sample, bits(theta))).collect();
-    let distinct: BTreeMap<_, &[f64]> = keys.iter().zip(placed).map(|(k, t)| (k, &t[..])).collect();
-    let found: Option<HashMap<_, Vec<f64>>> = distinct
-        .into_par_iter()
-        .map(|(key, theta)| Some((key, curves.of(key.0, theta)?)))
-        .collect();
-    found.map(|found| keys.iter().map(|key| found[key].clone()).collect())
 }
 
 impl<'a> OfRun<'a> {
@@ -185,11 +148,19 @@ impl<'a> OfRun<'a> {
             true => thetas.clone(),
             false => samples.iter().map(place).collect(),
         };
+        let observed = observed(record, draws, &chosen)?;
+        let plan = &record.plan;
+        let built_in = plan.commands().next().is_none() && plan.function().is_none();
+        let predicted = record.drawn_by_process && !built_in;
         Ok(Self {
-            record,
-            observed: observed(record, draws, &chosen)?,
             of: draws.samples.len(),
-            curves: simulated(curves, &samples, &placed),
+            curves: match predicted {
+                true => curves.predicted(&observed, of_all, &thetas),
+                false => curves.simulated(&samples, &placed),
+            },
+            record,
+            observed,
+            predicted,
             weights: samples.iter().map(|sample| of_all.weights[*sample]).collect(),
             placed,
             thetas,
@@ -204,22 +175,15 @@ impl<'a> OfRun<'a> {
             Some(curves) => {
                 groups.extend([self.log_likelihood(curves), self.predictive(curves)]);
             }
-            None => notes.push(self.not_simulated().to_owned()),
+            None => notes.push(
+                "log_likelihood, posterior_predictive and lp are missing: the simulated values of some draws are not \
+                 stored (the folder campaign/ beside posterior.json has them)"
+                    .to_owned(),
+            ),
         }
         groups.extend([self.observed_data(), self.sample_stats()]);
         groups.extend(self.constant_data());
         Ok(Groups { attributes: self.attributes(&notes), groups, notes })
-    }
-
-    /// Why there are no simulated values of the draws.
-    fn not_simulated(&self) -> &'static str {
-        if self.record.drawn_by_process {
-            "log_likelihood, posterior_predictive and lp are missing: the draws are of the Gaussian process through the \
-             simulations, and the program was run at none of them"
-        } else {
-            "log_likelihood, posterior_predictive and lp are missing: the simulated values of some draws are not \
-             stored (the folder campaign/ beside posterior.json has them)"
-        }
     }
 
     /// Names of the noise of every observable: sigma, correlation length, white share, none of which a parameter has.
@@ -418,6 +382,12 @@ impl<'a> OfRun<'a> {
             self.samples.len(),
             self.of
         );
+        let outputs = match self.predicted {
+            true => {
+                "those of draws are predicted by the Gaussian process through the runs, which made the draws"
+            }
+            false => "those of draws are simulated",
+        };
         let mut all = attributes([
             ("inference_library", "calibrate".into()),
             ("inference_library_version", plan.version.clone().into()),
@@ -427,6 +397,7 @@ impl<'a> OfRun<'a> {
             ("seed", plan.sampler.seed.into()),
             ("simulations", self.record.counters.simulations.into()),
             ("draws", draws.into()),
+            ("outputs", outputs.into()),
             ("importance_ess", trust.effective_samples.into()),
             ("pareto_khat", self.record.khat.into()),
             ("log_evidence", log_evidence.value.into()),

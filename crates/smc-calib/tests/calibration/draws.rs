@@ -1,0 +1,146 @@
+//! Draws of small budgets, which a Gaussian process makes: they are those of the posterior, and of the summary.
+
+use crate::conjugate::exact;
+use crate::support::{line, line_problem, prior};
+use smc_calib::{
+    FixedSigma, FnSimulator, Noise, Observations, Parameter, Posterior, PriorSpec, Problem,
+    Settings, SimError, Weighted, calibrate, predictive_band,
+};
+
+fn run(problem: &Problem<'_>, settings: Settings) -> Posterior {
+    calibrate(problem, &settings, &mut ()).unwrap()
+}
+
+/// What follows from the parameters of every draw.
+fn of_draws(p: &Posterior, value: impl Fn(&[f64]) -> f64) -> Weighted {
+    Weighted::equal(p.draws.iter().map(|draw| value(p.theta(draw))).collect())
+}
+
+#[test]
+fn draws_after_fifty_simulations_of_a_line_are_those_of_its_normal_posterior() {
+    let simulator = line();
+    let problem = line_problem(&simulator, Noise::Fixed { sigma: FixedSigma::Absolute(0.05) });
+    let known = exact(0.05);
+    let p = run(&problem, Settings::for_budget(50));
+    assert!(p.is_drawn() && p.ess.importance < 40.0);
+    // a + t b has a normal posterior too, which is wider than the data say where a and b depend on one another wrongly.
+    for t in [0.0, 0.55, 2.0] {
+        let mean = known.mean[0] + t * known.mean[1];
+        let c = &known.covariance;
+        let sd = (c[(0, 0)] + 2.0 * t * c[(0, 1)] + t * t * c[(1, 1)]).sqrt();
+        let drawn = of_draws(&p, |theta| theta[0] + t * theta[1]);
+        for (quantile, score) in [(0.025, -1.959_964), (0.5, 0.0), (0.975, 1.959_964)] {
+            let off = (drawn.quantile(quantile) - mean) / sd - score;
+            assert!(off.abs() < 0.1, "{t}, {quantile}: {off}");
+        }
+        let (of_mean, of_sd) = drawn.moments();
+        assert!((of_mean - mean).abs() < 0.05 * sd && (of_sd / sd - 1.0).abs() < 0.05, "{t}");
+    }
+}
+
+#[test]
+fn draws_have_the_intervals_and_moments_of_the_summary_and_stay_in_the_range_of_the_prior() {
+    // Posteriors in the middle of a prior, over decades, and at its end.
+    let simulator = FnSimulator::new(3, 6, |x: &[f64], out: &mut [f64]| {
+        for (i, o) in out.iter_mut().enumerate() {
+            let t = i as f64 / 5.0;
+            *o = x[0] * t + x[1].log10() * (1.0 - t) + x[2] * t * t;
+        }
+        Ok::<(), SimError>(())
+    });
+    let times: Vec<f64> = (0..6).map(f64::from).collect();
+    let values = vec![0.48, 0.63, 0.57, 0.62, 0.64, 0.61];
+    let problem = Problem {
+        simulator: &simulator,
+        parameters: vec![
+            Parameter::new("a", "1", prior(PriorSpec::Normal { mean: 0.5, sd: 1.0 })),
+            Parameter::new("b", "1", prior(PriorSpec::LogUniform { lower: 0.1, upper: 1e3 })),
+            Parameter::new("c", "1", prior(PriorSpec::Uniform { lower: 0.0, upper: 2.0 })),
+        ],
+        observations: Observations::new(times, values).unwrap(),
+        noise: Noise::Fixed { sigma: FixedSigma::Absolute(0.05) },
+    };
+    for seed in 1..=3 {
+        let p = run(&problem, Settings { seed, ..Settings::for_budget(150) });
+        assert!(p.is_drawn());
+        for (j, summary) in p.parameters.iter().enumerate() {
+            let (lower, upper) = summary.parameter.prior.support();
+            let own = summary.in_si;
+            let drawn = of_draws(&p, |theta| theta[j]);
+            let coordinate = of_draws(&p, |theta| summary.coordinate.of(theta[j]));
+            for (share, of) in [(0.5, own.eti50), (0.9, own.eti90), (0.95, own.eti95)] {
+                let [from, to] = drawn.interval(share);
+                let off = [from - of.lower, to - of.upper].map(|off| off.abs() / own.sd);
+                assert!(off[0] < 0.01 && off[1] < 0.01, "{j}, {share}: {off:?}");
+            }
+            let (mean, sd) = drawn.moments();
+            assert_eq!([mean, sd].map(|x| x as f32), [own.mean, own.sd].map(|x| x as f32));
+            let (mean, sd) = coordinate.moments();
+            let own = summary.in_coordinate;
+            assert!((mean - own.mean).abs() < 0.05 * own.sd, "{j}: {mean} {own:?}");
+            assert!((sd / own.sd - 1.0).abs() < 0.05, "{j}: {sd} {own:?}");
+            let inside = |theta: &[f64]| (lower..=upper).contains(&theta[j]);
+            assert!(p.draws.iter().all(|draw| inside(p.theta(draw))), "{j}");
+        }
+        let of = |i: usize, j: usize| {
+            let each = of_draws(&p, |x| p.parameters[j].coordinate.of(x[j]));
+            let both = |x: &[f64]| [i, j].map(|k| p.parameters[k].coordinate.of(x[k]));
+            let ((a, sa), (b, sb)) = (of_draws(&p, |x| both(x)[0]).moments(), each.moments());
+            of_draws(&p, |x| (both(x)[0] - a) * (both(x)[1] - b)).moments().0 / (sa * sb)
+        };
+        for i in 0..3 {
+            for j in 0..i {
+                let off = of(i, j) - p.correlation[i][j];
+                assert!(off.abs() < 0.08, "{i} {j}: {off}");
+            }
+        }
+    }
+}
+
+#[test]
+fn noise_and_bands_by_few_simulations_are_those_by_many() {
+    let simulator = line();
+    let problem = line_problem(&simulator, Noise::default());
+    let many = run(&problem, Settings { samples: 16_384, ..Settings::default() });
+    let few = run(&problem, Settings::for_budget(60));
+    assert!(few.is_drawn() && !many.is_drawn());
+    let [a, b] = [&few, &many].map(|p| p.sigma.unwrap());
+    let off = |a: f64, b: f64| (a / b - 1.0).abs();
+    assert!(off(a.mean, b.mean) < 0.02 && off(a.sd, b.sd) < 0.1, "{a:?} {b:?}");
+    assert!(off(a.median, b.median) < 0.03 && off(a.eti95[1], b.eti95[1]) < 0.06, "{a:?} {b:?}");
+    let grid = predictive_band(&few, &simulator, problem.observations.control(), 2048).unwrap();
+    for ((few, many), grid) in few.predictive.iter().zip(&many.predictive).zip(&grid) {
+        let sd = (many.curve95[1] - many.curve95[0]) / 3.92;
+        assert!((few.mean - many.mean).abs() < 0.1 * sd, "{few:?} {many:?}");
+        for end in 0..2 {
+            assert!((few.curve95[end] - many.curve95[end]).abs() < 0.3 * sd, "{few:?} {many:?}");
+            assert!((few.noisy90[end] - many.noisy90[end]).abs() < 0.01, "{few:?} {many:?}");
+            // Predicted outputs are those that the simulator has there.
+            assert!((few.curve90[end] - grid.curve90[end]).abs() < 0.1 * sd, "{few:?} {grid:?}");
+        }
+    }
+}
+
+#[test]
+fn there_are_as_many_draws_as_are_asked_for_and_too_many_outputs_are_not_predicted() {
+    let simulator = line();
+    let problem = line_problem(&simulator, Noise::Fixed { sigma: FixedSigma::Absolute(0.05) });
+    let run = |draws: usize| run(&problem, Settings { draws, ..Settings::for_budget(40) });
+    for draws in [1, 2, 3, 63, 64, 65, 1000, 4097, 30_001] {
+        let p = run(draws);
+        assert_eq!((p.draws.len(), p.is_drawn()), (draws, true));
+        assert!((p.points().map(|point| point.weight).sum::<f64>() - 1.0).abs() < 1e-9);
+        assert!(p.points().all(|point| point.replicate.is_none()));
+        // The nearest sample of each is one that was simulated.
+        assert!(p.draws.iter().all(|d| p.samples[d.sample].log_likelihood.is_some()));
+    }
+    let none = run(0);
+    assert_eq!((none.draws.len(), none.is_drawn()), (0, false));
+    // 12 observations of each.
+    let many = run(700_000);
+    assert_eq!((many.draws.len(), many.is_drawn()), (700_000, false));
+    for p in [&none, &many] {
+        assert!((p.points().map(|point| point.weight).sum::<f64>() - 1.0).abs() < 1e-9);
+        assert!(p.points().all(|point| point.replicate.is_some()));
+    }
+}
