@@ -203,14 +203,14 @@ impl Posterior {
         let wished = (self.counters.simulations as f64 / SIMULATIONS_PER_SAMPLE)
             .clamp(FEWEST_EFFECTIVE_SAMPLES, EFFECTIVE_SAMPLES);
         let ess = self.ess.importance;
-        let known = self.known_by_errors(wished).map_or(ess, |draws| draws.max(ess));
+        let by_weights = self.tails_hold() && ess >= FEWEST_EFFECTIVE_SAMPLES;
+        let by_process = self.known_by_errors(wished).is_some();
         let sound = self.is_posterior
-            && self.tails_hold()
             && self.log_evidence.agree
             && !self.failing.as_ref().is_some_and(Failing::matters)
-            && known >= FEWEST_EFFECTIVE_SAMPLES;
+            && (by_weights || by_process);
         Trust {
-            verdict: match (sound, ess >= wished) {
+            verdict: match (sound, by_weights && ess >= wished) {
                 (true, true) => Verdict::Converged,
                 (true, false) => Verdict::Rough,
                 (false, _) => Verdict::Untrusted,
@@ -227,9 +227,11 @@ impl Posterior {
         }
     }
 
-    /// [`EffectiveSampleSize::by_errors`](crate::EffectiveSampleSize::by_errors), where nothing says that the budget was too small.
+    /// [`EffectiveSampleSize::by_errors`](crate::EffectiveSampleSize::by_errors), where they are enough and nothing says that the budget was
+    /// too small.
     fn known_by_errors(&self, wished: f64) -> Option<f64> {
-        self.ess.by_errors.filter(|_| self.about_budget(wished).is_none())
+        let enough = self.ess.by_errors.filter(|draws| *draws >= FEWEST_BY_ERRORS)?;
+        self.about_budget(wished).is_none().then_some(enough)
     }
 
     /// Share of the prior that no sample may have come from, see [`Trust::unseen`].
@@ -247,8 +249,7 @@ impl Posterior {
             list.push(Concern::NotAPosterior);
         }
         if ess < wished {
-            let enough = |draws: &f64| *draws >= FEWEST_EFFECTIVE_SAMPLES.max(ess);
-            let by_errors = self.known_by_errors(wished).filter(enough);
+            let by_errors = self.known_by_errors(wished).filter(|draws| *draws >= ess);
             let drawn = self.is_drawn();
             list.push(Concern::FewEffectiveSamples { ess, wished, by_errors, drawn });
         }

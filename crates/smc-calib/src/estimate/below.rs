@@ -6,6 +6,8 @@ use crate::normal;
 /// Shares are taken to be at least so far from none and all: the levels reach three normal scores out, and half a score beyond nothing
 /// is said.
 const LEAST: f64 = 2e-4;
+/// Errors of shares count as no smaller than this.
+const LEAST_ERROR: f64 = 1e-6;
 /// Normal scores beyond the first and the last level up to which something is known.
 const BEYOND: f64 = 0.3;
 
@@ -17,20 +19,68 @@ pub(crate) struct Below {
     errors: Vec<f64>,
 }
 
+/// Neighbouring levels that have one share: sums of their weights and, by weight, of levels, shares and errors.
+#[derive(Clone, Copy)]
+struct Block {
+    weight: f64,
+    level: f64,
+    share: f64,
+    error: f64,
+}
+
+impl Block {
+    fn of(level: f64, share: f64, error: f64) -> Self {
+        let weight = error.max(LEAST_ERROR).powi(-2);
+        Self { weight, level: weight * level, share: weight * share, error: weight * error }
+    }
+
+    fn with(self, other: Self) -> Self {
+        Self {
+            weight: self.weight + other.weight,
+            level: self.level + other.level,
+            share: self.share + other.share,
+            error: self.error + other.error,
+        }
+    }
+
+    /// Level, share and error.
+    fn means(self) -> [f64; 3] {
+        [self.level, self.share, self.error].map(|sum| sum / self.weight)
+    }
+}
+
+/// The least squares shares that grow with the level, by weights of one over their errors squared: neighbours that do not grow have their
+/// mean (M. Ayer, H.D. Brunk, G.M. Ewing, W.T. Reid, E. Silverman, Ann. Math. Stat. 26 (1955) 641).
+fn growing(all: impl Iterator<Item = [f64; 3]>) -> Vec<[f64; 3]> {
+    let mut blocks: Vec<Block> = Vec::new();
+    for [level, share, error] in all {
+        let mut last = Block::of(level, share, error);
+        while let Some(before) = blocks.last().copied() {
+            let ([level, share, _], [own_level, own_share, _]) = (before.means(), last.means());
+            if share < own_share && level < own_level {
+                break;
+            }
+            last = before.with(last);
+            blocks.pop();
+        }
+        blocks.push(last);
+    }
+    blocks.into_iter().map(Block::means).collect()
+}
+
 impl Below {
     /// None where fewer than three levels have shares of their own.
     fn new(levels: &[f64], shares: &[f64], errors: &[f64]) -> Option<Self> {
         let mut below = Self { levels: Vec::new(), scores: Vec::new(), errors: Vec::new() };
-        for ((level, share), error) in levels.iter().zip(shares).zip(errors) {
-            let inside = (LEAST..=1.0 - LEAST).contains(share);
-            let last = (below.levels.last(), below.scores.last());
-            let score = normal::quantile(*share);
-            // Levels at which the share does not grow are errors of it.
-            let grows = last.0.is_none_or(|l| level > l) && last.1.is_none_or(|s| score > *s);
-            if inside && grows && error.is_finite() {
-                below.levels.push(*level);
+        let all = levels.iter().zip(shares).zip(errors);
+        let known = all.filter(|((_, share), error)| share.is_finite() && error.is_finite());
+        for [level, share, error] in growing(known.map(|((l, share), e)| [*l, *share, *e])) {
+            let score = normal::quantile(share.clamp(LEAST, 1.0 - LEAST));
+            let grows = below.scores.last().is_none_or(|last| score > *last);
+            if (LEAST..=1.0 - LEAST).contains(&share) && grows {
+                below.levels.push(level);
                 below.scores.push(score);
-                below.errors.push(*error);
+                below.errors.push(error);
             }
         }
         (below.levels.len() > 2).then_some(below)
@@ -170,17 +220,42 @@ mod tests {
     }
 
     #[test]
-    fn levels_below_which_no_more_lies_than_below_those_before_are_left_out() {
+    fn levels_that_have_one_share_are_one_and_those_below_which_is_nothing_or_all_are_left_out() {
         let of = |shares: &[f64]| {
             let levels: Vec<f64> = (0..shares.len() as i32).map(f64::from).collect();
             Below::new(&levels, shares, &vec![0.1; shares.len()]).map(|below| below.levels)
         };
-        assert_eq!(of(&[0.1, 0.3, 0.2, 0.3, 0.6]), Some(vec![0.0, 1.0, 4.0]));
+        // 0.3 and 0.2 have their mean, which 0.25 is not above.
+        assert_eq!(of(&[0.1, 0.3, 0.2, 0.25, 0.6]), Some(vec![0.0, 2.0, 4.0]));
         assert_eq!(of(&[-0.1, 0.0, 0.2, 0.5, 0.9, 1.0, 1.1]), Some(vec![2.0, 3.0, 4.0]));
         assert_eq!(of(&[0.1, f64::NAN, 0.5]), None);
         // Equal levels have one quantile.
         let below = Below::new(&[1.0, 1.0, 2.0, 3.0], &[0.1, 0.2, 0.3, 0.4], &[0.1; 4]);
         assert_eq!(below.expect("three").levels, [1.0, 2.0, 3.0]);
+    }
+
+    #[test]
+    fn shares_that_do_not_grow_have_their_mean_by_weight_and_both_ends_are_treated_alike() {
+        // The second is known ten times better than the third.
+        let (shares, errors) = ([0.1, 0.4, 0.3, 0.9], [0.01, 0.001, 0.01, 0.01]);
+        let below = Below::new(&[0.0, 1.0, 2.0, 3.0], &shares, &errors).expect("three");
+        let mean = (100.0 * 0.4 + 0.3) / 101.0;
+        assert!((normal::cdf(below.scores[1]) - mean).abs() < 1e-12);
+        assert!((below.levels[1] - (100.0 + 2.0) / 101.0).abs() < 1e-12);
+        assert!((below.errors[1] - (100.0 * 0.001 + 0.01) / 101.0).abs() < 1e-12);
+        let levels: Vec<f64> = (0..7).map(f64::from).collect();
+        let shares = [0.03, 0.05, 0.5, 0.42, 0.46, 0.97, 0.96];
+        let errors = [0.01, 0.01, 0.02, 0.03, 0.02, 0.01, 0.02];
+        let mirrored: Vec<f64> = shares.iter().rev().map(|share| 1.0 - share).collect();
+        let reversed: Vec<f64> = errors.iter().rev().copied().collect();
+        let one = Below::new(&levels, &shares, &errors).expect("levels");
+        let other = Below::new(&levels, &mirrored, &reversed).expect("levels");
+        let everywhere = [f64::NEG_INFINITY, f64::INFINITY];
+        for p in [0.025, 0.1, 0.45, 0.8, 0.96] {
+            let [a, b] = [one.quantile(p, everywhere), other.quantile(1.0 - p, everywhere)];
+            assert!((a - (6.0 - b)).abs() < 1e-9, "{p}: {a} {b}");
+            assert!((one.error(p) - other.error(1.0 - p)).abs() < 1e-12, "{p}");
+        }
     }
 
     #[test]

@@ -37,6 +37,11 @@ pub const SIMULATIONS_PER_SAMPLE: f64 = 3.0;
 /// Effective samples below which a result is not even rough: the ends of a 95 % interval rest on one or two samples.
 pub const FEWEST_EFFECTIVE_SAMPLES: f64 = 40.0;
 
+/// Independent draws as of which a process must know means, standard deviations, intervals and evidence for a result to be rough without
+/// enough effective samples, whose number says how far errors are to be believed: a mean is then known to a third of the posterior's sd, an
+/// end of a 95 % interval to 0.8.
+pub const FEWEST_BY_ERRORS: f64 = 10.0;
+
 /// Effective samples below which a small budget was too small, unless the process through them says the same.
 pub const FEWEST_OF_SMALL_BUDGET: f64 = 7.0;
 

@@ -4,7 +4,7 @@ use crate::conjugate::exact;
 use crate::support::{line, line_problem, prior};
 use smc_calib::{
     FixedSigma, FnSimulator, Noise, Observations, Parameter, Posterior, PriorSpec, Problem,
-    Settings, SimError, Weighted, calibrate, predictive_band,
+    Settings, SimError, Simulations, Weighted, calibrate, predicted_outputs, predictive_band,
 };
 
 fn run(problem: &Problem<'_>, settings: Settings) -> Posterior {
@@ -143,4 +143,45 @@ fn there_are_as_many_draws_as_are_asked_for_and_too_many_outputs_are_not_predict
         assert!((p.points().map(|point| point.weight).sum::<f64>() - 1.0).abs() < 1e-9);
         assert!(p.points().all(|point| point.replicate.is_some()));
     }
+}
+
+#[test]
+fn outputs_between_simulations_are_predicted_and_incomplete_rows_are_none() {
+    // A plane curve of two parameters; the last of 40 simulations failed.
+    let (n, d) = (40, 2);
+    let curve = |z: &[f64]| [z[0].sin() + z[1], (0.5 * z[0]).exp(), z[0] * z[1]];
+    let z: Vec<f64> = (0..n * d).map(|k| 1.5 * (1.7 * k as f64 + 0.3).sin()).collect();
+    let outputs: Vec<f64> = z.chunks_exact(d).flat_map(curve).collect();
+    let ln_joint = |of: &[f64]| of.iter().map(|v| -0.5 * v * v).sum::<f64>();
+    let mut ln_likelihood: Vec<f64> = outputs.chunks_exact(3).map(ln_joint).collect();
+    ln_likelihood[n - 1] = f64::NEG_INFINITY;
+    let weights = vec![1.0; n];
+    let whole = Simulations {
+        parameters: d,
+        z: &z,
+        outputs: &outputs,
+        ln_likelihood: &ln_likelihood,
+        weights: &weights,
+        ln_joint: &ln_joint,
+    };
+    let at = [0.2, -0.4, 0.9, 0.8, -1.0, 0.1];
+    let found = predicted_outputs(&whole, &at).unwrap();
+    for (found, exact) in found.chunks_exact(3).zip(at.chunks_exact(d).map(curve)) {
+        for (found, exact) in found.iter().zip(exact) {
+            assert!((found - exact).abs() < 0.05, "{found} {exact}");
+        }
+    }
+    assert_eq!(predicted_outputs(&whole, &[]), Some(Vec::new()));
+    for broken in [
+        Simulations { parameters: 0, ..whole },
+        Simulations { parameters: 3, ..whole },
+        Simulations { z: &z[1..], ..whole },
+        Simulations { outputs: &outputs[1..], ..whole },
+        Simulations { ln_likelihood: &ln_likelihood[1..], ..whole },
+        Simulations { weights: &[], ..whole },
+        Simulations { ln_likelihood: &vec![f64::NEG_INFINITY; n], ..whole },
+    ] {
+        assert_eq!(predicted_outputs(&broken, &at), None);
+    }
+    assert_eq!(predicted_outputs(&whole, &at[1..]), None);
 }

@@ -434,9 +434,12 @@ fn what_few_samples_do_not_know_and_a_process_does_is_rough_unless_the_budget_wa
     assert_eq!(few(&p), Some(p.ess.by_errors));
     let line = trust.line(&p.log_evidence);
     assert!(line.contains("known as by") && line.contains("+-"), "{line}");
-    // Known to no more than 39 draws; known well by a budget that was too small; not known by a process.
+    // Weights with a heavy tail have no part in it.
+    (p.khat, p.parameters[0].khat, p.parameters[0].tail_share) = (0.9, 0.9, 0.5);
+    assert_eq!(p.trust().verdict, Verdict::Rough);
+    // Known as by fewer than ten draws; known well by a budget that was too small; not known by a process.
     let known = p.ess.by_errors;
-    p.ess.by_errors = Some(39.9);
+    p.ess.by_errors = Some(9.9);
     assert_eq!((p.trust().verdict, few(&p)), (Verdict::Untrusted, Some(None)));
     (p.ess.by_errors, p.ess.importance) = (known, 2.9);
     assert_eq!((p.trust().verdict, few(&p)), (Verdict::Untrusted, Some(None)));

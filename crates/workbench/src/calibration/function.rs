@@ -179,6 +179,22 @@ mod tests {
             let group = groups.group(name).unwrap_or_else(|| panic!("{name}"));
             assert!(!group.variables.is_empty(), "{name}: {:?}", groups.notes);
         }
+        // Draws are of the process, as are their outputs: this line is one.
+        assert!(found.record.drawn_by_process);
+        let column = |group: &str, name: &str| {
+            let variable = groups.group(group).and_then(|group| group.variable(name));
+            let values = &variable.unwrap_or_else(|| panic!("{name}")).values;
+            (0..values.len()).map(|k| values.at(k)).collect::<Vec<f64>>()
+        };
+        let [a, b, sigma] = ["a", "b", "sigma"].map(|name| column("posterior", name));
+        let said = column("log_likelihood", "y");
+        for (k, said) in said.chunks_exact(3).enumerate() {
+            for (t, (y, said)) in [0.31, 0.79, 1.32].iter().zip(said).enumerate() {
+                let score = (y - a[k] - b[k] * t as f64) / sigma[k];
+                let exact = -0.5 * (score * score + std::f64::consts::TAU.ln()) - sigma[k].ln();
+                assert!((said - exact).abs() < 0.01 * (1.0 + score.abs()), "{said} {exact}");
+            }
+        }
     }
 
     #[test]

@@ -1,4 +1,4 @@
-use smc_calib::{Noise, Problem, leave_one_out, psis};
+use smc_calib::{Likelihood, Noise, Problem, Simulator as _, leave_one_out, psis};
 
 use super::*;
 use crate::calibration::Calibration;
@@ -37,7 +37,8 @@ fn check(noise: Noise) {
     let groups = Groups::of(&found).expect("groups");
     assert_eq!(groups.notes, [""; 0]);
     let record = &found.record;
-    let effective = record.trust.effective_samples;
+    assert!(record.drawn_by_process);
+    let effective = record.trust.effective_samples.max(record.ess.by_errors.unwrap_or(0.0));
     check_likelihoods(&found, &groups);
     for summary in &record.parameters {
         let name = &summary.parameter.name;
@@ -73,14 +74,23 @@ fn check(noise: Noise) {
     }
 }
 
-/// Holds lp against the log likelihoods of the samples, for so many draws.
-fn check_lp(Calibration { record, posterior }: &Calibration, groups: &Groups) -> usize {
+/// Holds lp against the log likelihoods of simulations at the draws, for so many draws.
+fn check_lp(Calibration { record, .. }: &Calibration, groups: &Groups) -> usize {
     let lp = reals(groups, "sample_stats", "lp");
-    for (lp, sample) in lp.iter().zip(reals(groups, "sample_stats", "sample")) {
-        let sample = &posterior.samples[sample as usize];
-        let prior = record.plan.parameters.iter().zip(&sample.theta);
+    let plan = &record.plan;
+    let model = NeckGrowth::of(plan).expect("a model");
+    let (_, measured) = plan.pair().expect("a pair");
+    let likelihood = Likelihood::new(&measured.noise, &measured.observations().expect("rows"));
+    let likelihood = likelihood.expect("a likelihood");
+    let columns: Vec<Vec<f64>> =
+        plan.parameters.iter().map(|one| reals(groups, "posterior", &one.name)).collect();
+    for (k, lp) in lp.iter().enumerate() {
+        let theta: Vec<f64> = columns.iter().map(|column| column[k]).collect();
+        let mut curve = vec![0.0; measured.values.len()];
+        model.simulate(&theta, &mut curve).expect("simulated");
+        let prior = plan.parameters.iter().zip(&theta);
         let prior: f64 = prior.map(|(one, value)| one.prior.ln_density(*value)).sum();
-        let wanted = prior + sample.log_likelihood.expect("it was drawn");
+        let wanted = prior + likelihood.ln_joint(&curve);
         assert!((lp - wanted).abs() < 1e-9 * wanted.abs(), "{lp} for {wanted}");
     }
     lp.len()
@@ -118,20 +128,18 @@ fn check_likelihoods(found: &Calibration, groups: &Groups) {
 }
 
 #[test]
-fn draws_of_few_simulations_are_moved_and_their_likelihoods_are_of_the_simulations() {
+fn draws_of_few_simulations_are_of_the_process_and_their_likelihoods_are_simulated_there() {
     let mut planned = planned(Noise::default());
     planned.plan.sampler = smc_calib::Settings { seed: 2, ..smc_calib::Settings::for_budget(40) };
     let found = Calibration::run(&planned, &Unwatched::default()).expect("a posterior");
     let groups = Groups::of(&found).expect("groups");
     let Calibration { record, posterior } = &found;
-    let samples = reals(&groups, "sample_stats", "sample");
     for (place, summary) in record.parameters.iter().enumerate() {
-        let drawn = reals(&groups, "posterior", &summary.parameter.name);
-        for (drawn, sample) in drawn.iter().zip(&samples) {
-            assert_eq!(*drawn, posterior.samples[*sample as usize].moved[place]);
-        }
+        let all: Vec<f64> = posterior.draws.iter().map(|draw| draw.theta[place]).collect();
+        let exported = reals(&groups, "posterior", &summary.parameter.name);
+        assert!(exported.iter().all(|theta| all.contains(theta)));
     }
-    check_lp(&found, &groups);
+    assert!(check_lp(&found, &groups) > 0);
 }
 
 #[test]

@@ -122,18 +122,25 @@ mod tests {
     }
 
     #[test]
-    fn what_follows_from_the_parameters_of_few_simulations_is_of_the_samples_that_they_are_of() {
-        // Moved to moments that no weights of 40 samples have.
+    fn what_follows_from_the_parameters_of_few_simulations_has_their_medians_and_intervals() {
+        // No weights of 40 samples have their moments.
         let posterior = calibrated(&options(40, 2));
-        assert!(posterior.moved.is_some_and(|by| by.mean > 0.01), "{:?}", posterior.moved);
+        assert!(posterior.is_drawn());
         for (j, parameter) in posterior.parameters.iter().enumerate() {
-            let (_, marginal) =
+            let (found, marginal) =
                 estimate(&posterior, |theta| Some(theta[j].log10())).expect("an estimate");
-            // Medians and intervals are known beyond the samples.
             let own = &parameter.in_coordinate;
+            for (of, own) in [
+                (found.median, own.median),
+                (found.eti95[0], own.eti95.lower),
+                (found.eti95[1], own.eti95.upper),
+            ] {
+                let sd = parameter.in_coordinate.sd;
+                assert!((of - own).abs() < 0.01 * sd, "{of} {own}");
+            }
             let (mean, sd) = marginal.moments();
-            assert!((mean - own.mean).abs() < 1e-9 * own.sd, "{mean} {own:?}");
-            assert!((sd / own.sd - 1.0).abs() < 1e-9, "{sd} {own:?}");
+            assert!((mean - own.mean).abs() < 0.05 * own.sd, "{mean} {own:?}");
+            assert!((sd / own.sd - 1.0).abs() < 0.1, "{sd} {own:?}");
         }
     }
 
