@@ -150,7 +150,8 @@ fn outputs_between_simulations_are_predicted_and_incomplete_rows_are_none() {
     // A plane curve of two parameters; the last of 40 simulations failed.
     let (n, d) = (40, 2);
     let curve = |z: &[f64]| [z[0].sin() + z[1], (0.5 * z[0]).exp(), z[0] * z[1]];
-    let z: Vec<f64> = (0..n * d).map(|k| 1.5 * (1.7 * k as f64 + 0.3).sin()).collect();
+    let of = |k: usize| [1.5 * (1.7 * k as f64 + 0.3).sin(), 1.5 * (2.9 * k as f64).sin()];
+    let z: Vec<f64> = (0..n).flat_map(of).collect();
     let outputs: Vec<f64> = z.chunks_exact(d).flat_map(curve).collect();
     let ln_joint = |of: &[f64]| of.iter().map(|v| -0.5 * v * v).sum::<f64>();
     let mut ln_likelihood: Vec<f64> = outputs.chunks_exact(3).map(ln_joint).collect();
