@@ -307,7 +307,10 @@ impl<'a> Control<'a> {
         };
         // What the two differ by is no sign against the sub-nets.
         let known = |a: usize| left[a].min(1.0) * spread[a];
-        let shares = (0..p).map(|a| share(known(a), scatter(&by_samples, p, a))).collect();
+        // What lies below a level has the share of the evidence: where no sample is below it their spread says nothing.
+        let moments = coefficients(sampler.pool.d);
+        let of = |a: usize| share(known(a), scatter(&by_samples, p, a));
+        let shares = (0..p).map(|a| of(if a < moments { a } else { 0 })).collect();
         let errors = all.filter(|_| few.is_some()).map_or_else(Vec::new, |all| all.errors);
         let (axes, features, levels) = (self.axes(), self.features, self.standard.into_levels());
         Some((Integrals { of_sub_nets, features, shares, errors, axes, levels }, cross_fitted))

@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use smc_calib::quadrature::{QuadratureSettings, quadrature};
 use smc_calib::reference::{self, Reference};
 use smc_calib::{
-    CalibrateError, Concern, DensitySummary, Posterior, Settings, Target as _, sample_density,
+    CalibrateError, Concern, DensitySummary, Interval, Posterior, Settings, Target as _, Verdict,
+    sample_density,
 };
 use workbench::error::{Failure, InputError, Mistake, RunError};
 use workbench::input::material::Material;
@@ -22,6 +23,8 @@ pub(crate) struct Exact {
     pub(crate) sd: Vec<f64>,
     /// Log evidence.
     pub(crate) log_evidence: f64,
+    /// Ends of the 95 % intervals; none where only moments are known.
+    pub(crate) ends: Vec<[f64; 2]>,
     /// Error of the quadrature, in posterior sds; 0 for closed forms.
     pub(crate) settled: f64,
 }
@@ -35,6 +38,8 @@ pub(crate) struct Run {
     /// Standard errors of the standard deviations.
     pub(crate) sd_se: Vec<f64>,
     pub(crate) log_evidence_se: f64,
+    /// 95 % intervals with their standard errors; none of a density.
+    pub(crate) intervals: Vec<Interval>,
     /// Log evidence of the frozen stage alone.
     pub(crate) frozen_log_evidence: f64,
     /// Effective sample size.
@@ -42,7 +47,7 @@ pub(crate) struct Run {
     pub(crate) khat: f64,
     /// Evaluations of a component's density.
     pub(crate) component_densities: usize,
-    /// Whether the result says itself that it is not solved; a density has no such judgement.
+    /// Whether the result says itself that it is not solved: not to be trusted, or of too small a budget; a density has no such judgement.
     pub(crate) unsolved: Option<bool>,
 }
 
@@ -94,6 +99,7 @@ impl Case {
             name: material.name().to_owned(),
             title: material.title().to_owned(),
             exact: Exact {
+                ends: found.quantiles.iter().map(|of| [of[0], of[of.len() - 1]]).collect(),
                 mean: found.mean,
                 sd: found.sd,
                 log_evidence: found.log_evidence,
@@ -112,6 +118,7 @@ impl Case {
                 mean: reference.mean.clone(),
                 sd: reference.sd.clone(),
                 log_evidence: reference.log_evidence,
+                ends: Vec::new(),
                 settled: 0.0,
             },
             kind: Kind::Density(reference),
@@ -137,7 +144,8 @@ impl Case {
 impl Run {
     pub(crate) fn of_posterior(found: Posterior) -> Self {
         let trust = found.trust();
-        let unsolved = trust.concerns.iter().any(|c| matches!(c, Concern::BudgetTooSmall { .. }));
+        let too_small = |c: &Concern| matches!(c, Concern::BudgetTooSmall { .. });
+        let unsolved = trust.verdict == Verdict::Untrusted || trust.concerns.iter().any(too_small);
         let moments: Vec<_> = found.parameters.iter().map(|p| p.in_coordinate).collect();
         Self {
             estimate: Estimate {
@@ -149,6 +157,7 @@ impl Run {
             mean_se: moments.iter().map(|m| m.mean_se).collect(),
             sd_se: moments.iter().map(|m| m.sd_se).collect(),
             log_evidence_se: found.log_evidence.se,
+            intervals: moments.iter().map(|m| m.eti95).collect(),
             frozen_log_evidence: found.log_evidence.frozen_value,
             ess: found.ess.importance,
             khat: found.khat,
@@ -168,6 +177,7 @@ impl Run {
             mean_se: found.mean_se,
             sd_se: found.sd_se,
             log_evidence_se: found.log_evidence.se,
+            intervals: Vec::new(),
             frozen_log_evidence: found.log_evidence.frozen_value,
             ess: found.ess,
             khat: found.khat,
@@ -346,7 +356,13 @@ mod tests {
 
     #[test]
     fn an_estimate_without_moments_has_infinite_errors() {
-        let exact = Exact { mean: vec![1.0], sd: vec![2.0], log_evidence: 3.0, settled: 0.0 };
+        let exact = Exact {
+            mean: vec![1.0],
+            sd: vec![2.0],
+            log_evidence: 3.0,
+            ends: Vec::new(),
+            settled: 0.0,
+        };
         let nothing = Errors::of(&exact, &Estimate::default());
         assert!(nothing.mean[0].is_infinite() && nothing.log_evidence.is_none());
         let off =

@@ -135,6 +135,7 @@ fn exact(model: &Calibration) -> Result<Exact, Failure> {
     let found = quadrature(&model.problem(), &QuadratureSettings::default())
         .map_err(|error| RunError::new(format_args!("quadrature: {error}")))?;
     Ok(Exact {
+        ends: Vec::new(),
         mean: found.mean,
         sd: found.sd,
         log_evidence: found.log_evidence,
@@ -165,6 +166,7 @@ fn corrected(
     let total: f64 = ratios.iter().sum();
     let mut moves = Vec::new();
     let mut moved = Exact {
+        ends: Vec::new(),
         mean: Vec::new(),
         sd: Vec::new(),
         log_evidence: exact.log_evidence + (total / n).ln(),

@@ -211,6 +211,7 @@ mod tests {
                     ess: 1.0,
                     khat: 0.0,
                     component_densities: 0,
+                    intervals: Vec::new(),
                     unsolved: None,
                 }
             })

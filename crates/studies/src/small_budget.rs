@@ -24,12 +24,14 @@ const SAMPLERS: [Sampler; 3] = [
 ];
 
 /// Columns of [`cells`].
-pub(crate) const COLUMNS: [&str; 9] = [
+pub(crate) const COLUMNS: [&str; 11] = [
     "mean [posterior sd]",
     "sd, relative",
     "ln Z",
+    "ends of 95 % [posterior sd]",
     "spread of z",
     "spread of z, ln Z",
+    "spread of z, ends",
     "ESS",
     "k-hat",
     "off, not said",
@@ -43,8 +45,8 @@ const TEXT: &str = "\
 Errors (root mean square over the seeds, each error counted as 10 at most) against exact answers, at equal numbers of simulations: the default
 sampler, many small stages without a surrogate, and the same placed by the surrogate (`Settings::for_budget`). Mean and sd are those of the worst
 parameter, in posterior standard deviations and relative; \"spread of z\" is that of the first mean's error over its stated standard error, and of
-ln Z's; ESS and k-hat are medians. Of calibrations, the runs are counted with a mean off by more than one sd that do not say that their budget is too small, and those right
-within one sd that do. The neck-growth problems are the measured curves under the closed-form three-stage law, default noise, priors over four to six decades.
+ln Z's. Of calibrations, ends of 95 % intervals have the error of the worst one, and one spread of z over all of them; the runs are counted with a mean off by more than one sd
+that do not say that they are not to be trusted, or that their budget was too small, and those right within one sd that do. ESS and k-hat are medians. The neck-growth problems are the measured curves under the closed-form three-stage law, default noise, priors over four to six decades.
 The figures depend on seeds only, not on the machine or its load.
 
 The surrogate is a Gaussian process through the outputs (or the log likelihoods, where there are no outputs). It says where to simulate; weights are
@@ -125,17 +127,33 @@ pub(crate) fn cells(exact: &Exact, runs: &[Run]) -> Vec<String> {
     let z_evidence = runs.iter().zip(&errors).map(|(run, error)| {
         error.log_evidence.map_or(f64::NAN, |error| error / run.log_evidence_se)
     });
+    let ends = of_ends(exact, runs);
     vec![
         format!("{:.2}", worst(&errors.iter().map(|e| &e.mean).collect::<Vec<_>>())),
         format!("{:.2}", worst(&errors.iter().map(|e| &e.sd).collect::<Vec<_>>())),
         format!("{:.2}", rms(errors.iter().map(|e| e.log_evidence.unwrap_or(f64::NAN)))),
+        ends.map_or("-".to_owned(), |[worst, _]| format!("{worst:.2}")),
         format!("{:.1}", rms(z)),
         format!("{:.1}", rms(z_evidence)),
+        ends.map_or("-".to_owned(), |[_, z]| format!("{z:.1}")),
         format!("{:.0}", median(runs.iter().map(|run| run.ess))),
         format!("{:.2}", median(runs.iter().map(|run| run.khat))),
         judged(runs, &errors, |off, said| off && !said),
         judged(runs, &errors, |off, said| !off && said),
     ]
+}
+
+/// Error of the worst end of a 95 % interval in posterior sds, and the spread of z over all of them; none where they are not known.
+fn of_ends(exact: &Exact, runs: &[Run]) -> Option<[f64; 2]> {
+    let ends = || (0..exact.ends.len()).flat_map(|j| [(j, 0), (j, 1)]);
+    let off = |run: &Run, (j, end): (usize, usize)| {
+        let of = &run.intervals[j];
+        let [value, se] = [[of.lower, of.lower_se], [of.upper, of.upper_se]][end];
+        [(value - exact.ends[j][end]) / exact.sd[j], se / exact.sd[j]]
+    };
+    let errors = ends().map(|end| rms(runs.iter().map(|run| off(run, end)[0])));
+    let z = ends().flat_map(|end| runs.iter().map(move |run| off(run, end)));
+    (!exact.ends.is_empty()).then(|| [errors.fold(0.0, f64::max), rms(z.map(|[off, se]| off / se))])
 }
 
 /// Number of runs of some kind, by whether a mean is off by more than one posterior sd and whether the run says that it is not
