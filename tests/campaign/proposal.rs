@@ -136,10 +136,11 @@ fn what_cannot_be_begun_from_is_refused_with_its_place_and_a_remedy() {
     fs::remove_file(sandbox.path().join("results/line/posterior.json")).expect("removed");
     refused(plan.clone(), &["no posterior yet", "calibrate --resume"]);
     let sandbox = after_line(24, "0");
-    let samples = sandbox.path().join("results/line/samples.csv");
-    let text = fs::read_to_string(&samples).expect("rows").replacen('1', "2", 1);
-    fs::write(samples, text).expect("damaged");
-    sandbox.run("--plan next.toml").refused(&["samples.csv", "damaged", "field sampler.proposal"]);
+    // Of so few samples draws are of the process, and what is begun from is of these.
+    let draws = sandbox.path().join("results/line/draws.csv");
+    let text = fs::read_to_string(&draws).expect("rows").replacen('1', "2", 1);
+    fs::write(draws, text).expect("damaged");
+    sandbox.run("--plan next.toml").refused(&["draws.csv", "damaged", "field sampler.proposal"]);
 }
 
 #[test]

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 /// Most predicted outputs of all draws (64 MB).
 const MOST: usize = 8_000_000;
-/// Normal score of the end of a prior that outputs are predicted up to.
+/// Normal score of the end of a prior.
 const FARTHEST: f64 = 7.0;
 
 /// The draws, and the outputs of each.
@@ -116,17 +116,17 @@ impl Drawn {
             }
             Some(column)
         };
-        let coordinate = (0..d).map(column).collect::<Option<Vec<_>>>()?;
-        let priors = problem.parameters.iter().map(|parameter| &parameter.prior);
-        let of = |of_one: &dyn Fn(usize, f64) -> f64, columns: &[Vec<f64>]| -> Vec<Vec<f64>> {
-            let each = columns.iter().enumerate();
-            each.map(|(j, column)| column.iter().map(|x| of_one(j, *x)).collect()).collect()
-        };
-        let priors: Vec<_> = priors.collect();
-        let theta = of(&|j, x| priors[j].coordinate().theta(x), &coordinate);
-        let z = of(&|j, theta| priors[j].to_z(theta), &theta);
-        let within = |k: usize| z.iter().map(move |z| z[k].clamp(-FARTHEST, FARTHEST));
-        let rows: Vec<f64> = (0..count).flat_map(within).collect();
+        let (mut theta, mut z) = (Vec::with_capacity(d), Vec::with_capacity(d));
+        for (j, parameter) in problem.parameters.iter().enumerate() {
+            let (prior, column) = (&parameter.prior, column(j)?);
+            let (lower, upper) = prior.support();
+            let own = column.iter().map(|x| prior.coordinate().theta(*x).max(lower).min(upper));
+            let own: Vec<f64> = own.collect();
+            let score = |theta: &f64| prior.to_z(*theta).clamp(-FARTHEST, FARTHEST);
+            z.push(own.iter().map(score).collect::<Vec<f64>>());
+            theta.push(own);
+        }
+        let rows: Vec<f64> = (0..count).flat_map(|k| z.iter().map(move |z| z[k])).collect();
         let outputs = by.outputs(&rows);
         let finite = outputs.iter().all(|value| value.is_finite());
         finite.then_some(Self { theta, z, outputs })
@@ -149,20 +149,15 @@ impl Drawn {
         (0..self.theta.first().map_or(0, Vec::len)).into_par_iter().map(of).collect()
     }
 
-    /// Correlation matrix in SI.
-    pub(crate) fn correlation_si(&self) -> Vec<Vec<f64>> {
-        correlation(&self.theta, &self.equally())
-    }
-
     /// Draws of weight one.
     fn equally(&self) -> Estimator {
         let count = self.theta.first().map_or(0, Vec::len);
         Estimator::of(vec![0; count], vec![1.0; count], 0.0, 1)
     }
 
-    /// Says of each parameter in SI, and of what was learnt of it, what the draws say. Moments in SI have the errors that they would
-    /// have by as many independent draws as tell those in the coordinate as well.
-    pub(crate) fn tell(&self, parameters: &mut [ParameterSummary]) {
+    /// Says of each parameter in SI, and of what was learnt of it, what the draws say; their correlations in SI. Moments in SI have the
+    /// errors that they would have by as many independent draws as tell those in the coordinate as well.
+    pub(crate) fn tell(&self, parameters: &mut [ParameterSummary]) -> Vec<Vec<f64>> {
         let equally = self.equally();
         for (j, summary) in parameters.iter_mut().enumerate() {
             let theta = &self.theta[j];
@@ -177,6 +172,7 @@ impl Drawn {
             summary.information_gain_bits =
                 Marginal::new(&self.z[j], &equally).information_gain_bits();
         }
+        correlation(&self.theta, &equally)
     }
 }
 

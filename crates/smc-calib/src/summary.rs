@@ -68,13 +68,8 @@ pub(crate) fn summarise(
     let mut parameters = of.parameters(problem, pool, &raw, &estimator, &map);
     let correlated = correlation(&of.columns()[1], &estimator);
     let drawn = by_process.and_then(|by| Drawn::new(&by, problem, &estimator, settings));
-    if let Some(drawn) = &drawn {
-        drawn.tell(&mut parameters);
-    }
-    let correlation_si = match &drawn {
-        Some(drawn) => drawn.correlation_si(),
-        None => correlation(&of.columns()[0], &estimator),
-    };
+    let of_drawn = drawn.as_ref().map(|drawn| drawn.tell(&mut parameters));
+    let correlation_si = of_drawn.unwrap_or_else(|| correlation(&of.columns()[0], &estimator));
     let khat = parameters.iter().map(|p| p.khat).fold(f64::NEG_INFINITY, f64::max);
 
     finishing.after_integrals(2, "noise and predictions");

@@ -105,10 +105,17 @@ impl Trust {
             _ => None,
         };
         let worth = match self.concerns.iter().find_map(few) {
-            Some((draws, and)) => format!(
-                "means{and} are known as by {draws:.0} independent draws of the posterior, the weighted samples are worth {:.0}",
-                self.effective_samples
-            ),
+            Some((draws, and)) => {
+                let draws = if draws > MOST_BY_ERRORS {
+                    format!("more than {MOST_BY_ERRORS:.0}")
+                } else {
+                    format!("{draws:.0}")
+                };
+                format!(
+                    "means{and} are known as by {draws} independent draws of the posterior, the weighted samples are worth {:.0}",
+                    self.effective_samples
+                )
+            }
             None => {
                 format!("worth {:.0} independent draws of the posterior", self.effective_samples)
             }

@@ -42,6 +42,9 @@ pub const FEWEST_EFFECTIVE_SAMPLES: f64 = 40.0;
 /// end of a 95 % interval to 0.8.
 pub const FEWEST_BY_ERRORS: f64 = 10.0;
 
+/// Independent draws as of which more are not told: errors are not known to the last hundredth.
+pub const MOST_BY_ERRORS: f64 = 10_000.0;
+
 /// Effective samples below which a small budget was too small, unless the process through them says the same.
 pub const FEWEST_OF_SMALL_BUDGET: f64 = 7.0;
 

@@ -205,9 +205,8 @@ pub(super) fn draws_csv(record: &Record, posterior: &Posterior) -> String {
         let (theta, sample) = (posterior.theta(draw), &posterior.samples[draw.sample]);
         let priors = posterior.parameters.iter().map(|one| &one.parameter.prior);
         let score = |(theta, prior): (&f64, &Prior)| prior.to_z(*theta).clamp(-FARTHEST, FARTHEST);
-        let elsewhere = theta != sample.theta;
-        let own: Vec<f64> = theta.iter().zip(priors).filter(|_| elsewhere).map(score).collect();
-        let scores = if elsewhere { &own } else { &sample.z };
+        let own: Vec<f64> = theta.iter().zip(priors).map(score).collect();
+        let scores = if theta == sample.theta { &sample.z } else { &own };
         numbers(&mut text, theta.iter().chain(scores));
         if single {
             let sigma = draw.sigma.map_or_else(String::new, |sigma| sigma.to_string());
