@@ -166,7 +166,7 @@ result = { file = "neck.csv", control = "time_s", value = "contact_ratio", inter
 
 #[test]
 #[ignore = "long: run by .ci/run"]
-fn draws_of_moved_samples_of_programs_have_the_likelihoods_of_their_runs() {
+fn draws_of_a_process_through_the_runs_of_a_program_have_nearly_the_likelihoods_of_runs_at_them() {
     let (sandbox, seed) = Sandbox::with_moved_samples();
     plan_of_program(&sandbox, seed);
     sandbox.run("--plan program.toml --quiet --out program").succeeded();
@@ -180,8 +180,15 @@ fn draws_of_moved_samples_of_programs_have_the_likelihoods_of_their_runs() {
         let [built_in, program] = [&built_in, &program].map(|text| column(text, name));
         assert!(built_in.len() > 4, "{name}: {} draws", built_in.len());
         assert_eq!(built_in.len(), program.len(), "{name}");
-        for (a, b) in built_in.iter().zip(&program) {
-            assert!((a - b).abs() <= 1e-6 * a.abs(), "seed {seed}, {name}: {a} {b}");
+        let pairs = built_in.iter().zip(&program);
+        let mut off: Vec<f64> = pairs.clone().map(|(a, b)| (a - b).abs()).collect();
+        off.sort_by(f64::total_cmp);
+        // The built-in model is simulated at the draws, outputs of the program are predicted there.
+        if name.contains('[') {
+            assert!(off[off.len() / 2] < 0.1, "seed {seed}, {name}: {off:?}");
+        } else {
+            let same = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-6 * a.abs();
+            assert!(pairs.clone().all(same), "seed {seed}, {name}: {off:?}");
         }
     }
 }

@@ -54,7 +54,8 @@ def check_posterior(data, record):
         drawn = data["posterior"][name].values.ravel()
         drawn = np.log10(drawn) if one["coordinate"] == "log10" else drawn
         n, own = drawn.size, one["in_coordinate"]
-        assert n <= record["ess"]["importance"], f"{n} draws"
+        worth = max(record["ess"]["importance"], record["ess"].get("by_errors") or 0)
+        assert n <= worth, f"{n} draws"
         sd = drawn.std(ddof=1)
         kurtosis = np.mean(((drawn - drawn.mean()) / sd) ** 4)
         near(drawn.mean(), own["mean"], 4 * own["sd"] / math.sqrt(n), f"mean of {name}")
