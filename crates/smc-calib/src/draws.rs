@@ -166,9 +166,11 @@ impl Drawn {
             let worth = draws_by_errors(&summary.in_coordinate);
             let si = &mut summary.in_si;
             (si.mean, si.sd) = (mean, sd);
-            si.mean_se = sd / worth.sqrt();
-            let excess = (fourth / sd.powi(4) - 1.0).max(0.0);
-            si.sd_se = if sd > 0.0 { 0.5 * sd * (excess / worth).sqrt() } else { 0.0 };
+            if sd > 0.0 && worth > 0.0 {
+                let excess = (fourth / sd.powi(4) - 1.0).max(0.0);
+                si.mean_se = sd / worth.sqrt();
+                si.sd_se = 0.5 * sd * (excess / worth).sqrt();
+            }
             summary.information_gain_bits =
                 Marginal::new(&self.z[j], &equally).information_gain_bits();
         }

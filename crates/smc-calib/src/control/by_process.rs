@@ -22,23 +22,21 @@ pub(crate) struct ByProcess<'a> {
 }
 
 impl<'a> ByProcess<'a> {
-    /// With the covariance of a process through some of the samples. None where it does not predict outputs: what belongs to a draw could
-    /// not be told.
+    /// With the covariance of a process through some of the samples. None where no draws are wanted, or it does not predict outputs: what
+    /// belongs to a draw could not be told.
     pub(super) fn new(
         of: &StandIn<'a>,
         sampler: &'a Sampler<'_>,
         weights: &[f64],
         over: Over<'_>,
     ) -> Option<Self> {
+        if !of.predicts_outputs() || sampler.settings.draws == 0 {
+            return None;
+        }
         let pool = &sampler.pool;
         let process = of.like(pool, weights, 0..pool.len(), &of.process.covariance)?;
         let Over { proposal, ln_scale, cap } = over;
-        process.predicts_outputs().then(|| Self {
-            process,
-            proposal: proposal.clone(),
-            ln_scale,
-            cap,
-        })
+        Some(Self { process, proposal: proposal.clone(), ln_scale, cap })
     }
 
     /// So many points, row by row; none where it has no likelihood.
