@@ -1,19 +1,24 @@
 //! The equally weighted draws of a posterior: of its samples, or of a process that knows more than few of them do.
 
 use crate::control::ByProcess;
-use crate::estimate::Estimator;
+use crate::estimate::{Bins, Estimator};
 use crate::joint::JointProblem;
-use crate::marginal::{Marginal, correlation, draws_by_errors, mean_and_sd, range};
-use crate::pool::Pool;
+use crate::marginal::{Marginal, correlation, draws_by_errors, mean_and_sd};
+use crate::pool::{Pool, effective_sample_size};
 use crate::stream::{Purpose, stream};
-use crate::{ParameterSummary, Settings};
+use crate::{Coordinate, Parameter, ParameterSummary, Settings};
 use rand::RngExt as _;
+use rand::seq::SliceRandom as _;
 use rayon::prelude::*;
+use std::ops::RangeInclusive;
 
-/// Most predicted outputs of all draws (64 MB).
+/// Draws that a process makes at fewest, below which they would say less than the samples, and at most; most outputs of all of them (64 MB).
+const COUNTS: RangeInclusive<usize> = 500..=65_536;
 const MOST: usize = 8_000_000;
-/// Normal score of the end of a prior.
-const FARTHEST: f64 = 7.0;
+/// Fewest effective points that draws are chosen from.
+const FEWEST_POINTS: f64 = 200.0;
+/// Rounds of raking.
+const ROUNDS: usize = 50;
 
 /// The draws, and the outputs of each.
 pub(crate) struct Draws<'a> {
@@ -81,9 +86,9 @@ impl<'a> Draws<'a> {
 
 /// Draws of a process: its own joint distribution, with the marginals that are reported.
 ///
-/// Points that are drawn from the process are taken, coordinate by coordinate and in their order, to the quantiles that the integrals
-/// tell ([`crate::estimate::Below`]): the k-th of n in ascending order is the (k - 1/2)/n quantile. How coordinates depend on one another, their
-/// copula, stays that of the process (A. Sklar, Publ. Inst. Stat. Univ. Paris 8 (1959) 229).
+/// Weighted points of the process are raked: coordinate by coordinate, and again, their weights are multiplied by what makes the shares
+/// between levels those that the integrals tell ([`crate::estimate::Below`]; W.E. Deming, F.F. Stephan, Ann. Math. Stat. 11 (1940) 427).
+/// Draws are points that are chosen by these weights: they stay where the process has its modes, ridges and ends.
 pub(crate) struct Drawn {
     /// A column for each parameter: SI, and normal score.
     theta: Vec<Vec<f64>>,
@@ -93,7 +98,7 @@ pub(crate) struct Drawn {
 }
 
 impl Drawn {
-    /// None where marginals are not known, or outputs would be too many.
+    /// None where marginals are not known, where so few draws would say less than the samples, or outputs would be too many.
     pub(crate) fn new(
         by: &ByProcess<'_>,
         problem: &JointProblem<'_>,
@@ -101,32 +106,32 @@ impl Drawn {
         settings: &Settings,
     ) -> Option<Self> {
         let (count, d) = (settings.draws, problem.parameters.len());
-        if count == 0 || count.saturating_mul(problem.observations()) > MOST {
+        if !COUNTS.contains(&count) || count * problem.observations() > MOST {
             return None;
         }
-        let points = by.points(count, settings.seed)?;
-        let column = |j: usize| {
-            let below = estimator.below(j)?;
-            let range = range(&problem.parameters[j].prior);
-            let mut order: Vec<usize> = (0..count).collect();
-            order.sort_by(|a, b| points[a * d + j].total_cmp(&points[b * d + j]));
-            let mut column = vec![0.0; count];
-            for (rank, k) in order.into_iter().enumerate() {
-                column[k] = below.quantile((rank as f64 + 0.5) / count as f64, range);
-            }
-            Some(column)
+        let (points, mut weights) = by.weighed(count, settings.seed);
+        let coordinate = problem.coordinate();
+        let bins = |j: usize| {
+            Some(
+                estimator
+                    .below(j)?
+                    .bins(points.iter().skip(j).step_by(d).map(|z| coordinate(j, *z))),
+            )
         };
-        let (mut theta, mut z) = (Vec::with_capacity(d), Vec::with_capacity(d));
-        for (j, parameter) in problem.parameters.iter().enumerate() {
-            let (prior, column) = (&parameter.prior, column(j)?);
-            let (lower, upper) = prior.support();
-            let own = column.iter().map(|x| prior.coordinate().theta(*x).max(lower).min(upper));
-            let own: Vec<f64> = own.collect();
-            let score = |theta: &f64| prior.to_z(*theta).clamp(-FARTHEST, FARTHEST);
-            z.push(own.iter().map(score).collect::<Vec<f64>>());
-            theta.push(own);
+        let bins: Vec<Bins> = (0..d).map(bins).collect::<Option<_>>()?;
+        rake(&mut weights, &bins);
+        if effective_sample_size(&weights) < FEWEST_POINTS {
+            return None;
         }
-        let rows: Vec<f64> = (0..count).flat_map(|k| z.iter().map(move |z| z[k])).collect();
+        let mut rng = stream(settings.seed, Purpose::Draws, 2, 0);
+        let mut chosen = systematic(&weights, count, rng.random());
+        chosen.shuffle(&mut rng);
+        let rows: Vec<f64> =
+            chosen.iter().flat_map(|i| &points[i * d..(i + 1) * d]).copied().collect();
+        let column = |j: usize| rows.iter().skip(j).step_by(d).copied().collect::<Vec<f64>>();
+        let z: Vec<Vec<f64>> = (0..d).map(column).collect();
+        let of = |(z, p): (&Vec<f64>, &Parameter)| z.iter().map(|z| p.prior.from_z(*z)).collect();
+        let theta = z.iter().zip(&problem.parameters).map(of).collect();
         let outputs = by.outputs(&rows);
         let finite = outputs.iter().all(|value| value.is_finite());
         finite.then_some(Self { theta, z, outputs })
@@ -155,15 +160,32 @@ impl Drawn {
         Estimator::of(vec![0; count], vec![1.0; count], 0.0, 1)
     }
 
-    /// Says of each parameter in SI, and of what was learnt of it, what the draws say; their correlations in SI. Moments in SI have the
-    /// errors that they would have by as many independent draws as tell those in the coordinate as well.
-    pub(crate) fn tell(&self, parameters: &mut [ParameterSummary]) -> Vec<Vec<f64>> {
+    /// Says of each parameter over decades, in SI, and of what was learnt of each, what the draws say; their correlations in SI. Moments in
+    /// SI have the errors that they would have by as many independent draws as tell those in the coordinate as well.
+    pub(crate) fn tell(
+        &self,
+        parameters: &mut [ParameterSummary],
+        correlated: &[Vec<f64>],
+    ) -> Vec<Vec<f64>> {
         let equally = self.equally();
+        let linear = |summary: &ParameterSummary| summary.coordinate == Coordinate::Linear;
+        let mut in_si = correlation(&self.theta, &equally);
+        for (i, j) in (0..parameters.len()).flat_map(|i| (0..i).map(move |j| (i, j))) {
+            if linear(&parameters[i]) && linear(&parameters[j]) {
+                (in_si[i][j], in_si[j][i]) = (correlated[i][j], correlated[j][i]);
+            }
+        }
         for (j, summary) in parameters.iter_mut().enumerate() {
+            summary.information_gain_bits =
+                Marginal::new(&self.z[j], &equally).information_gain_bits();
+            if linear(summary) {
+                continue;
+            }
             let theta = &self.theta[j];
             let (mean, _, sd, _) = mean_and_sd(theta, &equally);
             let fourth = equally.mean(|k| (theta[k] - mean).powi(4));
-            let worth = draws_by_errors(&summary.in_coordinate);
+            let worth =
+                1.0 / (1.0 / draws_by_errors(&summary.in_coordinate) + 1.0 / theta.len() as f64);
             let si = &mut summary.in_si;
             (si.mean, si.sd) = (mean, sd);
             if sd > 0.0 && worth > 0.0 {
@@ -171,24 +193,32 @@ impl Drawn {
                 si.mean_se = sd / worth.sqrt();
                 si.sd_se = 0.5 * sd * (excess / worth).sqrt();
             }
-            summary.information_gain_bits =
-                Marginal::new(&self.z[j], &equally).information_gain_bits();
         }
-        correlation(&self.theta, &equally)
+        in_si
     }
 }
 
-/// Systematic resampling: the sample of each draw.
-pub(crate) fn chosen(estimator: &Estimator, settings: &Settings) -> Vec<usize> {
-    let count = settings.draws;
-    if count == 0 {
-        return Vec::new();
+/// Multiplies weights, coordinate by coordinate and again, by what gives their bins the shares that are known. A bin without weight stays
+/// without.
+fn rake(weights: &mut [f64], bins: &[Bins]) {
+    for _ in 0..ROUNDS {
+        for Bins { shares, of } in bins {
+            let mut sums = vec![0.0; shares.len()];
+            weights.iter().zip(of).for_each(|(w, bin)| sums[*bin] += w);
+            let factor = |(share, sum): (&f64, &f64)| if *sum > 0.0 { share / sum } else { 0.0 };
+            let factors: Vec<f64> = shares.iter().zip(&sums).map(factor).collect();
+            weights.iter_mut().zip(of).for_each(|(w, bin)| *w *= factors[*bin]);
+        }
     }
-    let step = estimator.total / count as f64;
-    let mut next = step * stream(settings.seed, Purpose::Draws, 0, 0).random::<f64>();
+}
+
+/// The place of each of so many draws by weight, at even steps from a random first one between 0 and 1.
+fn systematic(weights: &[f64], count: usize, first: f64) -> Vec<usize> {
+    let step = weights.iter().sum::<f64>() / count as f64;
+    let mut next = step * first;
     let mut chosen = Vec::with_capacity(count);
     let mut sum = 0.0;
-    for (i, w) in estimator.weights.iter().enumerate() {
+    for (i, w) in weights.iter().enumerate() {
         sum += w;
         while next < sum && chosen.len() < count {
             chosen.push(i);
@@ -199,4 +229,13 @@ pub(crate) fn chosen(estimator: &Estimator, settings: &Settings) -> Vec<usize> {
         chosen.push(last);
     }
     chosen
+}
+
+/// Systematic resampling: the sample of each draw.
+pub(crate) fn chosen(estimator: &Estimator, settings: &Settings) -> Vec<usize> {
+    if settings.draws == 0 {
+        return Vec::new();
+    }
+    let first = stream(settings.seed, Purpose::Draws, 0, 0).random::<f64>();
+    systematic(&estimator.weights, settings.draws, first)
 }

@@ -7,7 +7,7 @@ mod below;
 mod held;
 mod moved;
 
-pub(crate) use self::below::Below;
+pub(crate) use self::below::{Below, Bins};
 pub(crate) use self::held::Integrals;
 pub(crate) use self::moved::Axis;
 pub use self::moved::MovedBy;

@@ -180,7 +180,8 @@ impl Posterior {
 
     /// Whether draws are of a Gaussian process, not of the samples.
     pub fn is_drawn(&self) -> bool {
-        self.draws.first().is_some_and(|draw| !draw.theta.is_empty())
+        let d = self.parameters.len();
+        !self.draws.is_empty() && self.draws.iter().all(|draw| draw.theta.len() == d && d > 0)
     }
 }
 

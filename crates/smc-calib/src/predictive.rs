@@ -206,7 +206,7 @@ fn band_on_grid(
     let mut curve_of = Vec::with_capacity(chosen.len());
     let mut at = 0;
     for draw in &chosen {
-        while distinct[at] != posterior.theta(&all[*draw]) {
+        while at + 1 < distinct.len() && distinct[at] != posterior.theta(&all[*draw]) {
             at += 1;
         }
         curve_of.push(at);

@@ -67,8 +67,13 @@ pub(crate) fn summarise(
     let of = Of { own: &own, moved: moved.as_ref() };
     let mut parameters = of.parameters(problem, pool, &raw, &estimator, &map);
     let correlated = correlation(&of.columns()[1], &estimator);
-    let drawn = by_process.and_then(|by| Drawn::new(&by, problem, &estimator, settings));
-    let of_drawn = drawn.as_ref().map(|drawn| drawn.tell(&mut parameters));
+    // Where it knows more than the weights do.
+    let (ess, by_errors) =
+        (effective_sample_size(&raw), by_errors(&parameters, &estimator, &log_evidence));
+    let drawn = by_process
+        .filter(|_| by_errors.is_some_and(|draws| draws > ess))
+        .and_then(|by| Drawn::new(&by, problem, &estimator, settings));
+    let of_drawn = drawn.as_ref().map(|drawn| drawn.tell(&mut parameters, &correlated));
     let correlation_si = of_drawn.unwrap_or_else(|| correlation(&of.columns()[0], &estimator));
     let khat = parameters.iter().map(|p| p.khat).fold(f64::NEG_INFINITY, f64::max);
 
@@ -97,10 +102,7 @@ pub(crate) fn summarise(
         correlation: correlated,
         correlation_si,
         log_evidence,
-        ess: EffectiveSampleSize {
-            by_errors: by_errors(&parameters, &estimator, &log_evidence),
-            ..of_size(effective_sample_size(&raw), n)
-        },
+        ess: EffectiveSampleSize { by_errors, ..of_size(ess, n) },
         khat,
         sigma: noise.as_ref().and_then(|noise| noise.sigma),
         noise_shape: noise.and_then(|noise| noise.shape),

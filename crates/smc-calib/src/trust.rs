@@ -99,20 +99,18 @@ impl Trust {
     pub fn line(&self, evidence: &Evidence) -> String {
         let wished = self.effective_samples_wished;
         let few = |concern: &Concern| match concern {
-            Concern::FewEffectiveSamples { by_errors, drawn, .. } => by_errors.map(|draws| {
-                (draws, if *drawn { ", intervals and draws" } else { " and intervals" })
-            }),
+            Concern::FewEffectiveSamples { by_errors, .. } => *by_errors,
             _ => None,
         };
         let worth = match self.concerns.iter().find_map(few) {
-            Some((draws, and)) => {
+            Some(draws) => {
                 let draws = if draws > MOST_BY_ERRORS {
                     format!("more than {MOST_BY_ERRORS:.0}")
                 } else {
                     format!("{draws:.0}")
                 };
                 format!(
-                    "means{and} are known as by {draws} independent draws of the posterior, the weighted samples are worth {:.0}",
+                    "means and intervals are known as by {draws} independent draws of the posterior, the weighted samples are worth {:.0}",
                     self.effective_samples
                 )
             }

@@ -1,15 +1,14 @@
-//! The posterior that a process through all samples predicts: points drawn from it.
+//! The posterior that a process through all samples predicts: weighted points of it.
 
-use super::errors::{Over, drawn_from};
+use super::errors::{Over, weighed};
 use crate::mixture::Proposal;
 use crate::sampler::Sampler;
 use crate::small_budget::StandIn;
 use crate::sobol::scrambled_net;
 use crate::stream::{Purpose, stream};
-use rand::RngExt as _;
 use rayon::prelude::*;
 
-/// Points of the proposal for each that is drawn, and the least and the most.
+/// Points of the proposal for each draw, and the least and the most.
 const EACH: usize = 4;
 const POINTS: [usize; 2] = [4096, 65_536];
 
@@ -39,21 +38,13 @@ impl<'a> ByProcess<'a> {
         Some(Self { process, proposal: proposal.clone(), ln_scale, cap })
     }
 
-    /// So many points, row by row; none where it has no likelihood.
-    pub(crate) fn points(&self, count: usize, seed: u64) -> Option<Vec<f64>> {
+    /// Points for so many draws, row by row, and the weight of each.
+    pub(crate) fn weighed(&self, draws: usize, seed: u64) -> (Vec<f64>, Vec<f64>) {
         let Self { process, proposal, ln_scale, cap } = self;
         let over = Over { proposal, ln_scale: *ln_scale, cap: *cap };
+        let points = (EACH * draws).clamp(POINTS[0], POINTS[1]);
         let mut rng = stream(seed, Purpose::Draws, 1, 0);
-        let points = (EACH * count).clamp(POINTS[0], POINTS[1]);
-        let net = scrambled_net(proposal.uniforms(), points, &mut rng);
-        let (mut drawn, _) = drawn_from(process, over, &net, count, || rng.random())?;
-        // The last one may be lost to rounding.
-        let d = proposal.dimension;
-        while drawn.len() < count * d {
-            drawn.extend_from_within(drawn.len() - d..);
-        }
-        drawn.truncate(count * d);
-        Some(drawn)
+        weighed(process, over, &scrambled_net(proposal.uniforms(), points, &mut rng))
     }
 
     /// Predicted outputs at points, row by row.

@@ -43,23 +43,22 @@ pub(super) fn weighed(
     (z, weights)
 }
 
-/// So many points that are drawn from g with a wide edge of failures, row by row, and its integral; none where it is zero. `random` gives
+/// Points that are drawn from g with a wide edge of failures, row by row, and its integral; none where it is zero. `random` gives
 /// numbers in 0 to 1.
-pub(super) fn drawn_from(
+fn drawn_from(
     process: &StandIn<'_>,
     over: Over<'_>,
     net: &[f64],
-    wanted: usize,
     mut random: impl FnMut() -> f64,
 ) -> Option<(Vec<f64>, f64)> {
     let (z, weights) = weighed(process, over, net);
     let (d, points) = (over.proposal.dimension, weights.len());
     let total: f64 = weights.iter().sum();
-    let mut drawn = Vec::with_capacity(wanted * d);
+    let mut drawn = Vec::with_capacity(DRAWN * d);
     // One of every so much weight, at random: one in so many points of a net would be a corner of it.
     let (mut sum, mut count, mut next) = (0.0, 0.0, random());
     for (weight, z) in weights.iter().zip(z.chunks_exact(d)) {
-        sum += weight / total * wanted as f64;
+        sum += weight / total * DRAWN as f64;
         while next < sum {
             drawn.extend_from_slice(z);
             count += 1.0;
@@ -82,7 +81,7 @@ pub(super) fn errors(
 ) -> Vec<f64> {
     let mut rng = stream(seed, Purpose::Errors, 1, 0);
     let net = scrambled_net(over.proposal.uniforms(), POINTS, &mut rng);
-    let drawn = drawn_from(process, over, &net, DRAWN, || rng.random());
+    let drawn = drawn_from(process, over, &net, || rng.random());
     let Some((drawn, integral)) = drawn else { return Vec::new() };
     let m = drawn.len() / pool.d;
     let mut rows = vec![0.0; m * p];

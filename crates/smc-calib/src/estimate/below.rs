@@ -7,7 +7,7 @@ use crate::normal;
 /// is said.
 const LEAST: f64 = 2e-4;
 /// Errors of shares count as no smaller than this.
-const LEAST_ERROR: f64 = 1e-6;
+const LEAST_ERROR: f64 = 1e-3;
 /// Normal scores beyond the first and the last level up to which something is known.
 const BEYOND: f64 = 0.3;
 
@@ -17,6 +17,12 @@ pub(crate) struct Below {
     levels: Vec<f64>,
     scores: Vec<f64>,
     errors: Vec<f64>,
+}
+
+/// Shares of the posterior in bins of a coordinate, and the bin of each of some points.
+pub(crate) struct Bins {
+    pub shares: Vec<f64>,
+    pub of: Vec<usize>,
 }
 
 /// Neighbouring levels that have one share: sums of their weights and, by weight, of levels, shares and errors.
@@ -115,6 +121,15 @@ impl Below {
     pub(crate) fn reaches(&self, p: f64) -> bool {
         let (score, last) = (normal::quantile(p), self.scores.len() - 1);
         self.scores[0] - BEYOND <= score && score <= self.scores[last] + BEYOND
+    }
+
+    /// Shares of the posterior between levels, and the bin of each of some coordinates.
+    pub(crate) fn bins(&self, x: impl Iterator<Item = f64>) -> Bins {
+        let below = self.scores.iter().map(|score| normal::cdf(*score));
+        let ends: Vec<f64> = [0.0].into_iter().chain(below).chain([1.0]).collect();
+        let shares = ends.windows(2).map(|ends| ends[1] - ends[0]).collect();
+        let of = x.map(|x| self.levels.partition_point(|level| *level < x)).collect();
+        Bins { shares, of }
     }
 
     /// Standard error of the share below the p-quantile: linear between two levels.

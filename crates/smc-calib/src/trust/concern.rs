@@ -282,7 +282,7 @@ impl Concern {
         match self {
             Self::NotAPosterior => "this is not a posterior, and its intervals mean nothing",
             Self::FewEffectiveSamples { by_errors: Some(_), drawn: true, .. } => {
-                "what is computed from the weighted samples is rough; means, intervals and draws, which a Gaussian process knows better, are not"
+                "what is computed from the weighted samples is rough; means and intervals, which a Gaussian process knows better, and draws, which are its, are not"
             }
             Self::FewEffectiveSamples { by_errors: Some(_), .. } => {
                 "draws, and what is computed from them, are rough; means and intervals of the parameters, which a Gaussian process knows better, are not"
@@ -291,7 +291,7 @@ impl Concern {
             Self::HighKhat { .. } => "the posterior may be incomplete",
             Self::EvidenceDisagrees { .. } => "part of the posterior may be unseen",
             Self::SamplesMoved { .. } => {
-                "what is computed from their curves, and from their weights where they are, has the other moments"
+                "modes, the path and leave-one-out are of samples where they were simulated"
             }
             Self::BudgetTooSmall { reason, .. } => reason,
             Self::NotInformed { bits, .. } if *bits < UNINFORMED_BITS => {

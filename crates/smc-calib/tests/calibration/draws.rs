@@ -3,8 +3,9 @@
 use crate::conjugate::exact;
 use crate::support::{line, line_problem, prior};
 use smc_calib::{
-    FixedSigma, FnSimulator, Noise, Observations, Parameter, Posterior, PriorSpec, Problem,
-    Settings, SimError, Simulations, Weighted, calibrate, predicted_outputs, predictive_band,
+    Coordinate, FixedSigma, FnSimulator, Noise, Observations, Parameter, Posterior, PriorSpec,
+    Problem, Settings, SimError, Simulations, Weighted, calibrate, predicted_outputs,
+    predictive_band,
 };
 
 fn run(problem: &Problem<'_>, settings: Settings) -> Posterior {
@@ -71,10 +72,16 @@ fn draws_have_the_intervals_and_moments_of_the_summary_and_stay_in_the_range_of_
             for (share, of) in [(0.5, own.eti50), (0.9, own.eti90), (0.95, own.eti95)] {
                 let [from, to] = drawn.interval(share);
                 let off = [from - of.lower, to - of.upper].map(|off| off.abs() / own.sd);
-                assert!(off[0] < 0.01 && off[1] < 0.01, "{j}, {share}: {off:?}");
+                assert!(off[0] < 0.08 && off[1] < 0.08, "{j}, {share}: {off:?}");
             }
             let (mean, sd) = drawn.moments();
-            assert_eq!([mean, sd].map(|x| x as f32), [own.mean, own.sd].map(|x| x as f32));
+            if summary.coordinate == Coordinate::Linear {
+                // The integrals are the better number.
+                let of = summary.in_coordinate;
+                assert_eq!([own.mean, own.sd], [of.mean, of.sd]);
+            } else {
+                assert!((mean / own.mean - 1.0).abs() < 1e-9 && (sd / own.sd - 1.0).abs() < 1e-9);
+            }
             let (mean, sd) = coordinate.moments();
             let own = summary.in_coordinate;
             assert!((mean - own.mean).abs() < 0.05 * own.sd, "{j}: {mean} {own:?}");
@@ -122,27 +129,88 @@ fn noise_and_bands_by_few_simulations_are_those_by_many() {
 }
 
 #[test]
-fn there_are_as_many_draws_as_are_asked_for_and_too_many_outputs_are_not_predicted() {
+fn a_process_makes_as_many_draws_as_are_asked_for_but_neither_few_nor_too_many() {
     let simulator = line();
     let problem = line_problem(&simulator, Noise::Fixed { sigma: FixedSigma::Absolute(0.05) });
-    let run = |draws: usize| run(&problem, Settings { draws, ..Settings::for_budget(40) });
-    for draws in [1, 2, 3, 63, 64, 65, 1000, 4097, 30_001] {
-        let p = run(draws);
-        assert_eq!((p.draws.len(), p.is_drawn()), (draws, true));
+    let of = |problem: &Problem<'_>, draws: usize| {
+        run(problem, Settings { draws, ..Settings::for_budget(40) })
+    };
+    for (draws, drawn) in [
+        (0, false),
+        (1, false),
+        (499, false),
+        (500, true),
+        (501, true),
+        (4097, true),
+        (65_536, true),
+        (65_537, false),
+    ] {
+        let p = of(&problem, draws);
+        assert_eq!((p.draws.len(), p.is_drawn()), (draws, drawn), "{draws}");
         assert!((p.points().map(|point| point.weight).sum::<f64>() - 1.0).abs() < 1e-9);
-        assert!(p.points().all(|point| point.replicate.is_none()));
+        assert!(p.points().all(|point| point.replicate.is_none() == drawn));
         // The nearest sample of each is one that was simulated.
         assert!(p.draws.iter().all(|d| p.samples[d.sample].log_likelihood.is_some()));
     }
-    let none = run(0);
-    assert_eq!((none.draws.len(), none.is_drawn()), (0, false));
-    // 12 observations of each.
-    let many = run(700_000);
-    assert_eq!((many.draws.len(), many.is_drawn()), (700_000, false));
-    for p in [&none, &many] {
-        assert!((p.points().map(|point| point.weight).sum::<f64>() - 1.0).abs() < 1e-9);
-        assert!(p.points().all(|point| point.replicate.is_some()));
+    // Ten million outputs.
+    let long = FnSimulator::new(2, 200, |theta: &[f64], out: &mut [f64]| {
+        (0..200).for_each(|i| out[i] = theta[0] + theta[1] * i as f64 / 200.0);
+        Ok::<(), SimError>(())
+    });
+    let times: Vec<f64> = (0..200).map(f64::from).collect();
+    let values = times.iter().map(|t| 0.3 + 1.2 * t / 200.0).collect();
+    let observations = Observations::new(times, values).unwrap();
+    let many = Problem { simulator: &long, observations, ..problem.clone() };
+    assert!(!of(&many, 50_000).is_drawn() && of(&many, 4096).is_drawn());
+}
+
+/// Mean square of the residuals of the draws over the noise, and the largest one.
+fn squares(p: &Posterior, problem: &Problem<'_>, sigma: f64) -> [f64; 2] {
+    let values = problem.observations.values();
+    let mut out = vec![0.0; values.len()];
+    let each = p.draws.iter().map(|draw| {
+        problem.simulator.simulate(p.theta(draw), &mut out).unwrap();
+        out.iter().zip(values).map(|(o, y)| ((o - y) / sigma).powi(2)).sum::<f64>()
+    });
+    let each: Vec<f64> = each.collect();
+    [each.iter().sum::<f64>() / each.len() as f64, each.iter().copied().fold(0.0, f64::max)]
+}
+
+#[test]
+fn draws_stay_in_both_of_two_modes_and_on_a_narrow_ridge() {
+    let parameter =
+        |name: &str| Parameter::new(name, "1", prior(PriorSpec::Normal { mean: 0.0, sd: 2.0 }));
+    let problem = |simulator, values: Vec<f64>, sigma: f64| {
+        let times = (0..values.len()).map(|i| i as f64).collect();
+        Problem {
+            simulator,
+            parameters: vec![parameter("a"), parameter("b")],
+            observations: Observations::new(times, values).unwrap(),
+            noise: Noise::Fixed { sigma: FixedSigma::Absolute(sigma) },
+        }
+    };
+    // a^2 = 4 within 0.2, twenty standard deviations of a mode apart.
+    let square = FnSimulator::new(2, 2, |x: &[f64], out: &mut [f64]| {
+        out.copy_from_slice(&[x[0] * x[0], x[1]]);
+        Ok::<(), SimError>(())
+    });
+    let modes = problem(&square, vec![4.0, 0.5], 0.2);
+    let p = run(&modes, Settings::for_budget(100));
+    if p.is_drawn() {
+        let [mean, most] = squares(&p, &modes, 0.2);
+        assert!((1.5..3.0).contains(&mean) && most < 40.0, "{mean} {most}");
     }
+    // a + b within 0.05, a - b within 0.5: a correlation of -0.98.
+    let narrow = FnSimulator::new(2, 2, |x: &[f64], out: &mut [f64]| {
+        out.copy_from_slice(&[x[0] + x[1], 0.1 * (x[0] - x[1])]);
+        Ok::<(), SimError>(())
+    });
+    let ridge = problem(&narrow, vec![1.0, 0.05], 0.05);
+    let p = run(&ridge, Settings::for_budget(100));
+    assert!(p.is_drawn() && p.correlation[1][0] < -0.97, "{:?}", p.correlation);
+    // Two observations of two parameters, of which the prior decides little.
+    let [mean, most] = squares(&p, &ridge, 0.05);
+    assert!((1.8..2.2).contains(&mean) && most < 40.0, "{mean} {most}");
 }
 
 #[test]

@@ -189,7 +189,7 @@ fn new_errors_of_correlated_noise_are_known_near_the_observations_only() {
     let likelihood = smc_calib::Likelihood::new(&found.noise, &data).unwrap();
     let draw = &found.draws[found.draws.len() / 2];
     let mut curve = vec![0.0; data.len()];
-    NeckGrowth::of(&plan).unwrap().simulate(&found.samples[draw.sample].theta, &mut curve).unwrap();
+    NeckGrowth::of(&plan).unwrap().simulate(found.theta(draw), &mut curve).unwrap();
     let noise = draw.noise().unwrap();
     let (near, far) = (data.control()[20] * 1.001, data.control()[data.len() - 1] * 1e6);
     let errors = likelihood.errors_at(&noise, &curve, &[near, far]);

@@ -33,7 +33,7 @@ impl Curves<'_> {
     }
 
     /// Those of a sample, or that it failed; none where a run of it is not stored, or was placed elsewhere since the record was written.
-    fn fate(&self, sample: usize, theta: &[f64]) -> Option<Option<Vec<f64>>> {
+    pub(super) fn fate(&self, sample: usize, theta: &[f64]) -> Option<Option<Vec<f64>>> {
         let plan = self.replay.plan;
         let elsewhere = plan.commands().any(|(experiment, ..)| {
             self.placed.get(&run_number(plan, sample, experiment)) != Some(&theta)
@@ -63,7 +63,7 @@ impl Curves<'_> {
         found.map(|found| keys.iter().map(|key| found[key].clone()).collect())
     }
 
-    /// Values of draws of a process through the runs of a program, which was run at none of them; none where those of a run are not stored.
+    /// Values of draws of a process through the runs of a program, which was run at none of them; none where too few runs are stored.
     pub(super) fn predicted(
         &self,
         observed: &[Observed<'_>],
@@ -79,11 +79,15 @@ impl Curves<'_> {
         let ln_joint = |outputs: &[f64]| -> f64 {
             observed.iter().map(|of| of.likelihood.ln_joint(&outputs[of.places.clone()])).sum()
         };
-        let (mut outputs, mut ln_likelihood, mut scores) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut outputs, mut ln_likelihood) = (Vec::new(), Vec::new());
+        let (mut scores, mut weights) = (Vec::new(), Vec::new());
         for sample in 0..n {
             let theta: Vec<f64> = of_all.parameters.iter().map(|column| column[sample]).collect();
+            // A run that is not stored has no part.
+            let Some(fate) = self.fate(sample, &theta) else { continue };
             scores.extend(z(&theta));
-            match self.fate(sample, &theta)? {
+            weights.push(of_all.weights[sample]);
+            match fate {
                 Some(values) => {
                     ln_likelihood.push(ln_joint(&values));
                     outputs.extend(values);
@@ -99,7 +103,7 @@ impl Curves<'_> {
             z: &scores,
             outputs: &outputs,
             ln_likelihood: &ln_likelihood,
-            weights: &of_all.weights,
+            weights: &weights,
             ln_joint: &ln_joint,
         };
         let at: Vec<f64> = thetas.iter().flat_map(|theta| z(theta)).collect();

@@ -138,8 +138,17 @@ impl<'a> OfRun<'a> {
         of_all: &SampleColumns,
         curves: &Curves<'_>,
     ) -> Result<Self, InputError> {
-        let chosen = chosen(record, draws.samples.len());
         let theta = |k: &usize| draws.parameters.iter().map(|column| column[*k]).collect();
+        let plan = &record.plan;
+        let built_in = plan.commands().next().is_none() && plan.function().is_none();
+        let mut chosen = chosen(record, draws.samples.len());
+        if record.drawn_by_process && built_in {
+            // No draw of a process was simulated: at some the model may fail.
+            let fate = |k: &usize| curves.fate(draws.samples[*k], &theta(k)).flatten();
+            let finished = chosen.par_iter().filter(|k| fate(k).is_some());
+            let finished: Vec<usize> = finished.copied().collect();
+            chosen = if finished.is_empty() { chosen } else { finished };
+        }
         let thetas: Vec<Vec<f64>> = chosen.iter().map(theta).collect();
         let samples: Vec<usize> = chosen.iter().map(|k| draws.samples[*k]).collect();
         // Reading draws refuses numbers of samples that `posterior.json` has not, and reading samples another number of them.
@@ -149,8 +158,6 @@ impl<'a> OfRun<'a> {
             false => samples.iter().map(place).collect(),
         };
         let observed = observed(record, draws, &chosen)?;
-        let plan = &record.plan;
-        let built_in = plan.commands().next().is_none() && plan.function().is_none();
         let predicted = record.drawn_by_process && !built_in;
         Ok(Self {
             of: draws.samples.len(),
@@ -384,7 +391,7 @@ impl<'a> OfRun<'a> {
         );
         let outputs = match self.predicted {
             true => {
-                "those of draws are predicted by the Gaussian process through the runs, which made the draws"
+                "those of draws are predicted by a Gaussian process through the runs, which were at none of them"
             }
             false => "those of draws are simulated",
         };
