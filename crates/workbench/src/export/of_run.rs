@@ -138,7 +138,8 @@ impl<'a> OfRun<'a> {
         of_all: &SampleColumns,
         curves: &Curves<'_>,
     ) -> Result<Self, InputError> {
-        let theta = |k: &usize| draws.parameters.iter().map(|column| column[*k]).collect();
+        let theta =
+            |k: &usize| -> Vec<f64> { draws.parameters.iter().map(|column| column[*k]).collect() };
         let plan = &record.plan;
         let built_in = plan.commands().next().is_none() && plan.function().is_none();
         let mut chosen = chosen(record, draws.samples.len());
