@@ -17,14 +17,14 @@ Examples:
   calibrate plot results/ps/posterior.json --log-time --width full \\
       --out figures
 
-Draws fit, corner, recursion, convergence and residuals (.png and .svg) from posterior.json and samples.csv. \
+Draws fit, corner, recursion, convergence and residuals (.png and .svg) from posterior.json, samples.csv and draws.csv. \
 Without options they are the files of the run itself, byte for byte.";
 
 /// Figures of a saved run.
 #[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct PlotArgs {
-    /// A posterior.json, or the folder it is in; samples.csv must be beside it
+    /// A posterior.json, or the folder it is in; samples.csv and draws.csv must be beside it
     #[arg(value_name = "FILE")]
     file: PathBuf,
 

@@ -22,7 +22,7 @@ Nothing is simulated.";
 #[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct ReportArgs {
-    /// A posterior.json, or the folder it is in; samples.csv must be beside it
+    /// A posterior.json, or the folder it is in; samples.csv and draws.csv must be beside it
     #[arg(value_name = "RUN")]
     run: PathBuf,
 

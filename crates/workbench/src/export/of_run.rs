@@ -1,8 +1,8 @@
 //! The groups of a finished run.
 //!
-//! Our samples have weights, what is exported has none: the run's own draws (systematic resampling of the samples with a
-//! random stream of its own, each with noise drawn for its curve), taken at even steps, in an order that means nothing. There
-//! are no more of them than the effective sample size, so that programs that count draws do not see more than there is.
+//! Our samples have weights, what is exported has none: the run's own draws (of the samples or of a process, each with noise drawn for its
+//! curve), taken at even steps, in an order that means nothing. There are no more of them than the effective sample size, or than the errors
+//! of the process are worth, so that programs that count draws do not see more than there is.
 
 use std::collections::HashMap;
 use std::path::Path;

@@ -37,8 +37,8 @@ fn check(noise: Noise) {
     let groups = Groups::of(&found).expect("groups");
     assert_eq!(groups.notes, [""; 0]);
     let record = &found.record;
-    assert!(record.drawn_by_process);
-    let effective = record.trust.effective_samples.max(record.ess.by_errors.unwrap_or(0.0));
+    let by_errors = record.ess.by_errors.filter(|_| record.drawn_by_process);
+    let effective = record.trust.effective_samples.max(by_errors.unwrap_or(0.0));
     check_likelihoods(&found, &groups);
     for summary in &record.parameters {
         let name = &summary.parameter.name;

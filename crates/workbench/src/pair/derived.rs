@@ -124,8 +124,8 @@ mod tests {
 
     #[test]
     fn what_follows_from_the_parameters_of_few_simulations_has_their_medians_and_intervals() {
-        // No weights of 40 samples have their moments.
-        let posterior = calibrated(&options(40, 2));
+        let posterior =
+            calibrated(&PairOptions { material: Some(Material::Peek), ..options(100, 1) });
         assert!(posterior.is_drawn());
         for (j, parameter) in posterior.parameters.iter().enumerate() {
             let (found, marginal) =
