@@ -41,3 +41,17 @@ impl Draw {
         Some(NoiseDraw { sigma: self.sigma?, shape: self.shape })
     }
 }
+
+/// Parameters of draws, one after the other, without those that the draw before has too, and the place of each draw's among them: draws of
+/// a sample follow one another, and are simulated once.
+pub fn distinct<'a>(thetas: &[&'a [f64]]) -> (Vec<&'a [f64]>, Vec<usize>) {
+    let mut distinct: Vec<&[f64]> = Vec::new();
+    let mut places = Vec::with_capacity(thetas.len());
+    for theta in thetas {
+        if distinct.last() != Some(theta) {
+            distinct.push(theta);
+        }
+        places.push(distinct.len() - 1);
+    }
+    (distinct, places)
+}

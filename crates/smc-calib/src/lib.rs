@@ -60,7 +60,7 @@ mod weighted;
 pub use calibrate::{calibrate, calibrate_joint};
 pub use density::{DensitySummary, sample_density, sample_density_in};
 pub use design::calibrate_design;
-pub use draw::{Draw, Point};
+pub use draw::{Draw, Point, distinct};
 pub use error::CalibrateError;
 pub use estimate::MovedBy;
 pub use first_proposal::FirstProposal;

@@ -3,7 +3,7 @@
 use crate::estimate::{Below, Estimator};
 use crate::normal;
 use crate::weighted::Weighted;
-use crate::{Coordinate, Interval, Moments, Prior};
+use crate::{Coordinate, Interval, Moments};
 
 /// One coordinate of the samples, by the weights of an estimator.
 pub(crate) struct Marginal<'a> {
@@ -208,12 +208,6 @@ pub(crate) fn in_si(coordinate: Coordinate, m: &Moments, moments: (f64, f64, f64
         hdi90: map(&m.hdi90),
         hdi95: map(&m.hdi95),
     }
-}
-
-/// The prior's range in its coordinate.
-pub(crate) fn range(prior: &Prior) -> [f64; 2] {
-    let ((lower, upper), coordinate) = (prior.support(), prior.coordinate());
-    [lower, upper].map(|end| coordinate.of(end))
 }
 
 /// Draws by which something of this variance by one of them has such an error; none by an error that is not a number.

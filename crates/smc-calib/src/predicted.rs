@@ -4,7 +4,6 @@ use crate::SimError;
 use crate::pool::Pool;
 use crate::small_budget::StandIn;
 use crate::target::Target;
-use rayon::prelude::*;
 
 /// What the simulations of a run gave, a row of each for every simulation.
 #[derive(Clone, Copy)]
@@ -37,10 +36,8 @@ pub fn predicted_outputs(of: &Simulations<'_>, at: &[f64]) -> Option<Vec<f64>> {
     }
     let mut pool = Pool::new(d, width);
     pool.extend(of, of.z, &vec![0; n], 0, &[]).ok()?;
-    let process = StandIn::of_all(of, &pool, of.weights)?;
-    let process = process.like(&pool, of.weights, 0..n, &process.process.covariance)?;
-    let rows = at.par_chunks(d).with_min_len(16);
-    let outputs: Vec<f64> = rows.flat_map_iter(|z| process.predicted(z)).collect();
+    let process = StandIn::of_all(of, &pool, of.weights)?.through_many(&pool, of.weights)?;
+    let outputs = process.predicted_rows(at);
     outputs.iter().all(|value| value.is_finite()).then_some(outputs)
 }
 

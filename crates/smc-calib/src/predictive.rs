@@ -7,7 +7,7 @@ use crate::sobol::evenly;
 use crate::stream::{Purpose, stream};
 use crate::target::CurveTarget;
 use crate::weighted::Weighted;
-use crate::{BandPoint, Draw, GroupSummary, NoiseDraw, Posterior, SimError, Simulator};
+use crate::{BandPoint, Draw, GroupSummary, NoiseDraw, Posterior, SimError, Simulator, distinct};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
@@ -188,9 +188,8 @@ fn band_on_grid(
         let text = format!("draw refers to sample {sample}, which does not exist");
         return Err(SimError::fatal(text));
     }
-    // Neighbouring draws are often the same sample: simulate it once.
-    let mut distinct: Vec<&[f64]> = chosen.iter().map(|at| posterior.theta(&all[*at])).collect();
-    distinct.dedup();
+    let thetas: Vec<&[f64]> = chosen.iter().map(|at| posterior.theta(&all[*at])).collect();
+    let (distinct, curve_of) = distinct(&thetas);
     let curves: Vec<Option<Vec<f64>>> = distinct
         .par_iter()
         .map(|theta| {
@@ -203,14 +202,6 @@ fn band_on_grid(
             }
         })
         .collect::<Result<_, _>>()?;
-    let mut curve_of = Vec::with_capacity(chosen.len());
-    let mut at = 0;
-    for draw in &chosen {
-        while at + 1 < distinct.len() && distinct[at] != posterior.theta(&all[*draw]) {
-            at += 1;
-        }
-        curve_of.push(at);
-    }
     let alive: Vec<(usize, usize)> =
         curve_of.into_iter().zip(chosen).filter(|(c, _)| curves[*c].is_some()).collect();
     if alive.is_empty() {

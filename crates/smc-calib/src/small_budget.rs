@@ -15,6 +15,7 @@ use crate::pool::{Pool, exponentiate};
 use crate::sampler::Sampler;
 use crate::target::Target;
 use crate::{Settings, SimError};
+use rayon::prelude::*;
 use std::cell::Cell;
 
 /// Share of each proposal that is fitted to the samples themselves, without the stand-in, so that a stand-in that is sure
@@ -133,6 +134,11 @@ impl<'a> StandIn<'a> {
         Self::with(self.target, pool, weights, (known, Points::MANY), covariances)
     }
 
+    /// Made from many of all samples of the pool, with the covariance that it has.
+    pub(crate) fn through_many(&self, pool: &'a Pool, weights: &[f64]) -> Option<Self> {
+        self.like(pool, weights, 0..pool.len(), &self.process.covariance)
+    }
+
     /// Made with the covariances of its process and of that through finished and failed samples.
     fn with(
         target: &'a dyn Target,
@@ -237,10 +243,16 @@ impl<'a> StandIn<'a> {
     }
 
     /// What the process predicts at z.
-    pub(crate) fn predicted(&self, z: &[f64]) -> Vec<f64> {
+    fn predicted(&self, z: &[f64]) -> Vec<f64> {
         let mut values = vec![0.0; self.process.units.len()];
         self.process.predict(z, &mut values);
         values
+    }
+
+    /// What it predicts at many z, row by row.
+    pub(crate) fn predicted_rows(&self, z: &[f64]) -> Vec<f64> {
+        let rows = z.par_chunks(self.target.dimension()).with_min_len(16);
+        rows.flat_map_iter(|z| self.predicted(z)).collect()
     }
 
     /// Log likelihood by what it predicts.

@@ -8,7 +8,6 @@ use crate::joint::JointProblem;
 use crate::map_search::find_map;
 use crate::marginal::{
     Marginal, correlation, draws_by_error, draws_by_errors, in_si, mean_and_sd, mean_and_variance,
-    range,
 };
 use crate::noise_summary::{GroupNoise, Part};
 use crate::path::path;
@@ -228,7 +227,9 @@ pub(crate) fn parameter_summary(
     estimator: &Estimator,
 ) -> ParameterSummary {
     let coordinate = p.prior.coordinate();
-    let marginal = Marginal::new(of.coordinate, estimator).known_by(of.below, range(&p.prior));
+    let (lower, upper) = p.prior.support();
+    let range = [lower, upper].map(|end| coordinate.of(end));
+    let marginal = Marginal::new(of.coordinate, estimator).known_by(of.below, range);
     let in_coordinate = marginal.moments();
     let mean = in_coordinate.mean;
     let tail_of = |power: i32| {

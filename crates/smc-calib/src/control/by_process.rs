@@ -6,7 +6,6 @@ use crate::sampler::Sampler;
 use crate::small_budget::StandIn;
 use crate::sobol::scrambled_net;
 use crate::stream::{Purpose, stream};
-use rayon::prelude::*;
 
 /// Points of the proposal for each draw, and the least and the most.
 const EACH: usize = 4;
@@ -32,8 +31,7 @@ impl<'a> ByProcess<'a> {
         if !of.predicts_outputs() || sampler.settings.draws == 0 {
             return None;
         }
-        let pool = &sampler.pool;
-        let process = of.like(pool, weights, 0..pool.len(), &of.process.covariance)?;
+        let process = of.through_many(&sampler.pool, weights)?;
         let Over { proposal, ln_scale, cap } = over;
         Some(Self { process, proposal: proposal.clone(), ln_scale, cap })
     }
@@ -49,7 +47,6 @@ impl<'a> ByProcess<'a> {
 
     /// Predicted outputs at points, row by row.
     pub(crate) fn outputs(&self, z: &[f64]) -> Vec<f64> {
-        let rows = z.par_chunks(self.proposal.dimension).with_min_len(16);
-        rows.flat_map_iter(|z| self.process.predicted(z)).collect()
+        self.process.predicted_rows(z)
     }
 }

@@ -2,7 +2,9 @@
 
 use dem_core::{Kinetics, Sintering};
 use rayon::prelude::*;
-use smc_calib::{FixedSigma, Likelihood, Noise, NoiseDraw, SimError, Simulator as _, Weighted};
+use smc_calib::{
+    FixedSigma, Likelihood, Noise, NoiseDraw, SimError, Simulator as _, Weighted, distinct,
+};
 
 use super::of_pair::{OfPair, simulation_failure};
 use crate::error::{Failure, RunError};
@@ -86,15 +88,7 @@ struct Bands {
 fn bands(of: &OfPair<'_>, on_grid: &NeckGrowth) -> Result<Bands, Failure> {
     let points = on_grid.times_s().len();
     let draws = representative_draws(of);
-    // One run for all draws of the same parameters; those of a sample follow one another.
-    let mut distinct: Vec<&[f64]> = Vec::new();
-    let mut runs = Vec::with_capacity(draws.len());
-    for &(theta, _) in &draws {
-        if distinct.last() != Some(&theta) {
-            distinct.push(theta);
-        }
-        runs.push(distinct.len() - 1);
-    }
+    let (distinct, runs) = distinct(&draws.iter().map(|(theta, _)| *theta).collect::<Vec<_>>());
     let thetas = distinct.concat();
     let mut outputs = vec![0.0; distinct.len() * points];
     let results = on_grid.simulate_batch(0, &thetas, &mut outputs);

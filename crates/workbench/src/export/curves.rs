@@ -28,12 +28,12 @@ pub(super) struct Curves<'a> {
 
 impl Curves<'_> {
     /// Those of a sample; none where it failed, or they are not known.
-    fn of(&self, sample: usize, theta: &[f64]) -> Option<Vec<f64>> {
+    pub(super) fn of(&self, sample: usize, theta: &[f64]) -> Option<Vec<f64>> {
         self.fate(sample, theta).flatten()
     }
 
     /// Those of a sample, or that it failed; none where a run of it is not stored, or was placed elsewhere since the record was written.
-    pub(super) fn fate(&self, sample: usize, theta: &[f64]) -> Option<Option<Vec<f64>>> {
+    fn fate(&self, sample: usize, theta: &[f64]) -> Option<Option<Vec<f64>>> {
         let plan = self.replay.plan;
         let elsewhere = plan.commands().any(|(experiment, ..)| {
             self.placed.get(&run_number(plan, sample, experiment)) != Some(&theta)
@@ -45,22 +45,19 @@ impl Curves<'_> {
         }
     }
 
-    /// Simulated values of draws, each at its parameters; none where those of one are not known. Draws of a sample are simulated once.
+    /// Values of draws of these samples; none where those of one are not known.
     pub(super) fn simulated(
         &self,
         samples: &[usize],
         placed: &[Vec<f64>],
     ) -> Option<Vec<Vec<f64>>> {
-        let bits = |theta: &[f64]| theta.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
-        let keys: Vec<(usize, Vec<u64>)> =
-            samples.iter().zip(placed).map(|(sample, theta)| (*sample, bits(theta))).collect();
-        let distinct: BTreeMap<_, &[f64]> =
-            keys.iter().zip(placed).map(|(k, t)| (k, &t[..])).collect();
-        let found: Option<HashMap<_, Vec<f64>>> = distinct
+        let distinct: BTreeMap<usize, &[f64]> =
+            samples.iter().zip(placed).map(|(sample, theta)| (*sample, &theta[..])).collect();
+        let found: Option<HashMap<usize, Vec<f64>>> = distinct
             .into_par_iter()
-            .map(|(key, theta)| Some((key, self.of(key.0, theta)?)))
+            .map(|(sample, theta)| Some((sample, self.of(sample, theta)?)))
             .collect();
-        found.map(|found| keys.iter().map(|key| found[key].clone()).collect())
+        found.map(|found| samples.iter().map(|sample| found[sample].clone()).collect())
     }
 
     /// Values of draws of a process through the runs of a program, which was run at none of them; none where too few runs are stored.

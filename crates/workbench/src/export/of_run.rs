@@ -142,13 +142,17 @@ impl<'a> OfRun<'a> {
             |k: &usize| -> Vec<f64> { draws.parameters.iter().map(|column| column[*k]).collect() };
         let plan = &record.plan;
         let built_in = plan.commands().next().is_none() && plan.function().is_none();
+        let predicted = record.drawn_by_process && !built_in;
         let mut chosen = chosen(record, draws.samples.len());
+        let mut values = None;
         if record.drawn_by_process && built_in {
             // No draw of a process was simulated: at some the model may fail.
-            let fate = |k: &usize| curves.fate(draws.samples[*k], &theta(k)).flatten();
-            let finished = chosen.par_iter().filter(|k| fate(k).is_some());
-            let finished: Vec<usize> = finished.copied().collect();
-            chosen = if finished.is_empty() { chosen } else { finished };
+            let of = |k: &usize| Some((*k, curves.of(draws.samples[*k], &theta(k))?));
+            let finished: Vec<_> = chosen.par_iter().filter_map(of).collect();
+            if !finished.is_empty() {
+                let (finished, all) = finished.into_iter().unzip();
+                (chosen, values) = (finished, Some(all));
+            }
         }
         let thetas: Vec<Vec<f64>> = chosen.iter().map(theta).collect();
         let samples: Vec<usize> = chosen.iter().map(|k| draws.samples[*k]).collect();
@@ -159,13 +163,14 @@ impl<'a> OfRun<'a> {
             false => samples.iter().map(place).collect(),
         };
         let observed = observed(record, draws, &chosen)?;
-        let predicted = record.drawn_by_process && !built_in;
+        let curves = match (record.drawn_by_process, predicted) {
+            (false, _) => curves.simulated(&samples, &placed),
+            (true, true) => curves.predicted(&observed, of_all, &thetas),
+            (true, false) => values,
+        };
         Ok(Self {
             of: draws.samples.len(),
-            curves: match predicted {
-                true => curves.predicted(&observed, of_all, &thetas),
-                false => curves.simulated(&samples, &placed),
-            },
+            curves,
             record,
             observed,
             predicted,
