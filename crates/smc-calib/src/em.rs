@@ -5,7 +5,7 @@
 
 use crate::cholesky::{cholesky, packed_inverse};
 use crate::cloud::{Cloud, Gaussian};
-use crate::lanes::{LANES, exp_of_nonpositive, ln_of_positive, wide};
+use crate::lanes::{LANES, exp_of_nonpositive, ln_of_positive, minus, plus, times, wide};
 use crate::stream::{Purpose, stream};
 use rand::RngExt;
 use rayon::prelude::*;
@@ -273,29 +273,21 @@ impl Cloud {
         let width = 1 + d + packed;
         let mut sums = vec![[0.0; LANES]; k * width];
         let mut offset = vec![[0.0; LANES]; d];
-        for (x, block) in self.lanes.chunks_exact(d * LANES).zip(shares.chunks_exact(k * LANES)) {
-            for (c, r) in block.as_chunks::<LANES>().0.iter().enumerate() {
+        let points = self.lanes.as_chunks::<LANES>().0.chunks_exact(d);
+        for (x, block) in points.zip(shares.as_chunks::<LANES>().0.chunks_exact(k)) {
+            for (c, r) in block.iter().enumerate() {
                 let m = &mixture.means[c * d..(c + 1) * d];
                 let s = &mut sums[c * width..(c + 1) * width];
-                for l in 0..LANES {
-                    s[0][l] += r[l];
-                }
+                s[0] = plus(&s[0], r);
                 for i in 0..d {
-                    for l in 0..LANES {
-                        offset[i][l] = x[i * LANES + l] - m[i];
-                    }
+                    offset[i] = minus(&x[i], &[m[i]; LANES]);
                 }
                 let mut at = 1 + d;
                 for i in 0..d {
-                    let mut u = [0.0; LANES];
-                    for l in 0..LANES {
-                        u[l] = r[l] * offset[i][l];
-                        s[1 + i][l] += u[l];
-                    }
-                    for j in 0..=i {
-                        for l in 0..LANES {
-                            s[at][l] += u[l] * offset[j][l];
-                        }
+                    let u = times(r, &offset[i]);
+                    s[1 + i] = plus(&s[1 + i], &u);
+                    for offset in &offset[..=i] {
+                        s[at] = plus(&s[at], &times(&u, offset));
                         at += 1;
                     }
                 }

@@ -6,6 +6,9 @@
 /// Number of values that are computed together; sums run in this many lanes, in a fixed order.
 pub(crate) const LANES: usize = 8;
 
+/// Numbers that are computed together.
+pub(crate) type Lane = [f64; LANES];
+
 /// What this work gives, by wider instructions where the machine has them: bits are the same, as no product is fused with a sum.
 /// Only what is inlined into the work gains by it.
 pub(crate) fn wide<R>(work: impl FnMut() -> R) -> R {
@@ -22,6 +25,35 @@ impl<R, F: FnMut() -> R> pulp::NullaryFnOnce for Wide<F> {
     fn call(mut self) -> R {
         (self.0)()
     }
+}
+
+/// Sums, differences and products, number by number. As values of their own they are computed by wide instructions also where they go
+/// into memory that a compiler cannot tell from theirs.
+#[inline(always)]
+pub(crate) fn plus(a: &Lane, b: &Lane) -> Lane {
+    let mut sum = *a;
+    for i in 0..LANES {
+        sum[i] += b[i];
+    }
+    sum
+}
+
+#[inline(always)]
+pub(crate) fn minus(a: &Lane, b: &Lane) -> Lane {
+    let mut difference = *a;
+    for i in 0..LANES {
+        difference[i] -= b[i];
+    }
+    difference
+}
+
+#[inline(always)]
+pub(crate) fn times(a: &Lane, b: &Lane) -> Lane {
+    let mut product = *a;
+    for i in 0..LANES {
+        product[i] *= b[i];
+    }
+    product
 }
 
 /// exp(x) for x not above 0; numbers below -700 count as -700.

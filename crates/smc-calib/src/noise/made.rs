@@ -1,9 +1,10 @@
 //! Errors drawn from the prior of a noise model, for data that are made; and where their shape lies in a posterior.
 
-use super::correlated::{Correlated, length, share};
+use super::correlated::Correlated;
 use super::draws::OUTLIERS;
 use super::likelihood::{Kind, Likelihood};
 use super::robust::{OUTLIER_SHARE, OUTLIER_WIDTH};
+use super::rule::{length, share};
 use super::{DistanceScale, FixedSigma, Noise, NoiseDraw, NoiseShape};
 use crate::Observations;
 use rand::{Rng, RngExt};

@@ -11,9 +11,9 @@
 //! rise, where a few rows carry all that is known, cannot be recognised by any eps.
 
 use super::NoiseError;
-use super::rule::{Lane, ln_sum_exp};
+use super::rule::ln_sum_exp;
 use crate::Observations;
-use crate::lanes::{LANES, exp_of_nonpositive, ln_of_positive, wide};
+use crate::lanes::{LANES, Lane, exp_of_nonpositive, ln_of_positive, wide};
 use crate::normal::{self, LN_SQRT_2PI};
 use statrs::function::gamma::ln_gamma;
 

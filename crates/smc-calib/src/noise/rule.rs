@@ -1,6 +1,9 @@
 //! Quadrature over what a noise model does not know beside its scale.
 
-use crate::lanes::{LANES, exp_of_nonpositive};
+use crate::lanes::{LANES, Lane, exp_of_nonpositive, ln_of_positive};
+
+/// Shortest correlation length, as a share of the range of the observations; the longest is the range.
+const SHORTEST: f64 = 0.01;
 
 /// Gauss-Legendre rule of `n` nodes on the interval from 0 to 1: places, in ascending order, and weights that sum to 1.
 ///
@@ -27,8 +30,11 @@ pub(super) fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// Eight numbers that are computed together.
-pub(super) type Lane = [f64; LANES];
+/// ln(1 + x) for x of at least 0; infinity counts as the largest number.
+#[inline(always)]
+pub(super) fn ln_one_plus(x: f64) -> f64 {
+    ln_of_positive((1.0 + x).min(f64::MAX))
+}
 
 /// Log of the sum of exponentials; minus infinity counts as nothing.
 #[inline(always)]
@@ -71,6 +77,70 @@ pub(super) fn quantile_of_nodes(
         (before, edge) = (before + share, edge + prior);
     }
     at(1.0)
+}
+
+/// The part of the distribution function that each of some probabilities takes.
+pub(super) fn parts_of(probabilities: &[f64]) -> Vec<[f64; 2]> {
+    let mut sum = 0.0;
+    let part = |p: &f64| {
+        let before = sum;
+        sum += p;
+        [before, sum]
+    };
+    probabilities.iter().map(part).collect()
+}
+
+/// One correlation length and white share, with the prior weight of each.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Node {
+    /// Correlation length, in the unit of the scale.
+    pub length: f64,
+    /// Share of the variance that is independent.
+    pub white: f64,
+    /// Which of the lengths, and which of the shares.
+    pub place: [usize; 2],
+    pub(super) prior: f64,
+}
+
+/// The correlation length at a value of its distribution function: log-uniform.
+pub(super) fn length(range: f64, u: f64) -> f64 {
+    range * SHORTEST.powf(1.0 - u)
+}
+
+/// The white share at a value of its distribution function: density w^(-2/3)/3.
+pub(super) fn share(u: f64) -> f64 {
+    u.powi(3)
+}
+
+/// Number of correlation lengths and of white shares for so many observations.
+///
+/// The posterior of v, w = v^3, becomes narrower with the number of observations, that of ln l does not. Measured against
+/// 40 x 32 nodes: ln Z of PS, PA12 and PEEK within 1e-3, their means within 3e-4 standard deviations; log likelihoods of
+/// 13 kinds of synthetic data at 10 to 500 observations within 3e-3 for 90 % of them, 0.016 at most.
+pub(super) fn nodes_for(observations: usize) -> [usize; 2] {
+    let lengths = match observations {
+        0..=20 => 8,
+        21..=60 => 10,
+        _ => 12,
+    };
+    [lengths, ((2.2 * (observations as f64).sqrt()).ceil() as usize).clamp(10, 48)]
+}
+
+/// A product of Gauss-Legendre rules.
+pub(super) fn product(range: f64, lengths: usize, shares: usize) -> Vec<Node> {
+    let shares = gauss_legendre(shares);
+    gauss_legendre(lengths)
+        .iter()
+        .enumerate()
+        .flat_map(|(i, (u, p))| {
+            shares.iter().enumerate().map(move |(j, (v, q))| Node {
+                length: length(range, *u),
+                white: share(*v),
+                place: [i, j],
+                prior: p * q,
+            })
+        })
+        .collect()
 }
 
 #[cfg(test)]
