@@ -127,12 +127,8 @@ fn one(study: &Study<'_>, k: usize) -> Result<Outcome, CalibrateError> {
         let z = normals(d, &mut rng);
         let theta: Vec<f64> =
             study.parameters.iter().zip(&z).map(|(p, z)| p.prior.from_z(*z)).collect();
-        match simulator.simulate(&theta, &mut outputs) {
-            Ok(()) if outputs.iter().all(|o| o.is_finite()) => break (z, theta),
-            Err(error) if !error.is_recoverable() => {
-                return Err(CalibrateError::ended_by(error, 0));
-            }
-            _ => {}
+        if finished(simulator, &theta, &mut outputs)? && outputs.iter().all(|o| o.is_finite()) {
+            break (z, theta);
         }
     };
     let drawn = match &study.origin {
@@ -162,9 +158,12 @@ fn one(study: &Study<'_>, k: usize) -> Result<Outcome, CalibrateError> {
     let posterior = calibrate(&problem, &settings, &mut ())?;
     let truth = Truth { z, theta, noise, ln_likelihood: likelihood.ln_joint(&outputs) };
     let mut ties = stream(study.settings.seed, Purpose::Ties, 0, k);
-    let mut ranks = ranks((&posterior, study.simulator), &truth, &likelihood, &mut ties);
+    let mut ranks = ranks((&posterior, study.simulator), &truth, &likelihood, &mut ties)?;
     if study.noise.is_correlated() {
-        let found = fine.and_then(|fine| shape_ranks(&posterior, study.simulator, &truth, &fine));
+        let found = match fine {
+            Some(fine) => shape_ranks(&posterior, study.simulator, &truth, &fine)?,
+            None => None,
+        };
         ranks.extend(found.unwrap_or([f64::NAN; 2]));
     }
     Ok(Outcome {
@@ -192,19 +191,55 @@ fn shape_ranks(
     simulator: &dyn Simulator,
     truth: &Truth,
     fine: &Likelihood,
-) -> Option<[f64; 2]> {
-    let shape = truth.noise.shape?;
+) -> Result<Option<[f64; 2]>, CalibrateError> {
+    let Some(shape) = truth.noise.shape else { return Ok(None) };
     let count = p.draws.len().min(SHAPE_DRAWS);
     let mut outputs = vec![0.0; fine.values().len()];
     let (mut sums, mut used) = ([0.0; 2], 0.0);
     for k in evenly(p.draws.len(), count) {
-        if simulator.simulate(p.theta(&p.draws[k]), &mut outputs).is_ok() {
-            let below = fine.below(&shape, &outputs)?;
+        if finished(simulator, p.theta(&p.draws[k]), &mut outputs)? {
+            let Some(below) = fine.below(&shape, &outputs) else { return Ok(None) };
             sums = [sums[0] + below[0], sums[1] + below[1]];
             used += 1.0;
         }
     }
-    Some(sums.map(|sum| sum / used))
+    Ok(Some(sums.map(|sum| sum / used)))
+}
+
+/// Whether a simulation finishes; an error where it says that no further one can.
+fn finished(
+    simulator: &dyn Simulator,
+    theta: &[f64],
+    outputs: &mut [f64],
+) -> Result<bool, CalibrateError> {
+    match simulator.simulate(theta, outputs) {
+        Ok(()) => Ok(true),
+        Err(error) if error.is_recoverable() => Ok(false),
+        Err(error) => Err(CalibrateError::ended_by(error, 0)),
+    }
+}
+
+/// Draws whose likelihood is ranked, and their log likelihoods: those of their simulations, which the draws of a process have not yet,
+/// so that it is done for some of them.
+fn likelihoods<'p>(
+    p: &'p Posterior,
+    simulator: &dyn Simulator,
+    likelihood: &Likelihood,
+) -> Result<Vec<(&'p Draw, f64)>, CalibrateError> {
+    let most = if p.is_drawn() { SHAPE_DRAWS } else { usize::MAX };
+    let mut outputs = vec![0.0; likelihood.values().len()];
+    let ranked = evenly(p.draws.len(), p.draws.len().min(most)).map(|k| &p.draws[k]);
+    let each = ranked.map(|draw| {
+        let ln_l = if !p.is_drawn() {
+            p.samples[draw.sample].log_likelihood
+        } else if finished(simulator, &draw.theta, &mut outputs)? {
+            Some(likelihood.ln_joint(&outputs))
+        } else {
+            None
+        };
+        Ok((draw, ln_l.unwrap_or(f64::NEG_INFINITY)))
+    });
+    each.collect()
 }
 
 /// Posterior distribution functions at the truth; a random place within ties.
@@ -213,8 +248,9 @@ fn ranks(
     truth: &Truth,
     likelihood: &Likelihood,
     rng: &mut impl Rng,
-) -> Vec<f64> {
+) -> Result<Vec<f64>, CalibrateError> {
     let d = truth.z.len();
+    let ranked = likelihoods(p, simulator, likelihood)?;
     let mut rank = |values: &mut dyn Iterator<Item = (f64, f64)>, at: f64| -> f64 {
         let (mut below, mut equal) = (0.0, 0.0);
         for (value, weight) in values {
@@ -230,8 +266,13 @@ fn ranks(
         .map(|j| rank(&mut p.points().map(|at| (at.theta[j], at.weight)), truth.theta[j]))
         .collect();
     let samples = p.samples.iter().filter(|s| s.weight > 0.0);
-    let likelihoods = samples.map(|s| (s.log_likelihood.unwrap_or(f64::NEG_INFINITY), s.weight));
-    let marginal = rank(&mut likelihoods.into_iter(), truth.ln_likelihood);
+    let of_samples = samples.map(|s| (s.log_likelihood.unwrap_or(f64::NEG_INFINITY), s.weight));
+    let of_draws = ranked.iter().map(|(_, ln_l)| (*ln_l, 1.0 / ranked.len() as f64));
+    let marginal = if p.is_drawn() {
+        rank(&mut of_draws.into_iter(), truth.ln_likelihood)
+    } else {
+        rank(&mut of_samples.into_iter(), truth.ln_likelihood)
+    };
     let z = |at: &Point<'_>, j: usize| p.parameters[j].parameter.prior.to_z(at.theta[j]);
     let mut products = Vec::new();
     for i in 0..d {
@@ -245,22 +286,8 @@ fn ranks(
         let s = likelihood.sum_of_squares_at(ln_joint).unwrap_or(f64::NAN);
         -m * sigma.ln() - 0.5 * s / (sigma * sigma)
     };
-    // Draws of a process have no simulation: it is run for some of them.
-    let most = if p.is_drawn() { SHAPE_DRAWS } else { usize::MAX };
-    let ranked: Vec<&Draw> =
-        evenly(p.draws.len(), p.draws.len().min(most)).map(|k| &p.draws[k]).collect();
-    let mut outputs = vec![0.0; likelihood.values().len()];
-    let mut ln_l = |draw: &Draw| match p.is_drawn() {
-        true => simulator
-            .simulate(&draw.theta, &mut outputs)
-            .map(|()| likelihood.ln_joint(&outputs))
-            .ok(),
-        false => p.samples[draw.sample].log_likelihood,
-    };
-    let ln_l: Vec<f64> = ranked.iter().map(|d| ln_l(d).unwrap_or(f64::NEG_INFINITY)).collect();
     let mut drawn = |value: &dyn Fn(f64, f64) -> f64, at: f64| -> f64 {
-        let values =
-            ranked.iter().zip(&ln_l).map(|(d, ln)| value(*ln, d.sigma.unwrap_or(f64::NAN)));
+        let values = ranked.iter().map(|(d, ln)| value(*ln, d.sigma.unwrap_or(f64::NAN)));
         let below = values.filter(|value| *value < at).count();
         (below as f64 + rng.random::<f64>()) / (ranked.len() + 1) as f64
     };
@@ -270,7 +297,7 @@ fn ranks(
         out.push(drawn(&joint, joint(truth.ln_likelihood, truth.noise.sigma)));
     }
     out.extend(products);
-    out
+    Ok(out)
 }
 
 fn inside(p: &Posterior, truth: &Truth, share: f64) -> Vec<bool> {

@@ -2,11 +2,13 @@
 
 use crate::conjugate::exact;
 use crate::support::{line, line_problem, prior};
+use smc_calib::sbc::{self, Band, Study, quantities};
 use smc_calib::{
-    Coordinate, FixedSigma, FnSimulator, Noise, Observations, Parameter, Posterior, PriorSpec,
-    Problem, Settings, SimError, Simulations, Weighted, calibrate, predicted_outputs,
-    predictive_band,
+    CalibrateError, Coordinate, FixedSigma, FnSimulator, Noise, Observations, Parameter, Posterior,
+    PriorSpec, Problem, Settings, SimError, Simulations, Simulator, Weighted, calibrate,
+    predicted_outputs, predictive_band,
 };
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 fn run(problem: &Problem<'_>, settings: Settings) -> Posterior {
     calibrate(problem, &settings, &mut ()).unwrap()
@@ -253,4 +255,66 @@ fn outputs_between_simulations_are_predicted_and_incomplete_rows_are_none() {
         assert_eq!(predicted_outputs(&broken, &at), None);
     }
     assert_eq!(predicted_outputs(&whole, &at[1..]), None);
+}
+
+/// Made data of a line, each set calibrated by forty simulations.
+fn forty_each(simulator: &dyn Simulator, data_sets: usize) -> Study<'_> {
+    let normal = || prior(PriorSpec::Normal { mean: 0.0, sd: 1.0 });
+    Study {
+        simulator,
+        parameters: vec![Parameter::new("a", "1", normal()), Parameter::new("b", "1", normal())],
+        control: (0..8).map(f64::from).collect(),
+        noise: Noise::Inferred { nu0: 4.0, s0: 0.3 },
+        origin: None,
+        settings: Settings { seed: 70, ..Settings::for_budget(40) },
+        data_sets,
+    }
+}
+
+/// A line by its values at the ends, which can be run so often.
+fn ending_after(runs: usize) -> impl Simulator {
+    let left = AtomicUsize::new(runs);
+    FnSimulator::new(2, 8, move |x: &[f64], out: &mut [f64]| {
+        if left
+            .fetch_update(Ordering::SeqCst, Ordering::SeqCst, |left| left.checked_sub(1))
+            .is_err()
+        {
+            return Err(SimError::fatal("no licence left"));
+        }
+        for (i, o) in out.iter_mut().enumerate() {
+            let t = i as f64 / 7.0;
+            *o = x[0] * (1.0 - t) + x[1] * t;
+        }
+        Ok(())
+    })
+}
+
+#[test]
+#[ignore = "long: run by .ci/run"]
+fn draws_of_a_process_through_forty_simulations_of_made_data_have_even_ranks() {
+    let line = ending_after(usize::MAX);
+    let study = forty_each(&line, 40);
+    let names = quantities(&study.parameters, &study.noise);
+    let outcomes = sbc::run(&study).unwrap();
+    let band = Band::new(outcomes.len(), 0.95);
+    for (q, name) in names.iter().enumerate() {
+        let ranks: Vec<f64> = outcomes.iter().map(|o| o.ranks[q]).collect();
+        let p = band.p_value(&ranks);
+        assert!(p > 1e-3, "{name}: p = {p}");
+    }
+}
+
+#[test]
+fn a_simulator_that_ends_while_ranks_are_made_ends_them() {
+    // One run for the truth, forty for the samples: the draws have none left.
+    for (runs, ends) in [(40, true), (41, true), (41 + 128, false)] {
+        let line = ending_after(runs);
+        match sbc::run(&forty_each(&line, 1)) {
+            Err(CalibrateError::Fatal { cause, .. }) if ends => {
+                assert_eq!(cause, "no licence left")
+            }
+            Ok(_) if !ends => {}
+            other => panic!("{runs}: {other:?}"),
+        }
+    }
 }
