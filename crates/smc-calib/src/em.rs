@@ -286,8 +286,8 @@ impl Cloud {
                 for i in 0..d {
                     let u = times(r, &offset[i]);
                     s[1 + i] = plus(&s[1 + i], &u);
-                    for offset in &offset[..=i] {
-                        s[at] = plus(&s[at], &times(&u, offset));
+                    for other in &offset[..=i] {
+                        s[at] = plus(&s[at], &times(&u, other));
                         at += 1;
                     }
                 }

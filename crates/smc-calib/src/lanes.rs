@@ -1,12 +1,12 @@
-//! Exponential and logarithm that a compiler can apply to several numbers at once: no branches, no tables.
+//! Eight numbers at once, and exponential and logarithm that a compiler can apply to so many: no branches, no tables.
 //!
-//! Both work by taking a power of two out and a polynomial of what is left; errors are a few units in the last
+//! These two work by taking a power of two out and a polynomial of what is left; errors are a few units in the last
 //! place. Bits do not depend on how many numbers are done at once.
 
 /// Number of values that are computed together; sums run in this many lanes, in a fixed order.
 pub(crate) const LANES: usize = 8;
 
-/// Numbers that are computed together.
+/// Eight numbers that are computed together.
 pub(crate) type Lane = [f64; LANES];
 
 /// What this work gives, by wider instructions where the machine has them: bits are the same, as no product is fused with a sum.
@@ -27,8 +27,8 @@ impl<R, F: FnMut() -> R> pulp::NullaryFnOnce for Wide<F> {
     }
 }
 
-/// Sums, differences and products, number by number. As values of their own they are computed by wide instructions also where they go
-/// into memory that a compiler cannot tell from theirs.
+/// Sum, number by number. As this, [`minus`] and [`times`] give a new value, wide instructions are used also where a compiler cannot rule
+/// out that target and operands overlap.
 #[inline(always)]
 pub(crate) fn plus(a: &Lane, b: &Lane) -> Lane {
     let mut sum = *a;
@@ -38,6 +38,7 @@ pub(crate) fn plus(a: &Lane, b: &Lane) -> Lane {
     sum
 }
 
+/// Difference, number by number.
 #[inline(always)]
 pub(crate) fn minus(a: &Lane, b: &Lane) -> Lane {
     let mut difference = *a;
@@ -47,6 +48,7 @@ pub(crate) fn minus(a: &Lane, b: &Lane) -> Lane {
     difference
 }
 
+/// Product, number by number.
 #[inline(always)]
 pub(crate) fn times(a: &Lane, b: &Lane) -> Lane {
     let mut product = *a;

@@ -3,7 +3,8 @@
 //! S. Talts, M. Betancourt, D. Simpson, A. Vehtari, A. Gelman, "Validating Bayesian inference algorithms with
 //! simulation-based calibration" (2018): draw parameters and noise from the priors, data from both, calibrate; the
 //! posterior's distribution function at the truth is then uniform over data sets. For parameters and functions of
-//! them it is the share of the importance weights below the truth; where sigma takes part, that of the draws.
+//! them it is the share of the importance weights below the truth; where sigma takes part, that of the draws. Where a Gaussian process
+//! made the draws, parameters are ranked among these, and likelihoods among some of them that are simulated.
 //! Uniformity is judged by the simultaneous band of the empirical distribution function: T. Säilynoja,
 //! P.-C. Bürkner, A. Vehtari, "Graphical test for discrete uniformity and its applications in goodness-of-fit
 //! evaluation and multiple sample comparison", Stat. Comput. 32 (2022) 32.
@@ -20,8 +21,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use statrs::function::gamma::ln_gamma;
 
-/// Most draws of the parameters that are simulated, over which the noise is ranked.
-const SHAPE_DRAWS: usize = 128;
+/// Most draws that are simulated to rank likelihoods and noise.
+const SIMULATED_DRAWS: usize = 128;
 /// Points at which empirical distribution functions are compared with the uniform one.
 const POINTS: usize = 100;
 
@@ -127,7 +128,7 @@ fn one(study: &Study<'_>, k: usize) -> Result<Outcome, CalibrateError> {
         let z = normals(d, &mut rng);
         let theta: Vec<f64> =
             study.parameters.iter().zip(&z).map(|(p, z)| p.prior.from_z(*z)).collect();
-        if finished(simulator, &theta, &mut outputs)? && outputs.iter().all(|o| o.is_finite()) {
+        if finished(simulator, &theta, &mut outputs, 0)? {
             break (z, theta);
         }
     };
@@ -158,12 +159,18 @@ fn one(study: &Study<'_>, k: usize) -> Result<Outcome, CalibrateError> {
     let posterior = calibrate(&problem, &settings, &mut ())?;
     let truth = Truth { z, theta, noise, ln_likelihood: likelihood.ln_joint(&outputs) };
     let mut ties = stream(study.settings.seed, Purpose::Ties, 0, k);
-    let mut ranks = ranks((&posterior, study.simulator), &truth, &likelihood, &mut ties)?;
-    if study.noise.is_correlated() {
-        let found = match fine {
-            Some(fine) => shape_ranks(&posterior, study.simulator, &truth, &fine)?,
-            None => None,
-        };
+    // Draws of a process, and samples that were moved, have no simulation yet.
+    let again = posterior.is_drawn() || posterior.moved.is_some();
+    let correlated = study.noise.is_correlated();
+    let simulated = if again || correlated {
+        simulated(&posterior, study.simulator, outputs.len())?
+    } else {
+        Vec::new()
+    };
+    let mut ranks =
+        ranks((&posterior, again.then_some(&simulated[..])), &truth, &likelihood, &mut ties);
+    if correlated {
+        let found = fine.and_then(|fine| shape_ranks(&simulated, &truth, &fine));
         ranks.extend(found.unwrap_or([f64::NAN; 2]));
     }
     Ok(Outcome {
@@ -184,73 +191,70 @@ struct Truth {
     ln_likelihood: f64,
 }
 
-/// Posterior distribution functions of correlation length and white share at the truth: exactly for given parameters,
-/// averaged over evenly chosen draws of these.
-fn shape_ranks(
-    p: &Posterior,
-    simulator: &dyn Simulator,
-    truth: &Truth,
-    fine: &Likelihood,
-) -> Result<Option<[f64; 2]>, CalibrateError> {
-    let Some(shape) = truth.noise.shape else { return Ok(None) };
-    let count = p.draws.len().min(SHAPE_DRAWS);
-    let mut outputs = vec![0.0; fine.values().len()];
-    let (mut sums, mut used) = ([0.0; 2], 0.0);
-    for k in evenly(p.draws.len(), count) {
-        if finished(simulator, p.theta(&p.draws[k]), &mut outputs)? {
-            let Some(below) = fine.below(&shape, &outputs) else { return Ok(None) };
-            sums = [sums[0] + below[0], sums[1] + below[1]];
-            used += 1.0;
-        }
-    }
-    Ok(Some(sums.map(|sum| sum / used)))
-}
+/// A draw and its outputs; none where its simulation fails.
+type Simulated<'p> = (&'p Draw, Option<Vec<f64>>);
 
-/// Whether a simulation finishes; an error where it says that no further one can.
-fn finished(
-    simulator: &dyn Simulator,
-    theta: &[f64],
-    outputs: &mut [f64],
-) -> Result<bool, CalibrateError> {
-    match simulator.simulate(theta, outputs) {
-        Ok(()) => Ok(true),
-        Err(error) if error.is_recoverable() => Ok(false),
-        Err(error) => Err(CalibrateError::ended_by(error, 0)),
-    }
-}
-
-/// Draws whose likelihood is ranked, and their log likelihoods: those of their simulations, which the draws of a process have not yet,
-/// so that it is done for some of them.
-fn likelihoods<'p>(
+/// Simulations at evenly chosen draws.
+fn simulated<'p>(
     p: &'p Posterior,
     simulator: &dyn Simulator,
-    likelihood: &Likelihood,
-) -> Result<Vec<(&'p Draw, f64)>, CalibrateError> {
-    let most = if p.is_drawn() { SHAPE_DRAWS } else { usize::MAX };
-    let mut outputs = vec![0.0; likelihood.values().len()];
-    let ranked = evenly(p.draws.len(), p.draws.len().min(most)).map(|k| &p.draws[k]);
-    let each = ranked.map(|draw| {
-        let ln_l = if !p.is_drawn() {
-            p.samples[draw.sample].log_likelihood
-        } else if finished(simulator, &draw.theta, &mut outputs)? {
-            Some(likelihood.ln_joint(&outputs))
-        } else {
-            None
-        };
-        Ok((draw, ln_l.unwrap_or(f64::NEG_INFINITY)))
+    rows: usize,
+) -> Result<Vec<Simulated<'p>>, CalibrateError> {
+    let chosen = evenly(p.draws.len(), p.draws.len().min(SIMULATED_DRAWS)).map(|k| &p.draws[k]);
+    let each = chosen.enumerate().map(|(before, draw)| {
+        let mut outputs = vec![0.0; rows];
+        let before = p.samples.len() + before;
+        let finished = finished(simulator, p.theta(draw), &mut outputs, before)?;
+        Ok((draw, finished.then_some(outputs)))
     });
     each.collect()
 }
 
+/// Whether a simulation gives finite outputs; an error, after so many simulations, where no further one can run.
+fn finished(
+    simulator: &dyn Simulator,
+    theta: &[f64],
+    outputs: &mut [f64],
+    before: usize,
+) -> Result<bool, CalibrateError> {
+    match simulator.simulate(theta, outputs) {
+        Ok(()) => Ok(outputs.iter().all(|o| o.is_finite())),
+        Err(error) if error.is_recoverable() => Ok(false),
+        Err(error) => Err(CalibrateError::ended_by(error, before)),
+    }
+}
+
+/// Posterior distribution functions of correlation length and white share at the truth: exactly for given parameters,
+/// averaged over draws of these.
+fn shape_ranks(simulated: &[Simulated<'_>], truth: &Truth, fine: &Likelihood) -> Option<[f64; 2]> {
+    let shape = truth.noise.shape?;
+    let (mut sums, mut used) = ([0.0; 2], 0.0);
+    for outputs in simulated.iter().filter_map(|(_, outputs)| outputs.as_ref()) {
+        let below = fine.below(&shape, outputs)?;
+        sums = [sums[0] + below[0], sums[1] + below[1]];
+        used += 1.0;
+    }
+    Some(sums.map(|sum| sum / used))
+}
+
 /// Posterior distribution functions at the truth; a random place within ties.
 fn ranks(
-    (p, simulator): (&Posterior, &dyn Simulator),
+    (p, simulated): (&Posterior, Option<&[Simulated<'_>]>),
     truth: &Truth,
     likelihood: &Likelihood,
     rng: &mut impl Rng,
-) -> Result<Vec<f64>, CalibrateError> {
+) -> Vec<f64> {
     let d = truth.z.len();
-    let ranked = likelihoods(p, simulator, likelihood)?;
+    let known = |ln_l: Option<f64>| ln_l.unwrap_or(f64::NEG_INFINITY);
+    // Draws and their log likelihoods.
+    let ranked: Vec<(&Draw, f64)> = match simulated {
+        Some(simulated) => {
+            let ln_l =
+                |outputs: &Option<Vec<f64>>| outputs.as_ref().map(|o| likelihood.ln_joint(o));
+            simulated.iter().map(|(draw, outputs)| (*draw, known(ln_l(outputs)))).collect()
+        }
+        None => p.draws.iter().map(|d| (d, known(p.samples[d.sample].log_likelihood))).collect(),
+    };
     let mut rank = |values: &mut dyn Iterator<Item = (f64, f64)>, at: f64| -> f64 {
         let (mut below, mut equal) = (0.0, 0.0);
         for (value, weight) in values {
@@ -266,13 +270,8 @@ fn ranks(
         .map(|j| rank(&mut p.points().map(|at| (at.theta[j], at.weight)), truth.theta[j]))
         .collect();
     let samples = p.samples.iter().filter(|s| s.weight > 0.0);
-    let of_samples = samples.map(|s| (s.log_likelihood.unwrap_or(f64::NEG_INFINITY), s.weight));
-    let of_draws = ranked.iter().map(|(_, ln_l)| (*ln_l, 1.0 / ranked.len() as f64));
-    let marginal = if p.is_drawn() {
-        rank(&mut of_draws.into_iter(), truth.ln_likelihood)
-    } else {
-        rank(&mut of_samples.into_iter(), truth.ln_likelihood)
-    };
+    let mut of_samples = samples.map(|s| (known(s.log_likelihood), s.weight));
+    let marginal = simulated.is_none().then(|| rank(&mut of_samples, truth.ln_likelihood));
     let z = |at: &Point<'_>, j: usize| p.parameters[j].parameter.prior.to_z(at.theta[j]);
     let mut products = Vec::new();
     for i in 0..d {
@@ -292,12 +291,12 @@ fn ranks(
         (below as f64 + rng.random::<f64>()) / (ranked.len() + 1) as f64
     };
     out.push(drawn(&|_, sigma| sigma, truth.noise.sigma));
-    out.push(marginal);
+    out.push(marginal.unwrap_or_else(|| drawn(&|ln, _| ln, truth.ln_likelihood)));
     if likelihood.inferred().is_some() && matches!(p.noise, Noise::Inferred { .. }) {
         out.push(drawn(&joint, joint(truth.ln_likelihood, truth.noise.sigma)));
     }
     out.extend(products);
-    Ok(out)
+    out
 }
 
 fn inside(p: &Posterior, truth: &Truth, share: f64) -> Vec<bool> {

@@ -20,6 +20,7 @@ const MULTIPLIED: f64 = 100.0;
 
 /// The filter of one node at one observation: eight nodes side by side.
 #[derive(Clone, Debug, Default, PartialEq)]
+// No lane lies across two lines of the cache.
 #[repr(align(64))]
 struct Step {
     /// Correlation with the observation before.
@@ -204,11 +205,11 @@ impl Correlated {
     #[inline(always)]
     fn terms(&self, values: &[f64], outputs: &[f64]) -> Vec<Lane> {
         let residuals: Vec<f64> = values.iter().zip(outputs).map(|(v, o)| v - o).collect();
-        let mut terms = vec![[0.0; LANES]; self.nodes.len().div_ceil(LANES)];
-        // Three blocks at a time: the steps of one wait for one another.
-        for (steps, sums) in self.steps.chunks(3 * self.rows).zip(terms.chunks_mut(3)) {
+        let mut sums = vec![[0.0; LANES]; self.nodes.len().div_ceil(LANES)];
+        // A step waits for the one before it: two further blocks fill the time.
+        for (steps, three) in self.steps.chunks(3 * self.rows).zip(sums.chunks_mut(3)) {
             let block = |b: usize| &steps[b * self.rows..][..self.rows];
-            match sums {
+            match three {
                 [a, b, c] => {
                     [*a, *b, *c] = sums_of_squares([block(0), block(1), block(2)], &residuals);
                 }
@@ -220,6 +221,7 @@ impl Correlated {
             }
         }
         let power = 0.5 * (self.nu0 + self.rows as f64);
+        let mut terms = sums;
         for (terms, steps) in terms.iter_mut().zip(self.steps.chunks_exact(self.rows)) {
             let ln_scale = &steps[self.rows - 1].ln_scale;
             let mut ln = [0.0; LANES];

@@ -72,9 +72,15 @@ fn ln_sum(terms: &[f64]) -> f64 {
 #[test]
 fn the_correlated_likelihood_is_that_of_dense_linear_algebra_after_every_observation() {
     for scale in [DistanceScale::Log, DistanceScale::Linear] {
-        for (m, nodes) in
-            [(3, [1, 1]), (7, [3, 2]), (8, [4, 4]), (9, [6, 4]), (6, [8, 5]), (44, [5, 3])]
-        {
+        for (m, nodes) in [
+            (3, [1, 1]),
+            (7, [3, 2]),
+            (8, [4, 4]),
+            (9, [6, 4]),
+            (10, [7, 4]),
+            (6, [8, 5]),
+            (44, [5, 3]),
+        ] {
             let (observations, outputs) = data(m.max(4));
             let r = residuals(&observations, &outputs);
             let likelihood =
