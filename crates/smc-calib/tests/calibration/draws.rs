@@ -293,7 +293,7 @@ fn ending_after(runs: usize) -> impl Simulator {
 #[ignore = "long: run by .ci/run"]
 fn draws_of_a_process_through_forty_simulations_of_made_data_have_even_ranks() {
     let line = ending_after(usize::MAX);
-    let study = forty_each(&line, Noise::Inferred { nu0: 4.0, s0: 0.3 }, 150);
+    let study = forty_each(&line, Noise::Inferred { nu0: 4.0, s0: 0.3 }, 100);
     let names = quantities(&study.parameters, &study.noise);
     let outcomes = sbc::run(&study).unwrap();
     let band = Band::new(outcomes.len(), 0.95);
