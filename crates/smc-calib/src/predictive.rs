@@ -3,6 +3,7 @@
 use crate::draws::Draws;
 use crate::estimate::Estimator;
 use crate::sampler::Sampler;
+use crate::simulator::outputs_at;
 use crate::sobol::evenly;
 use crate::stream::{Purpose, stream};
 use crate::target::CurveTarget;
@@ -192,15 +193,7 @@ fn band_on_grid(
     let (distinct, curve_of) = distinct(&thetas);
     let curves: Vec<Option<Vec<f64>>> = distinct
         .par_iter()
-        .map(|theta| {
-            let mut out = vec![0.0; control.len()];
-            match simulator.simulate(theta, &mut out) {
-                Ok(()) if out.iter().all(|v| v.is_finite()) => Ok(Some(out)),
-                Ok(()) => Ok(None),
-                Err(e) if e.is_recoverable() => Ok(None),
-                Err(e) => Err(e),
-            }
-        })
+        .map(|theta| outputs_at(simulator, theta, control.len()))
         .collect::<Result<_, _>>()?;
     let alive: Vec<(usize, usize)> =
         curve_of.into_iter().zip(chosen).filter(|(c, _)| curves[*c].is_some()).collect();

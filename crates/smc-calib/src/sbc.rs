@@ -9,6 +9,7 @@
 //! P.-C. Bürkner, A. Vehtari, "Graphical test for discrete uniformity and its applications in goodness-of-fit
 //! evaluation and multiple sample comparison", Stat. Comput. 32 (2022) 32.
 
+use crate::simulator::outputs_at;
 use crate::sobol::evenly;
 use crate::stream::{Purpose, normals, stream};
 use crate::{
@@ -121,15 +122,16 @@ pub fn run(study: &Study<'_>) -> Result<Vec<Outcome>, CalibrateError> {
 fn one(study: &Study<'_>, k: usize) -> Result<Outcome, CalibrateError> {
     let mut rng = stream(study.settings.seed, Purpose::Truth, 0, k);
     let d = study.parameters.len();
-    let mut outputs = vec![0.0; study.control.len()];
+    let rows = study.control.len();
     let simulator = study.origin.as_ref().map_or(study.simulator, |origin| origin.simulator);
     // Parameters that cannot be simulated have posterior zero, so they are no truth either.
-    let (z, theta) = loop {
+    let (z, theta, outputs) = loop {
         let z = normals(d, &mut rng);
         let theta: Vec<f64> =
             study.parameters.iter().zip(&z).map(|(p, z)| p.prior.from_z(*z)).collect();
-        if finished(simulator, &theta, &mut outputs, 0)? {
-            break (z, theta);
+        let outputs = outputs_at(simulator, &theta, rows);
+        if let Some(outputs) = outputs.map_err(|error| CalibrateError::ended_by(error, 0))? {
+            break (z, theta, outputs);
         }
     };
     let drawn = match &study.origin {
@@ -163,7 +165,7 @@ fn one(study: &Study<'_>, k: usize) -> Result<Outcome, CalibrateError> {
     let again = posterior.is_drawn() || posterior.moved.is_some();
     let correlated = study.noise.is_correlated();
     let simulated = if again || correlated {
-        simulated(&posterior, study.simulator, outputs.len())?
+        simulated(&posterior, study.simulator, rows)?
     } else {
         Vec::new()
     };
@@ -202,26 +204,11 @@ fn simulated<'p>(
 ) -> Result<Vec<Simulated<'p>>, CalibrateError> {
     let chosen = evenly(p.draws.len(), p.draws.len().min(SIMULATED_DRAWS)).map(|k| &p.draws[k]);
     let each = chosen.enumerate().map(|(before, draw)| {
-        let mut outputs = vec![0.0; rows];
-        let before = p.samples.len() + before;
-        let finished = finished(simulator, p.theta(draw), &mut outputs, before)?;
-        Ok((draw, finished.then_some(outputs)))
+        let outputs = outputs_at(simulator, p.theta(draw), rows);
+        let ended = |error| CalibrateError::ended_by(error, p.samples.len() + before);
+        Ok((draw, outputs.map_err(ended)?))
     });
     each.collect()
-}
-
-/// Whether a simulation gives finite outputs; an error, after so many simulations, where no further one can run.
-fn finished(
-    simulator: &dyn Simulator,
-    theta: &[f64],
-    outputs: &mut [f64],
-    before: usize,
-) -> Result<bool, CalibrateError> {
-    match simulator.simulate(theta, outputs) {
-        Ok(()) => Ok(outputs.iter().all(|o| o.is_finite())),
-        Err(error) if error.is_recoverable() => Ok(false),
-        Err(error) => Err(CalibrateError::ended_by(error, before)),
-    }
 }
 
 /// Posterior distribution functions of correlation length and white share at the truth: exactly for given parameters,

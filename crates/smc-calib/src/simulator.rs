@@ -89,6 +89,20 @@ pub(crate) fn parallel_block(rows: usize) -> usize {
     (rows / (8 * rayon::current_num_threads())).clamp(1, 16)
 }
 
+/// Outputs at these parameters; none where the simulation fails or an output is not finite. An error where no further one can run.
+pub(crate) fn outputs_at(
+    simulator: &dyn Simulator,
+    theta: &[f64],
+    rows: usize,
+) -> Result<Option<Vec<f64>>, SimError> {
+    let mut outputs = vec![0.0; rows];
+    match simulator.simulate(theta, &mut outputs) {
+        Ok(()) => Ok(outputs.iter().all(|o| o.is_finite()).then_some(outputs)),
+        Err(error) if error.is_recoverable() => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
 /// Why one simulation failed.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum SimError {
