@@ -334,12 +334,13 @@ impl<'a> Control<'a> {
         let over = Over { proposal, ln_scale: *ln_scale, cap };
         let p = standard.count();
         let features = |z: &[f64], row: &mut [f64]| standard.features_at(z, coordinate, row);
-        let errors = errors::errors(&process, pool, over, p, &features, seed);
+        let draws = errors::integrals(&process, pool, over, p, &features, seed);
         let g = Variate { model: Model::Process(Arc::new(process)), ln_scale: *ln_scale, cap };
         let by_net = |net: &[f64], sums: &mut [f64]| {
             g.integrate(net, proposal, standard, coordinate, sums);
         };
         let of_nets = through_all::of_nets(proposal.uniforms(), p, seed, &by_net);
+        let errors = errors::errors(&draws, &through_all::means(&of_nets, p));
         Some(ThroughAll { of_nets, errors })
     }
 

@@ -44,21 +44,24 @@ impl<'a> Marginal<'a> {
     }
 
     /// Standard error of the quantile `q` at probability `p`: standard error of the share below q, divided by the density
-    /// at q.
+    /// about q, over as much of it as that error.
     fn quantile_error(&self, p: f64, q: f64) -> f64 {
-        let h = 0.05f64.min(0.4 * p.min(1.0 - p));
         // What ends at the end of the prior is not known without error.
         let everywhere = [f64::NEG_INFINITY, f64::INFINITY];
         let at = |p: f64| match self.below {
             Some((below, _)) => below.quantile(p, everywhere),
             None => self.quantile(p),
         };
-        let width = at(p + h) - at(p - h);
         let x = self.x;
         let of_share = self.below.map(|(below, _)| below.error(p)).unwrap_or_else(|| {
-            self.estimator.standard_error(|i| f64::from(u8::from(x[i] <= q)) - p)
+            let by_samples = |i: usize| f64::from(u8::from(x[i] <= q)) - p;
+            // Shares are known to no more than the sample there has.
+            self.estimator.standard_error(by_samples).max(self.shares.weight_at(p))
         });
-        of_share * width / (2.0 * h)
+        let outer = p.min(1.0 - p);
+        let h = of_share.max(0.05f64.min(0.4 * outer));
+        let (from, to) = ((p - h).max(0.04 * outer), (p + h).min(1.0 - 0.04 * outer));
+        of_share * (at(to) - at(from)) / (to - from)
     }
 
     fn equal_tailed(&self, share: f64) -> Interval {
@@ -216,23 +219,28 @@ pub(crate) fn draws_by_error(variance: f64, se: f64) -> f64 {
     if draws.is_nan() { 0.0 } else { draws }
 }
 
+/// Draws of a normal distribution by which each of these, of which one draw has this variance, would have its standard error: the fewest.
+fn fewest<const N: usize>(of: &Moments, each: [(f64, f64); N]) -> f64 {
+    let draws = each.map(|(factor, se)| draws_by_error(factor * of.sd.powi(2), se));
+    draws.into_iter().fold(f64::INFINITY, f64::min)
+}
+
+/// Variance of the median by one draw of a normal distribution, over its own.
+const OF_MEDIAN: f64 = 0.5 * std::f64::consts::PI;
+
+/// Independent draws of a normal distribution by which mean and median would have standard errors no larger than they have.
+pub(crate) fn draws_by_centre(of: &Moments) -> f64 {
+    fewest(of, [(1.0, of.mean_se), (OF_MEDIAN, of.median_se)])
+}
+
 /// Independent draws of a normal distribution by which all of these would have standard errors no larger than they have: variances of the
 /// mean, the standard deviation, the median and a p-quantile are s^2, s^2 / 2, pi s^2 / 2 and p (1 - p) / f^2 over their number.
 pub(crate) fn draws_by_errors(of: &Moments) -> f64 {
     const END: f64 = 1.959_963_984_540_054;
     let density = (-0.5 * END * END).exp() / std::f64::consts::TAU.sqrt();
     let end = 0.025 * 0.975 / (density * density);
-    let errors = [
-        (1.0, of.mean_se),
-        (0.5, of.sd_se),
-        (0.5 * std::f64::consts::PI, of.median_se),
-        (end, of.eti95.lower_se),
-        (end, of.eti95.upper_se),
-    ];
-    errors
-        .map(|(factor, se)| draws_by_error(factor * of.sd.powi(2), se))
-        .into_iter()
-        .fold(f64::INFINITY, f64::min)
+    let ends = [(end, of.eti95.lower_se), (end, of.eti95.upper_se)];
+    draws_by_centre(of).min(fewest(of, [(0.5, of.sd_se), ends[0], ends[1]]))
 }
 
 /// Correlation matrix of weighted columns.

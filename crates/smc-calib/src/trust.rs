@@ -1,10 +1,11 @@
 //! Whether a result can be trusted: the one judgement that tables, files and users ask for.
 //!
 //! A result has *converged* where nothing speaks against its weights and it has the effective samples wished for; it is
-//! *rough* where only those are missing, or where a Gaussian process knows means and intervals that few weights do not; else it is
+//! *rough* where only those are missing, or where a Gaussian process knows means and evidence that few weights do not; else it is
 //! *untrusted*. What else a user should know of it (parameters that the
 //! data do not inform, a poor fit, ..) are its [`Concern`]s. All limits are in [`limits`].
 
+mod by_errors;
 mod concern;
 pub mod limits;
 mod modes;
@@ -29,8 +30,7 @@ use std::fmt;
 pub enum Verdict {
     /// Nothing speaks against it, and it has the effective samples wished for.
     Converged,
-    /// Nothing speaks against it but few effective samples; or so few that means, intervals and evidence are known by a Gaussian process
-    /// alone.
+    /// Nothing speaks against it but few effective samples; or so few that means and evidence are known by a Gaussian process alone.
     Rough,
     /// Means, intervals and evidence may be wrong.
     Untrusted,
@@ -103,17 +103,11 @@ impl Trust {
             _ => None,
         };
         let worth = match self.concerns.iter().find_map(few) {
-            Some(draws) => {
-                let draws = if draws > MOST_BY_ERRORS {
-                    format!("more than {MOST_BY_ERRORS:.0}")
-                } else {
-                    format!("{draws:.0}")
-                };
-                format!(
-                    "means and intervals are known as by {draws} independent draws of the posterior, the weighted samples are worth {:.0}",
-                    self.effective_samples
-                )
-            }
+            Some(draws) => format!(
+                "means and evidence are known as by {} independent draws of the posterior, the weighted samples are worth {:.0}",
+                by_errors::in_words(draws),
+                self.effective_samples
+            ),
             None => {
                 format!("worth {:.0} independent draws of the posterior", self.effective_samples)
             }
@@ -232,10 +226,10 @@ impl Posterior {
         }
     }
 
-    /// [`EffectiveSampleSize::by_errors`](crate::EffectiveSampleSize::by_errors), where they are enough and nothing says that the budget was
-    /// too small.
+    /// Independent draws as of which a process knows means, medians and evidence, where they are enough and nothing says that the budget
+    /// was too small.
     fn known_by_errors(&self, wished: f64) -> Option<f64> {
-        let enough = self.ess.by_errors.filter(|draws| *draws >= FEWEST_BY_ERRORS)?;
+        let enough = by_errors::of_centre(self).filter(|draws| *draws >= FEWEST_BY_ERRORS)?;
         self.about_budget(wished).is_none().then_some(enough)
     }
 
@@ -257,6 +251,9 @@ impl Posterior {
             let by_errors = self.known_by_errors(wished).filter(|draws| *draws >= ess);
             let drawn = self.is_drawn();
             list.push(Concern::FewEffectiveSamples { ess, wished, by_errors, drawn });
+            if by_errors.is_some() {
+                list.extend(self.parameters.iter().filter_map(by_errors::about_interval));
+            }
         }
         if self.is_posterior {
             list.extend(self.about_weights());

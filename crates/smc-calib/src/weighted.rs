@@ -71,6 +71,13 @@ impl Weighted {
         }
     }
 
+    /// Weight of the sample that the running weight is in at `target`; zero without samples.
+    pub(crate) fn weight_at(&self, target: f64) -> f64 {
+        let Some(last) = self.values.len().checked_sub(1) else { return 0.0 };
+        let i = self.cumulative.partition_point(|sum| *sum < target).min(last);
+        self.cumulative[i] - if i == 0 { 0.0 } else { self.cumulative[i - 1] }
+    }
+
     /// The equal-tailed interval that holds a share of the weight.
     pub fn interval(&self, share: f64) -> [f64; 2] {
         let tail = 0.5 * (1.0 - share);

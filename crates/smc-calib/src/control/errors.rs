@@ -12,8 +12,11 @@ use rayon::prelude::*;
 
 /// Points of the proposal, those of g that are drawn from them, and draws of g there: the spread of so many is known to a tenth.
 const POINTS: usize = 4096;
-const DRAWN: usize = 256;
-const DRAWS: usize = 48;
+const DRAWN: usize = 384;
+const DRAWS: usize = 96;
+/// Share of the draws within the largest error that counts: those beyond it count as that, so that one draw in fifty that is far off does
+/// not make what the others agree on unknown.
+const COUNTED: f64 = 0.95;
 /// Largest ratio of a draw to g, e^20: beyond it nothing is known, and errors stay numbers.
 const LARGEST: f64 = 485_165_195.0;
 
@@ -43,35 +46,36 @@ pub(super) fn weighed(
     (z, weights)
 }
 
-/// Points that are drawn from g with a wide edge of failures, row by row, and its integral; none where it is zero. `random` gives
-/// numbers in 0 to 1.
+/// Points that are drawn from the root of g/q with a wide edge of failures, row by row, and the part of g's integral that each stands
+/// for: as many from g itself would leave the ends of intervals without any. `random` gives numbers in 0 to 1.
 fn drawn_from(
     process: &StandIn<'_>,
     over: Over<'_>,
     net: &[f64],
     mut random: impl FnMut() -> f64,
-) -> Option<(Vec<f64>, f64)> {
+) -> (Vec<f64>, Vec<f64>) {
     let (z, weights) = weighed(process, over, net);
     let (d, points) = (over.proposal.dimension, weights.len());
-    let total: f64 = weights.iter().sum();
-    let mut drawn = Vec::with_capacity(DRAWN * d);
+    let total: f64 = weights.iter().map(|w| w.sqrt()).sum();
+    let (mut drawn, mut parts) = (Vec::with_capacity(DRAWN * d), Vec::with_capacity(DRAWN));
     // One of every so much weight, at random: one in so many points of a net would be a corner of it.
     let (mut sum, mut count, mut next) = (0.0, 0.0, random());
     for (weight, z) in weights.iter().zip(z.chunks_exact(d)) {
-        sum += weight / total * DRAWN as f64;
+        sum += weight.sqrt() / total * DRAWN as f64;
         while next < sum {
             drawn.extend_from_slice(z);
+            parts.push(weight.sqrt() * total / (DRAWN * points) as f64);
             count += 1.0;
             next = count + random();
         }
     }
-    (!drawn.is_empty()).then_some((drawn, total / points as f64))
+    (drawn, parts)
 }
 
-/// Errors of the integrals of g phi by draws of the likelihood from the process that made g, p numbers for every draw: at points
-/// that are drawn from g each draw has a weight, its likelihood over the predicted one. Where g is lowered because the process knows
+/// The integrals of g phi by draws of the likelihood from the process that made g, p numbers for every draw: at points
+/// that are drawn for g each draw has a weight, its likelihood over the predicted one. Where g is lowered because the process knows
 /// too little, draws are lowered as much. `features` writes the p phi of a point z.
-pub(super) fn errors(
+pub(super) fn integrals(
     process: &StandIn<'_>,
     pool: &Pool,
     over: Over<'_>,
@@ -81,29 +85,60 @@ pub(super) fn errors(
 ) -> Vec<f64> {
     let mut rng = stream(seed, Purpose::Errors, 1, 0);
     let net = scrambled_net(over.proposal.uniforms(), POINTS, &mut rng);
-    let drawn = drawn_from(process, over, &net, || rng.random());
-    let Some((drawn, integral)) = drawn else { return Vec::new() };
-    let m = drawn.len() / pool.d;
-    let mut rows = vec![0.0; m * p];
+    let (drawn, parts) = drawn_from(process, over, &net, || rng.random());
+    if drawn.is_empty() {
+        return Vec::new();
+    }
+    let mut rows = vec![0.0; parts.len() * p];
     let points = drawn.chunks_exact(pool.d).zip(rows.chunks_exact_mut(p));
     points.for_each(|(z, row)| features(z, row));
-    let mut errors = vec![0.0; DRAWS * p];
+    let mut integrals = vec![0.0; DRAWS * p];
     let draws = process.ln_ratios(pool, &drawn, DRAWS, seed);
-    for (ratios, own) in draws.iter().zip(errors.chunks_exact_mut(p)) {
-        for (ratio, row) in ratios.iter().zip(rows.chunks_exact(p)) {
-            let weight = integral / m as f64 * capped(*ratio, LARGEST);
+    for (ratios, own) in draws.iter().zip(integrals.chunks_exact_mut(p)) {
+        for ((ratio, part), row) in ratios.iter().zip(&parts).zip(rows.chunks_exact(p)) {
+            let weight = part * capped(*ratio, LARGEST);
             own.iter_mut().zip(row).for_each(|(sum, phi)| *sum += weight * phi);
         }
     }
+    integrals
+}
+
+/// Errors of integrals by draws of them, row by row, none where there is no likelihood: `means[0]` times what the logarithm of the first
+/// integral is off by, and for the others what then makes their ratios to it off by as much as those of the draws. Any draw may be the
+/// likelihood, and if it is, the posterior has its ratios: one that is a hundred times the others somewhere has the moments of that place,
+/// not a hundred times their errors.
+pub(super) fn errors(draws: &[f64], means: &[f64]) -> Vec<f64> {
+    let p = means.len();
+    if means[0].is_nan() || means[0] <= 0.0 {
+        return Vec::new();
+    }
+    let of = |row: &[f64]| -> Vec<f64> {
+        let ln = row[0].max(means[0] / LARGEST).ln();
+        let ratio = |(value, mean): (&f64, &f64)| {
+            if row[0] > 0.0 { value / row[0] } else { mean / means[0] }
+        };
+        std::iter::once(ln).chain(row.iter().zip(means).skip(1).map(ratio)).collect()
+    };
+    let mut errors: Vec<f64> = draws.chunks_exact(p).flat_map(of).collect();
     for a in 0..p {
         let mean = mean(&errors, p, a);
-        errors.iter_mut().skip(a).step_by(p).for_each(|e| *e -= mean);
+        let off = errors.iter().skip(a).step_by(p).map(|e| (e - mean).abs());
+        let mut off: Vec<f64> = off.collect();
+        off.sort_by(f64::total_cmp);
+        let most = off.get((COUNTED * off.len() as f64) as usize).copied().unwrap_or(0.0);
+        errors.iter_mut().skip(a).step_by(p).for_each(|e| *e = (*e - mean).max(-most).min(most));
+    }
+    for row in errors.chunks_exact_mut(p) {
+        let first = row[0];
+        row[0] *= means[0];
+        row.iter_mut().zip(means).skip(1).for_each(|(e, mean)| *e = mean * first + means[0] * *e);
     }
     errors
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::variate::scatter;
     use super::*;
     use crate::gaussian_process::Covariance;
     use crate::sampler::Sampler;
@@ -160,11 +195,12 @@ mod tests {
         let prior = Proposal::prior(1);
         let over = Over { proposal: &prior, ln_scale: 0.7, cap: 1e9 };
         let features = |z: &[f64], row: &mut [f64]| row.copy_from_slice(&[1.0, z[0]]);
-        let found = errors(&process, pool, over, 2, &features, 1);
+        let seeds: Vec<Vec<f64>> =
+            (1..=8).map(|seed| integrals(&process, pool, over, 2, &features, seed)).collect();
 
         // integral integral g g' (e^C - 1) phi phi', with g the mean of the log-normal process.
-        let n = 61;
-        let z: Vec<f64> = (0..n).map(|i| 0.05 * (f64::from(i) - 30.0)).collect();
+        let n = 31;
+        let z: Vec<f64> = (0..n).map(|i| 0.1 * (f64::from(i) - 15.0)).collect();
         let l = process.process.factor_of_errors(&z);
         let n = n as usize;
         let covariance = |a: usize, b: usize| -> f64 {
@@ -174,18 +210,60 @@ mod tests {
             .map(|i| {
                 let ln_g =
                     process.ln_likelihood_at(&z[i..=i], Edge::KNOWN) + 0.5 * covariance(i, i);
-                0.05 * (ln_g + ln_prior(&z[i..=i]) - 0.7).exp()
+                0.1 * (ln_g + ln_prior(&z[i..=i]) - 0.7).exp()
             })
             .collect();
         for power in 0..2 {
             let g: Vec<f64> = g.iter().zip(&z).map(|(g, z)| g * z.powi(power)).collect();
             let pairs = (0..n).flat_map(|a| (0..n).map(move |b| (a, b)));
             let exact: f64 = pairs.map(|(a, b)| g[a] * g[b] * covariance(a, b).exp_m1()).sum();
-            let squares = found.iter().skip(power as usize).step_by(2).map(|e| e * e);
-            let variance = squares.sum::<f64>() / (DRAWS - 1) as f64;
-            // By so many draws a variance is known to a fifth.
-            let ratio = variance / exact;
-            assert!((0.6..1.6).contains(&ratio), "{power}: {variance} {exact}");
+            let variance =
+                |found: &Vec<f64>| scatter(found, 2, power as usize) / (DRAWS - 1) as f64;
+            let ratios: Vec<f64> = seeds.iter().map(|found| variance(found) / exact).collect();
+            let mean = ratios.iter().sum::<f64>() / 8.0;
+            assert!((0.7..1.4).contains(&mean), "{power}: {ratios:?}");
+        }
+    }
+
+    #[test]
+    fn errors_are_those_of_ratios_and_draws_that_are_far_larger_have_the_moments_of_their_place() {
+        let means = [2.0, 0.6, -0.2];
+        let off = |k: usize, a: usize| 1e-4 * (1.7 * (3 * k + a) as f64).sin();
+        // So many of a hundred draws are a thousand times as large, where the second is 5.
+        let draws = |far: usize| -> Vec<f64> {
+            let draw = |k: usize| -> [f64; 3] {
+                let place = if k < far { [2000.0, 10_000.0, -200.0] } else { means };
+                std::array::from_fn(|a| place[a] + off(k, a))
+            };
+            (0..100).flat_map(draw).collect()
+        };
+        let sd = |errors: &[f64], a: usize| (scatter(errors, 3, a) / 99.0).sqrt();
+        let small = errors(&draws(0), &means);
+        for (k, row) in small.chunks_exact(3).enumerate() {
+            for (a, error) in row.iter().enumerate() {
+                let mean = (0..100).map(|k| off(k, a)).sum::<f64>() / 100.0;
+                // Those beyond the 95th count as that.
+                assert!((error - (off(k, a) - mean)).abs() < 5e-5 && error.abs() < 1.2e-4);
+            }
+        }
+        let of_small: Vec<f64> = (0..3).map(|a| sd(&small, a)).collect();
+        assert!(of_small.iter().all(|sd| (0.5e-4..1e-4).contains(sd)), "{of_small:?}");
+        let few = errors(&draws(4), &means);
+        assert!((0..3).all(|a| sd(&few, a) < 0.4), "{:?}", sd(&few, 0));
+        let many = errors(&draws(20), &means);
+        let ratio = |row: &[f64], a: usize| (row[a] - means[a] / means[0] * row[0]) / means[0];
+        let ratios: Vec<f64> = many.chunks_exact(3).map(|row| ratio(row, 1)).collect();
+        // 5 and 0.3 with a probability of a fifth.
+        let exact = 4.7 * (0.16f64 * 100.0 / 99.0).sqrt();
+        assert!(
+            (sd(&ratios.iter().flat_map(|r| [*r, 0.0, 0.0]).collect::<Vec<_>>(), 0) / exact - 1.0)
+                .abs()
+                < 0.01
+        );
+        // Draws without a likelihood, and a process without one.
+        assert!(errors(&[0.0; 6], &means).iter().all(|e| *e == 0.0));
+        for none in [0.0, f64::NAN] {
+            assert!(errors(&draws(0), &[none, 0.1, 0.1]).is_empty());
         }
     }
 }

@@ -55,7 +55,7 @@ struct Ratios {
 }
 
 /// Means over rows of p integrals.
-fn means(rows: &[f64], p: usize) -> Vec<f64> {
+pub(super) fn means(rows: &[f64], p: usize) -> Vec<f64> {
     (0..p).map(|a| mean(rows, p, a)).collect()
 }
 

@@ -21,6 +21,8 @@ const TILTS: RangeInclusive<f64> = 0.02..=50.0;
 /// Parts of their shares that moments are held to, in this order; least share of the evidence.
 const PARTS: [f64; 5] = [1.0, 0.8, 0.6, 0.4, 0.2];
 const LEAST_SHARE: f64 = 2.0 / 3.0;
+/// Most moves of samples, after each of which some may stop at the end of the prior.
+const MOVES: usize = 20;
 /// Most steps of Newton's method to the tilt, most halvings of each, and the relative gap at which it is found.
 const STEPS: usize = 50;
 const HALVINGS: i32 = 30;
@@ -313,21 +315,27 @@ impl Samples<'_> {
         Some(InPart { held, known, errors, columns: Some(vec![0]), part: 0.0 })
     }
 
-    /// Samples with these weights, moved to what is known, which the weights then are held to; with their features. None where samples
-    /// that stop at the end of the prior keep them from it.
+    /// Samples with these weights, moved to what is known, which the weights then are held to; with their features. Where samples stop at
+    /// the end of the prior all are moved again; none where they do not get there.
     fn moved_to(
         &self,
         weights: &[f64],
         integrals: &Integrals,
         known: &[f64],
     ) -> Option<(Held, Vec<f64>)> {
-        let Integrals { features, axes, shares, .. } = integrals;
+        let Integrals { axes, shares, .. } = integrals;
         let p = shares.len();
-        let sums = totals(&self.sums(weights, features, p), p);
         let wished = totals(known, p);
-        let features = moved(features, [&sums, &wished], axes)?;
-        let held = self.with(weights.to_vec(), Spread::One, &features)?;
-        reach(&totals(&held.of_pool, p), &wished, axes.len()).then_some((held, features))
+        let mut features = integrals.features.clone();
+        for _ in 0..MOVES {
+            let sums = totals(&self.sums(weights, &features, p), p);
+            features = moved(&features, [&sums, &wished], axes)?;
+            let held = self.with(weights.to_vec(), Spread::One, &features)?;
+            if reach(&totals(&held.of_pool, p), &wished, axes.len()) {
+                return Some((held, features));
+            }
+        }
+        None
     }
 
     /// Weights that are held to the integrals of these features, with what belongs to them.

@@ -14,6 +14,9 @@ use serde::{Deserialize, Serialize};
 /// Farthest that a mean is moved, in standard deviations of the samples, and most that a standard deviation changes by.
 const FARTHEST: f64 = 1.0;
 const MOST: f64 = 2.0;
+/// Least width of any direction over that of the samples, and the number of steps to their correlations on the way to it.
+const NARROWEST: f64 = 0.25;
+const SHARES: u32 = 20;
 /// Largest part of a standard deviation by which means and standard deviations may miss what they are moved to, because samples that the
 /// map would take out of the prior's range stop at its end.
 const MISSED: f64 = 0.02;
@@ -53,22 +56,44 @@ pub struct MovedBy {
     pub correlation: f64,
 }
 
-/// Mean and Cholesky factor of the covariance of d coordinates, from the integrals of 1, x_j and x_i x_j.
-fn moments(integrals: &[f64], d: usize) -> Option<(Vec<f64>, Vec<f64>)> {
+/// Mean and covariance of d coordinates, row by row, from the integrals of 1, x_j and x_i x_j.
+fn moments(integrals: &[f64], d: usize) -> (Vec<f64>, Vec<f64>) {
     let of = |a: usize| integrals[a] / integrals[0];
     let mean: Vec<f64> = (1..=d).map(of).collect();
     let mut covariance = vec![0.0; d * d];
     for i in 0..d {
         for j in 0..=i {
-            covariance[i * d + j] = of(1 + d + i * (i + 1) / 2 + j) - mean[i] * mean[j];
+            let value = of(1 + d + i * (i + 1) / 2 + j) - mean[i] * mean[j];
+            covariance[i * d + j] = value;
+            covariance[j * d + i] = value;
         }
     }
-    Some((mean, cholesky(&covariance, d)?))
+    (mean, covariance)
 }
 
-/// Standard deviation of coordinate i by a Cholesky factor.
-fn sd(factor: &[f64], d: usize, i: usize) -> f64 {
-    factor[i * d..=i * d + i].iter().map(|l| l * l).sum::<f64>().sqrt()
+/// Standard deviation of coordinate i; not a number where there is none.
+fn sd(covariance: &[f64], d: usize, i: usize) -> f64 {
+    covariance[i * d + i].sqrt()
+}
+
+/// Cholesky factor of a covariance C, or where it is none, or in some direction narrower by more than [`NARROWEST`] than that of the
+/// samples with its standard deviations, of the nearest mean of both that is not. Integrals that are known one by one need not be those of a
+/// density: where coordinates are nearly proportional to each other, their products are known less well than the way across is wide.
+fn factor_of(covariance: &[f64], of_samples: &[f64], d: usize) -> Option<Vec<f64>> {
+    let scaled = |i: usize, j: usize| {
+        let factor = |i: usize| sd(covariance, d, i) / sd(of_samples, d, i);
+        of_samples[i * d + j] * factor(i) * factor(j)
+    };
+    let mean = |share: f64, off: f64| -> Vec<f64> {
+        let value = |k: usize| {
+            let scaled = scaled(k / d, k % d);
+            (1.0 - share) * covariance[k] + share * scaled - off * scaled
+        };
+        (0..d * d).map(value).collect()
+    };
+    let shares = (0..=SHARES).map(|k| f64::from(k) / f64::from(SHARES));
+    let wide = |share: &f64| cholesky(&mean(*share, NARROWEST.powi(2)), d).is_some();
+    cholesky(&mean(shares.into_iter().find(wide)?, 0.0), d)
 }
 
 /// 1, x_j and x_i x_j of all samples, moved so that integrals that are `sums` become `wished`; samples that would leave the prior's range
@@ -79,14 +104,16 @@ pub(super) fn moved(
     axes: &[Axis],
 ) -> Option<Vec<f64>> {
     let (d, p) = (axes.len(), sums.len());
-    let ((from, from_factor), (to, to_factor)) = (moments(sums, d)?, moments(wished, d)?);
+    let ((from, from_covariance), (to, to_covariance)) = (moments(sums, d), moments(wished, d));
     for i in 0..d {
-        let [from_sd, to_sd] = [&from_factor, &to_factor].map(|factor| sd(factor, d, i));
+        let [from_sd, to_sd] = [&from_covariance, &to_covariance].map(|c| sd(c, d, i));
         let near = (to[i] - from[i]).abs() <= FARTHEST * from_sd;
         if !(near && (1.0 / MOST..=MOST).contains(&(to_sd / from_sd))) {
             return None;
         }
     }
+    let to_factor = factor_of(&to_covariance, &from_covariance, d)?;
+    let from_factor = cholesky(&from_covariance, d)?;
     let inverse = packed_inverse(&from_factor, d);
     let (mut out, mut white) = (vec![0.0; features.len()], vec![0.0; d]);
     for (row, out) in features.chunks_exact(p).zip(out.chunks_exact_mut(p)) {
@@ -107,12 +134,9 @@ pub(super) fn moved(
 
 /// Whether integrals over d coordinates have the means and standard deviations of the wished ones, but for [`MISSED`].
 pub(super) fn reach(sums: &[f64], wished: &[f64], d: usize) -> bool {
-    let (Some((mean, factor)), Some((to, to_factor))) = (moments(sums, d), moments(wished, d))
-    else {
-        return false;
-    };
+    let ((mean, covariance), (to, to_covariance)) = (moments(sums, d), moments(wished, d));
     (0..d).all(|i| {
-        let [sd, wished] = [&factor, &to_factor].map(|factor| sd(factor, d, i));
+        let [sd, wished] = [&covariance, &to_covariance].map(|c| sd(c, d, i));
         (mean[i] - to[i]).abs() <= MISSED * wished && (sd - wished).abs() <= MISSED * wished
     })
 }

@@ -25,12 +25,23 @@ pub enum Concern {
         ess: f64,
         /// Effective samples wished for.
         wished: f64,
-        /// Independent draws by which means and intervals are known, where they are enough.
+        /// Independent draws by which means, medians and evidence are known, where they are enough.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         by_errors: Option<f64>,
-        /// Whether draws are of a process that knows means and intervals, not of the samples.
+        /// Whether draws are of a process, not of the samples.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         drawn: bool,
+    },
+    /// The mean of a parameter is known, its standard deviation or its 95 % interval much less well.
+    IntervalNotKnown {
+        /// Parameter.
+        parameter: String,
+        /// Standard error of its standard deviation, over that.
+        sd: f64,
+        /// Standard error of the lower end, over the standard deviation.
+        lower: f64,
+        /// That of the upper end.
+        upper: f64,
     },
     /// Heavy-tailed importance weights.
     HighKhat {
@@ -202,6 +213,10 @@ impl Concern {
         match self {
             Self::NotAPosterior => "the noise was tuned to a wished-for effective sample size and proposals were not corrected for".to_owned(),
             Self::FewEffectiveSamples { ess, .. } => format!("only {ess:.0} effective samples"),
+            Self::IntervalNotKnown { parameter, sd, lower, upper } => format!(
+                "the 95 % interval of {parameter} is known to {lower:.2} (lower end) and {upper:.2} (upper end) posterior sds, its sd to {:.0} %",
+                100.0 * sd
+            ),
             Self::HighKhat { parameter, khat, tail_share } => format!(
                 "the importance weights{} have a heavy tail (k-hat {}, trustworthy below {KHAT_LIMIT}, and {:.0} % of an estimate)",
                 parameter.as_ref().map_or(String::new(), |p| format!(" for {p}")),
@@ -282,12 +297,13 @@ impl Concern {
         match self {
             Self::NotAPosterior => "this is not a posterior, and its intervals mean nothing",
             Self::FewEffectiveSamples { by_errors: Some(_), drawn: true, .. } => {
-                "what is computed from the weighted samples is rough; means and intervals, which a Gaussian process knows better, and draws, which are its, are not"
+                "what is computed from the weighted samples is rough; means and intervals, which a Gaussian process knows better, and draws, which are its, are less so"
             }
             Self::FewEffectiveSamples { by_errors: Some(_), .. } => {
-                "draws, and what is computed from them, are rough; means and intervals of the parameters, which a Gaussian process knows better, are not"
+                "draws, and what is computed from them, are rough; means and intervals of the parameters, which a Gaussian process knows better, are less so"
             }
             Self::FewEffectiveSamples { .. } => "means and intervals are rough",
+            Self::IntervalNotKnown { .. } => "a tail of the posterior may be longer or shorter",
             Self::HighKhat { .. } => "the posterior may be incomplete",
             Self::EvidenceDisagrees { .. } => "part of the posterior may be unseen",
             Self::SamplesMoved { .. } => {
@@ -332,6 +348,7 @@ impl Concern {
         match self {
             Self::NotAPosterior => "calibrate with inferred or fixed noise",
             Self::FewEffectiveSamples { .. }
+            | Self::IntervalNotKnown { .. }
             | Self::HighKhat { .. }
             | Self::EvidenceDisagrees { .. }
             | Self::SamplesMoved { .. }

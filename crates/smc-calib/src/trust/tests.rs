@@ -35,7 +35,7 @@ fn stage(beta: f64) -> StageRecord {
 }
 
 /// A result of two parameters and ten observations that nothing speaks against.
-fn sound() -> Posterior {
+pub(super) fn sound() -> Posterior {
     Posterior {
         is_posterior: true,
         noise: Noise::default(),

@@ -228,11 +228,46 @@ fn samples_stay_where_weights_have_the_moments_or_where_they_would_leave_the_pri
         moved_to(mean, covariance, least).is_some_and(|(_, known, _)| known.moved.is_empty())
     };
     assert!(stays([0.1, -0.1], [0.45, 0.05, 0.5], f64::NEG_INFINITY));
-    assert!(stays([0.3, -0.2], [1.1, 0.6, 1.2], -1.1));
+    assert!(stays([0.3, -0.2], [1.1, 0.6, 1.2], -0.9));
     assert!(stays([0.9, -0.2], [1.1, 0.6, 1.2], f64::NEG_INFINITY));
     assert!(stays([0.3, -0.2], [2.5, 0.6, 1.2], f64::NEG_INFINITY));
     // Moments that are no moments at all.
-    assert!(stays([0.3, -0.2], [1.1, 1.6, 1.2], f64::NEG_INFINITY));
+    assert!(stays([0.3, -0.2], [-0.1, 0.0, 1.2], f64::NEG_INFINITY));
+}
+
+#[test]
+fn samples_that_stop_at_the_end_of_the_prior_are_moved_until_all_have_the_moments() {
+    let (weights, known, wished) = moved_to([0.3, -0.2], [1.1, 0.6, 1.2], -1.1).expect("held");
+    assert_eq!(known.moved.len(), 2);
+    let rows = || weights.iter().zip(known.features.chunks_exact(6));
+    let ends = [1, 2].map(|a| rows().map(|(_, row)| row[a]).fold(0.0, f64::min));
+    assert!(ends[0] >= -1.1 && ends[1] == -1.1, "{ends:?}");
+    let mean = |a: usize| rows().map(|(w, row)| w * row[a]).sum::<f64>() / 48.0;
+    for j in 0..2 {
+        let square = 3 + 2 * j;
+        let [own, exact] = [&mean as &dyn Fn(usize) -> f64, &|a| wished[a]]
+            .map(|m| [m(1 + j), (m(square) - m(1 + j).powi(2)).sqrt()]);
+        for k in 0..2 {
+            assert!((own[k] - exact[k]).abs() < 0.02 * exact[1], "{j} {k}: {own:?} {exact:?}");
+        }
+    }
+}
+
+#[test]
+fn moments_that_are_not_quite_those_of_a_density_are_had_but_for_their_correlation() {
+    // Variances of 1.1 and 1.2 and a covariance of 1.16 would be a correlation of 1.01.
+    let (weights, known, wished) =
+        moved_to([0.3, -0.2], [1.1, 1.16, 1.2], f64::NEG_INFINITY).expect("held");
+    assert_eq!(known.moved.len(), 2);
+    let mean = |a: usize| -> f64 {
+        let rows = weights.iter().zip(known.features.chunks_exact(6));
+        rows.map(|(w, row)| w * row[a]).sum::<f64>() / 48.0
+    };
+    for a in [1, 2, 3, 5] {
+        assert_close(mean(a), wished[a]);
+    }
+    let correlation = (mean(4) - mean(1) * mean(2)) / (1.1 * 1.2f64).sqrt();
+    assert!((0.9..1.0).contains(&correlation), "{correlation}");
 }
 
 #[test]
