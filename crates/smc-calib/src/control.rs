@@ -311,7 +311,8 @@ impl<'a> Control<'a> {
         let moments = coefficients(sampler.pool.d);
         let of = |a: usize| share(known(a), scatter(&by_samples, p, a));
         let shares = (0..p).map(|a| of(if a < moments { a } else { 0 })).collect();
-        let errors = all.filter(|_| few.is_some()).map_or_else(Vec::new, |all| all.errors);
+        let errors = all.filter(|_| few.is_some());
+        let errors = errors.map_or_else(Vec::new, |all| all.errors(&of_sub_nets, p));
         let (axes, features, levels) = (self.axes(), self.features, self.standard.into_levels());
         Some((Integrals { of_sub_nets, features, shares, errors, axes, levels }, cross_fitted))
     }
@@ -340,8 +341,8 @@ impl<'a> Control<'a> {
             g.integrate(net, proposal, standard, coordinate, sums);
         };
         let of_nets = through_all::of_nets(proposal.uniforms(), p, seed, &by_net);
-        let errors = errors::errors(&draws, &through_all::means(&of_nets, p));
-        Some(ThroughAll { of_nets, errors })
+        let off = errors::deviations(&draws, &through_all::means(&of_nets, p));
+        Some(ThroughAll { of_nets, off })
     }
 
     /// Adds a part's share of the integrals of g phi, by nets of its own for every sub-net; its g at the samples, each where it is

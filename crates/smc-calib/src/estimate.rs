@@ -70,16 +70,14 @@ impl Estimator {
     }
 
     /// Holds the weights to integrals over `d` coordinates, with `far` as far as it takes ([`Samples::held_to`]), where few effective
-    /// samples count as [`few`]; false, and no weight is changed, where that would change one by too much.
+    /// samples count as [`few`]; false, and nothing is changed, where that would change a weight by too much.
     pub(crate) fn hold_to(&mut self, mut integrals: Integrals, d: usize, far: bool) -> bool {
         let Self { weights, label, replicates, .. } = &*self;
         let samples = Samples { weights, label, replicates: *replicates };
         let wider = if far { few(weights) } else { 1.0 };
         let below = taken_out(&mut integrals, &samples, wider);
-        let held = samples.held_to(integrals, d, far);
-        self.wider = wider;
-        let Some((weights, known)) = held else { return false };
-        self.below = below;
+        let Some((weights, known)) = samples.held_to(integrals, d, far) else { return false };
+        (self.wider, self.below) = (wider, below);
         self.total = weights.iter().sum();
         self.weights = weights;
         self.known = Some(known);

@@ -54,10 +54,12 @@ impl<'a> Marginal<'a> {
         };
         let x = self.x;
         let of_share = self.below.map(|(below, _)| below.error(p)).unwrap_or_else(|| {
-            let by_samples = |i: usize| f64::from(u8::from(x[i] <= q)) - p;
-            // Shares are known to no more than the sample there has.
-            self.estimator.standard_error(by_samples).max(self.shares.weight_at(p))
+            let se = self.estimator.standard_error(|i| f64::from(u8::from(x[i] <= q)) - p);
+            // No share is known better than to the weight of the sample there.
+            let least = self.shares.weight_at(p);
+            if se < least { least } else { se }
         });
+        // The density is that from half of the tail to half as much again, or further where its share is not known to that.
         let outer = p.min(1.0 - p);
         let h = of_share.max(0.05f64.min(0.4 * outer));
         let (from, to) = ((p - h).max(0.04 * outer), (p + h).min(1.0 - 0.04 * outer));

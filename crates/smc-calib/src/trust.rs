@@ -202,7 +202,7 @@ impl Posterior {
         let wished = (self.counters.simulations as f64 / SIMULATIONS_PER_SAMPLE)
             .clamp(FEWEST_EFFECTIVE_SAMPLES, EFFECTIVE_SAMPLES);
         let ess = self.ess.importance;
-        let by_weights = self.tails_hold() && ess >= FEWEST_EFFECTIVE_SAMPLES;
+        let by_weights = self.known_by_weights();
         let by_process = self.known_by_errors(wished).is_some();
         let sound = self.is_posterior
             && self.log_evidence.agree
@@ -224,6 +224,11 @@ impl Posterior {
             unseen: self.unseen(),
             concerns: self.concerns(wished),
         }
+    }
+
+    /// Whether the weights say enough by themselves.
+    fn known_by_weights(&self) -> bool {
+        self.tails_hold() && self.ess.importance >= FEWEST_EFFECTIVE_SAMPLES
     }
 
     /// Independent draws as of which a process knows means, medians and evidence, where they are enough and nothing says that the budget
@@ -248,10 +253,11 @@ impl Posterior {
             list.push(Concern::NotAPosterior);
         }
         if ess < wished {
-            let by_errors = self.known_by_errors(wished).filter(|draws| *draws >= ess);
+            let known = self.known_by_errors(wished);
+            let by_errors = known.filter(|draws| *draws >= ess);
             let drawn = self.is_drawn();
             list.push(Concern::FewEffectiveSamples { ess, wished, by_errors, drawn });
-            if by_errors.is_some() {
+            if known.is_some() && !self.known_by_weights() {
                 list.extend(self.parameters.iter().filter_map(by_errors::about_interval));
             }
         }

@@ -27,10 +27,11 @@ const FOUND_OUT: f64 = 5.0;
 /// errors of 1.6 standard errors at 50 simulations, 1.1 at 100 and 1.3 at 300, and so 1.3, 0.9 and 1.1.
 const TOGETHER: f64 = 0.7;
 
-/// The p integrals of g phi by some nets, and their errors by draws of what the process does not know, row by row.
+/// The p integrals of g phi by some nets, and what the logarithm of the first and the ratios of the others to it are off by in draws of what
+/// the process does not know, row by row.
 pub(super) struct ThroughAll {
     pub of_nets: Vec<f64>,
-    pub errors: Vec<f64>,
+    pub off: Vec<f64>,
 }
 
 /// The integrals by every net, row by row, as `integrate` adds them to zeros for the points of a net of this width.
@@ -84,12 +85,12 @@ impl Ratios {
     /// None where there is no likelihood, or nothing is known of its errors.
     fn of(all: &ThroughAll, p: usize) -> Option<Self> {
         let means = means(&all.of_nets, p);
-        let draws = all.errors.len() / p;
+        let draws = all.off.len() / p;
         if means[0].is_nan() || means[0] <= 0.0 || draws < 2 {
             return None;
         }
         // Draws are one by one, nets are for their mean.
-        let of_draws = variances(&deviations(&all.errors, &means), p);
+        let of_draws = variances(&all.off, p);
         let of_nets = variances(&deviations(&all.of_nets, &means), p);
         let unsure = of_draws.iter().zip(of_nets).map(|(of_draws, of_nets)| {
             let of_likelihood = draws as f64 * of_draws;
@@ -153,6 +154,16 @@ fn mean_of_two(sub_nets: Unsure, process: Unsure, square: f64) -> (f64, f64) {
 }
 
 impl ThroughAll {
+    /// Errors of integrals with the means of these rows that to first order are off by as much.
+    pub(super) fn errors(&self, of_sub_nets: &[f64], p: usize) -> Vec<f64> {
+        let means = means(of_sub_nets, p);
+        let of = |off: &[f64]| -> Vec<f64> {
+            let each = means.iter().zip(off).enumerate();
+            each.map(|(a, (m, e))| if a == 0 { m * e } else { m * off[0] + means[0] * e }).collect()
+        };
+        self.off.chunks_exact(p).flat_map(of).collect()
+    }
+
     /// Takes a share of this into the p integrals of the sub-nets, which then spread as their mean is known; the part of the variance
     /// of each that is left. `of_nets` are two nets of integrals of each sub-net.
     pub(super) fn mixed_into(
@@ -251,7 +262,7 @@ mod tests {
             });
             let all = ThroughAll {
                 of_nets: of_process.collect(),
-                errors: rows(200, [0.0; P], [*of_draws; P], seed(4)),
+                off: deviations(&rows(200, [0.0; P], [*of_draws; P], seed(4)), &exact),
             };
             all.mixed_into(&mut of_sub_nets, &of_nets, P);
             let means = means(&of_sub_nets, P);
@@ -302,8 +313,11 @@ mod tests {
         // The variance of a draw, and of the mean of two nets, are 2 x^2 and y^2 over the square of the evidence.
         for (draw, net) in [(0.1, 0.0), (0.1, 0.2), (0.0, 0.1)] {
             let off = |by: f64| [2.0 + by, 0.6, -0.2].into_iter().chain([2.0 - by, 0.6, -0.2]);
-            let errors = [draw, 0.0, 0.0, -draw, 0.0, 0.0].to_vec();
-            let all = ThroughAll { of_nets: off(net).collect(), errors };
+            let errors = [draw, 0.0, 0.0, -draw, 0.0, 0.0];
+            let all = ThroughAll {
+                of_nets: off(net).collect(),
+                off: deviations(&errors, &[2.0, 0.6, -0.2]),
+            };
             let found = Ratios::of(&all, P).expect("has errors").unsure[0];
             let exact = [2.0 * draw * draw + net * net, net * net].map(|square| square / 4.0);
             assert!((found.variance - exact[0]).abs() < 1e-12, "{draw} {net}: {}", found.variance);
@@ -413,7 +427,7 @@ mod tests {
         let before = of_sub_nets.clone();
         let wrong = ThroughAll {
             of_nets: [4.0, 0.2, 1.0].repeat(2),
-            errors: rows(50, [0.0; P], [0.001; P], 2),
+            off: rows(50, [0.0; P], [0.001; P], 2),
         };
         let left = wrong.mixed_into(&mut of_sub_nets, &twice(&before), P);
         assert!(left.iter().all(|left| (1.0..5.0).contains(left)), "{left:?}");
@@ -428,7 +442,8 @@ mod tests {
         let alike = |factors: &[f64]| -> Vec<f64> {
             factors.iter().flat_map(|f| around.map(|m| f * m)).collect()
         };
-        let all = ThroughAll { of_nets: alike(&[1.0, 1.0]), errors: alike(&[0.3, -0.3]) };
+        let all =
+            ThroughAll { of_nets: alike(&[1.0, 1.0]), off: vec![0.3, 0.0, 0.0, -0.3, 0.0, 0.0] };
         let known = Ratios::of(&all, P).expect("has errors");
         let variances: Vec<f64> = known.unsure.iter().map(|unsure| unsure.variance).collect();
         assert!(variances[0] > 0.01, "{variances:?}");
@@ -444,11 +459,23 @@ mod tests {
     #[test]
     fn nothing_is_taken_of_a_process_without_a_likelihood_or_without_draws() {
         let of_sub_nets = rows(4, [2.0, 0.6, -0.2], [0.1; P], 1);
-        for (of_nets, errors) in [(vec![0.0; 6], vec![0.1; 6]), (vec![1.0; 6], Vec::new())] {
+        for (of_nets, off) in [(vec![0.0; 6], vec![0.1; 6]), (vec![1.0; 6], Vec::new())] {
             let (mut same, alike) = (of_sub_nets.clone(), twice(&of_sub_nets));
-            let left = ThroughAll { of_nets, errors }.mixed_into(&mut same, &alike, P);
+            let left = ThroughAll { of_nets, off }.mixed_into(&mut same, &alike, P);
             assert_eq!(left, [1.0; P]);
             assert_eq!(same, of_sub_nets);
         }
+    }
+    #[test]
+    fn errors_of_integrals_are_off_by_what_draws_are() {
+        let off = [0.1, 0.02, -0.03, -0.2, 0.0, 0.01];
+        let of_sub_nets = [1.8, 0.5, -0.3, 2.2, 0.7, -0.1];
+        let all = ThroughAll { of_nets: vec![9.0; 6], off: off.to_vec() };
+        let means = [2.0, 0.6, -0.2];
+        let errors = all.errors(&of_sub_nets, P);
+        let integrals: Vec<f64> =
+            errors.iter().zip(means.iter().cycle()).map(|(e, m)| e + m).collect();
+        let found = deviations(&integrals, &means);
+        assert!(found.iter().zip(off).all(|(found, off)| (found - off).abs() < 1e-12), "{found:?}");
     }
 }

@@ -10,7 +10,7 @@
 #[cfg(test)]
 mod tests;
 
-use super::moved::{Axis, moved, reach};
+use super::moved::{Axis, Moments, moved, reach};
 use crate::cholesky::{cholesky, solve};
 use std::ops::RangeInclusive;
 
@@ -60,7 +60,8 @@ pub(crate) struct Integrals {
     pub features: Vec<f64>,
     /// Share of each that is taken from here, the rest from sums over the samples: the less these know it, the more.
     pub shares: Vec<f64>,
-    /// Errors of all of them by draws of what is not known of the surrogate, draw by draw; empty where that is not asked.
+    /// Errors of all of them by draws of what is not known of the surrogate, draw by draw: small ones that make the log evidence and ratios
+    /// to it off by as much as draws are. Empty where that is not asked.
     pub errors: Vec<f64>,
     /// What each coordinate is standardised by; empty where samples shall stay where they are.
     pub axes: Vec<Axis>,
@@ -88,7 +89,7 @@ pub(super) struct Known {
     pub far: bool,
     /// Axes of the coordinates, where the features are those of moved samples.
     pub moved: Vec<Axis>,
-    /// Whether all that is known is held to, not a part of it.
+    /// Whether all that is known is held to, not a part of it; of moved samples but for correlations, see [`Moments::to`].
     pub whole: bool,
 }
 
@@ -323,15 +324,18 @@ impl Samples<'_> {
         integrals: &Integrals,
         known: &[f64],
     ) -> Option<(Held, Vec<f64>)> {
-        let Integrals { axes, shares, .. } = integrals;
+        let Integrals { features, axes, shares, .. } = integrals;
         let p = shares.len();
         let wished = totals(known, p);
-        let mut features = integrals.features.clone();
+        let sums_of = |features: &[f64]| totals(&self.sums(weights, features, p), p);
+        let mut sums = sums_of(features);
+        let to = Moments::to([&sums, &wished], axes.len())?;
+        let mut features = features.clone();
         for _ in 0..MOVES {
-            let sums = totals(&self.sums(weights, &features, p), p);
-            features = moved(&features, [&sums, &wished], axes)?;
-            let held = self.with(weights.to_vec(), Spread::One, &features)?;
-            if reach(&totals(&held.of_pool, p), &wished, axes.len()) {
+            features = moved(&features, &sums, &to, axes)?;
+            sums = sums_of(&features);
+            if reach(&sums, &wished, axes.len()) {
+                let held = self.with(weights.to_vec(), Spread::One, &features)?;
                 return Some((held, features));
             }
         }

@@ -14,8 +14,9 @@ use serde::{Deserialize, Serialize};
 /// Farthest that a mean is moved, in standard deviations of the samples, and most that a standard deviation changes by.
 const FARTHEST: f64 = 1.0;
 const MOST: f64 = 2.0;
-/// Least width of any direction over that of the samples, and the number of steps to their correlations on the way to it.
+/// Least width of any direction, over that of the samples.
 const NARROWEST: f64 = 0.25;
+/// Steps in which correlations go to those of the samples.
 const SHARES: u32 = 20;
 /// Largest part of a standard deviation by which means and standard deviations may miss what they are moved to, because samples that the
 /// map would take out of the prior's range stop at its end.
@@ -76,15 +77,16 @@ fn sd(covariance: &[f64], d: usize, i: usize) -> f64 {
     covariance[i * d + i].sqrt()
 }
 
-/// Cholesky factor of a covariance C, or where it is none, or in some direction narrower by more than [`NARROWEST`] than that of the
-/// samples with its standard deviations, of the nearest mean of both that is not. Integrals that are known one by one need not be those of a
-/// density: where coordinates are nearly proportional to each other, their products are known less well than the way across is wide.
+/// Cholesky factor of a covariance; where that is not positive definite, or narrower than [`NARROWEST`] allows in some direction, of its
+/// mixture with the correlations of the samples at the same standard deviations, with as little of these as it takes. Integrals that are
+/// known one by one need not be those of a density: where coordinates are nearly proportional to each other, their products are known less
+/// well than the way across is wide.
 fn factor_of(covariance: &[f64], of_samples: &[f64], d: usize) -> Option<Vec<f64>> {
     let scaled = |i: usize, j: usize| {
         let factor = |i: usize| sd(covariance, d, i) / sd(of_samples, d, i);
         of_samples[i * d + j] * factor(i) * factor(j)
     };
-    let mean = |share: f64, off: f64| -> Vec<f64> {
+    let mixed = |share: f64, off: f64| -> Vec<f64> {
         let value = |k: usize| {
             let scaled = scaled(k / d, k % d);
             (1.0 - share) * covariance[k] + share * scaled - off * scaled
@@ -92,34 +94,50 @@ fn factor_of(covariance: &[f64], of_samples: &[f64], d: usize) -> Option<Vec<f64
         (0..d * d).map(value).collect()
     };
     let shares = (0..=SHARES).map(|k| f64::from(k) / f64::from(SHARES));
-    let wide = |share: &f64| cholesky(&mean(*share, NARROWEST.powi(2)), d).is_some();
-    cholesky(&mean(shares.into_iter().find(wide)?, 0.0), d)
+    let wide = |share: &f64| cholesky(&mixed(*share, NARROWEST.powi(2)), d).is_some();
+    cholesky(&mixed(shares.into_iter().find(wide)?, 0.0), d)
 }
 
-/// 1, x_j and x_i x_j of all samples, moved so that integrals that are `sums` become `wished`; samples that would leave the prior's range
-/// stop at its end. None where moments change by more than is allowed.
+/// Mean, and Cholesky factor of the covariance, that samples are moved to.
+pub(super) struct Moments {
+    mean: Vec<f64>,
+    factor: Vec<f64>,
+}
+
+impl Moments {
+    /// Those of `wished` integrals over d coordinates ([`factor_of`]) from samples with these `sums`; none where they change by more than is
+    /// allowed.
+    pub(super) fn to([sums, wished]: [&[f64]; 2], d: usize) -> Option<Self> {
+        let ((from, from_covariance), (mean, covariance)) = (moments(sums, d), moments(wished, d));
+        for i in 0..d {
+            let [from_sd, to_sd] = [&from_covariance, &covariance].map(|c| sd(c, d, i));
+            let near = (mean[i] - from[i]).abs() <= FARTHEST * from_sd;
+            if !(near && (1.0 / MOST..=MOST).contains(&(to_sd / from_sd))) {
+                return None;
+            }
+        }
+        let factor = factor_of(&covariance, &from_covariance, d)?;
+        Some(Self { mean, factor })
+    }
+}
+
+/// 1, x_j and x_i x_j of all samples, which have these `sums`, moved to other moments; samples that would leave the prior's range stop at its
+/// end. None where they have no covariance.
 pub(super) fn moved(
     features: &[f64],
-    [sums, wished]: [&[f64]; 2],
+    sums: &[f64],
+    Moments { mean: to, factor: to_factor }: &Moments,
     axes: &[Axis],
 ) -> Option<Vec<f64>> {
     let (d, p) = (axes.len(), sums.len());
-    let ((from, from_covariance), (to, to_covariance)) = (moments(sums, d), moments(wished, d));
-    for i in 0..d {
-        let [from_sd, to_sd] = [&from_covariance, &to_covariance].map(|c| sd(c, d, i));
-        let near = (to[i] - from[i]).abs() <= FARTHEST * from_sd;
-        if !(near && (1.0 / MOST..=MOST).contains(&(to_sd / from_sd))) {
-            return None;
-        }
-    }
-    let to_factor = factor_of(&to_covariance, &from_covariance, d)?;
-    let from_factor = cholesky(&from_covariance, d)?;
+    let (from, covariance) = moments(sums, d);
+    let from_factor = cholesky(&covariance, d)?;
     let inverse = packed_inverse(&from_factor, d);
     let (mut out, mut white) = (vec![0.0; features.len()], vec![0.0; d]);
     for (row, out) in features.chunks_exact(p).zip(out.chunks_exact_mut(p)) {
         whiten(&row[1..=d], &from, &inverse, &mut white);
-        let mut x = lower_times(&to_factor, &white);
-        for ((x, to), axis) in x.iter_mut().zip(&to).zip(axes) {
+        let mut x = lower_times(to_factor, &white);
+        for ((x, to), axis) in x.iter_mut().zip(to).zip(axes) {
             *x += to;
             let free = axis.mean + axis.sd * *x;
             let within = axis.within(free);

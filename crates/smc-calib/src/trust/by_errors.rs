@@ -5,8 +5,11 @@ use super::limits::{INTERVAL_ERROR, MOST_BY_ERRORS};
 use crate::marginal::{draws_by_centre, draws_by_error};
 use crate::posterior::{ParameterSummary, Posterior};
 
+/// Largest error that is told, in posterior sds.
+const LARGEST: f64 = 1e6;
+
 /// Independent draws by which means, medians and evidence would be known as well as their standard errors say; none where a process does
-/// not know them.
+/// not know all moments, or where an end of an interval is beyond what it knows.
 pub(super) fn of_centre(posterior: &Posterior) -> Option<f64> {
     posterior.ess.by_errors?;
     let of_evidence = draws_by_error(1.0, posterior.log_evidence.se);
@@ -26,14 +29,12 @@ pub(super) fn in_words(draws: f64) -> String {
 /// Whether a parameter's standard deviation and the ends of its 95 % interval are known much less well than its mean may be.
 pub(super) fn about_interval(of: &ParameterSummary) -> Option<Concern> {
     let m = &of.in_coordinate;
-    let [sd, lower, upper] = [m.sd_se, m.eti95.lower_se, m.eti95.upper_se].map(|se| se / m.sd);
-    let parameter = of.parameter.name.clone();
-    (sd.max(lower).max(upper) > INTERVAL_ERROR).then_some(Concern::IntervalNotKnown {
-        parameter,
-        sd,
-        lower,
-        upper,
-    })
+    // Also where it is not a number.
+    let over_sd = |se: f64| (se / m.sd).min(LARGEST);
+    let errors = [m.sd_se, m.eti95.lower_se, m.eti95.upper_se].map(over_sd);
+    let ([sd, lower, upper], parameter) = (errors, of.parameter.name.clone());
+    let known = errors.iter().all(|error| *error <= INTERVAL_ERROR);
+    (!known).then_some(Concern::IntervalNotKnown { parameter, sd, lower, upper })
 }
 
 #[cfg(test)]
@@ -106,6 +107,12 @@ mod tests {
         let line = told[0].as_ref().expect("told").what();
         assert!(line.contains("0.51 (upper end)") && line.contains("0.27 (lower end)"), "{line}");
         assert!(told.iter().all(Option::is_some), "{told:?}");
+        // Also where the verdict rests on fewer draws than there are effective samples, and where errors are not numbers.
+        let mut p = by_process();
+        p.log_evidence.se = 0.4;
+        p.parameters[0].in_coordinate.eti95.upper_se = f64::NAN;
+        let concerns = p.trust().concerns;
+        assert!(concerns.iter().any(|c| matches!(c, Concern::IntervalNotKnown { upper: 1e6, .. })));
         // Effective samples alone say no more than that they are few.
         let mut p = by_process();
         (p.ess.by_errors, p.parameters[0].in_coordinate.eti95.upper_se) = (None, 1.01);

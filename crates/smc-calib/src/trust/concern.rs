@@ -214,8 +214,7 @@ impl Concern {
             Self::NotAPosterior => "the noise was tuned to a wished-for effective sample size and proposals were not corrected for".to_owned(),
             Self::FewEffectiveSamples { ess, .. } => format!("only {ess:.0} effective samples"),
             Self::IntervalNotKnown { parameter, sd, lower, upper } => format!(
-                "the 95 % interval of {parameter} is known to {lower:.2} (lower end) and {upper:.2} (upper end) posterior sds, its sd to {:.0} %",
-                100.0 * sd
+                "the 95 % interval of {parameter} is known to {lower:.2} (lower end) and {upper:.2} (upper end) posterior sds, its sd to {:.0} %", 100.0 * sd
             ),
             Self::HighKhat { parameter, khat, tail_share } => format!(
                 "the importance weights{} have a heavy tail (k-hat {}, trustworthy below {KHAT_LIMIT}, and {:.0} % of an estimate)",
@@ -297,10 +296,10 @@ impl Concern {
         match self {
             Self::NotAPosterior => "this is not a posterior, and its intervals mean nothing",
             Self::FewEffectiveSamples { by_errors: Some(_), drawn: true, .. } => {
-                "what is computed from the weighted samples is rough; means and intervals, which a Gaussian process knows better, and draws, which are its, are less so"
+                "what is computed from the weighted samples is rough; means, which a Gaussian process knows better, and draws, which are its, are less so"
             }
             Self::FewEffectiveSamples { by_errors: Some(_), .. } => {
-                "draws, and what is computed from them, are rough; means and intervals of the parameters, which a Gaussian process knows better, are less so"
+                "draws, and what is computed from them, are rough; means of the parameters, which a Gaussian process knows better, are less so"
             }
             Self::FewEffectiveSamples { .. } => "means and intervals are rough",
             Self::IntervalNotKnown { .. } => "a tail of the posterior may be longer or shorter",

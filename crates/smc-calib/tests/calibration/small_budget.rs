@@ -431,17 +431,18 @@ fn what_few_samples_do_not_know_and_a_process_does_is_rough_unless_the_budget_wa
     };
     let trust = p.trust();
     assert_eq!((trust.verdict, trust.evidence_error_known), (Verdict::Rough, true));
-    assert_eq!(few(&p), Some(p.ess.by_errors));
+    // Means, medians and evidence are known at least as well as intervals too.
+    assert!(few(&p).is_some_and(|centre| centre >= p.ess.by_errors), "{:?}", few(&p));
     let line = trust.line(&p.log_evidence);
     assert!(line.contains("known as by") && line.contains("+-"), "{line}");
     // Weights with a heavy tail have no part in it.
     (p.khat, p.parameters[0].khat, p.parameters[0].tail_share) = (0.9, 0.9, 0.5);
     assert_eq!(p.trust().verdict, Verdict::Rough);
-    // Known as by fewer than ten draws; known well by a budget that was too small; not known by a process.
-    let known = p.ess.by_errors;
-    p.ess.by_errors = Some(9.9);
+    // Known as by fewer than four draws; known well by a budget that was too small; not known by a process.
+    let known = p.log_evidence.se;
+    p.log_evidence.se = 0.51;
     assert_eq!((p.trust().verdict, few(&p)), (Verdict::Untrusted, Some(None)));
-    (p.ess.by_errors, p.ess.importance) = (known, 2.9);
+    (p.log_evidence.se, p.ess.importance) = (known, 2.9);
     assert_eq!((p.trust().verdict, few(&p)), (Verdict::Untrusted, Some(None)));
     (p.ess.by_errors, p.ess.importance) = (None, 39.9);
     assert_eq!((p.trust().verdict, few(&p)), (Verdict::Untrusted, Some(None)));

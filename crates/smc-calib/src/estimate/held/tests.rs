@@ -282,7 +282,7 @@ fn moved_samples_stop_at_the_end_of_the_prior_unless_moments_are_then_missed() {
         let sums: Vec<f64> = (0..3).map(|a| rows().map(|(w, row)| w * row[a]).sum()).collect();
         let sd = wider * (sums[2] / sums[0] - (sums[1] / sums[0]).powi(2)).sqrt();
         let wished = [1.0, 0.3, sd * sd + 0.09].map(|m| m * sums[0]);
-        let found = super::moved(&features, [&sums, &wished], &axes)?;
+        let found = super::moved(&features, &sums, &Moments::to([&sums, &wished], 1)?, &axes)?;
         let sum = |a: usize| -> f64 {
             weights.iter().zip(found.chunks_exact(3)).map(|(w, row)| w * row[a]).sum()
         };
