@@ -74,7 +74,8 @@ fn draws_have_the_intervals_and_moments_of_the_summary_and_stay_in_the_range_of_
             for (share, of) in [(0.5, own.eti50), (0.9, own.eti90), (0.95, own.eti95)] {
                 let [from, to] = drawn.interval(share);
                 let off = [from - of.lower, to - of.upper].map(|off| off.abs() / own.sd);
-                assert!(off[0] < 0.08 && off[1] < 0.08, "{j}, {share}: {off:?}");
+                // Draws are held to shares between levels that are a quarter of a normal score apart, and free between two of them.
+                assert!(off[0] < 0.1 && off[1] < 0.1, "{j}, {share}: {off:?}");
             }
             let (mean, sd) = drawn.moments();
             if summary.coordinate == Coordinate::Linear {
