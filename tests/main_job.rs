@@ -379,7 +379,7 @@ fn one_observation_at_time_zero_and_the_fewest_samples_give_a_result_with_warnin
         ("16", "NOT TO BE TRUSTED"),
         ("17", "NOT TO BE TRUSTED"),
         ("31 --no-other-kinetics", "NOT TO BE TRUSTED"),
-        ("100 --no-other-kinetics", "rough; means and intervals are known as by"),
+        ("100 --no-other-kinetics", "rough; means and evidence are known as by"),
     ] {
         let ran = sandbox.run(&format!("-m ps --samples {number} --out few"));
         assert!(ran.succeeded().stdout.contains(verdict), "{}", ran.stdout);

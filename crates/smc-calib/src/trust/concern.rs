@@ -213,9 +213,9 @@ impl Concern {
         match self {
             Self::NotAPosterior => "the noise was tuned to a wished-for effective sample size and proposals were not corrected for".to_owned(),
             Self::FewEffectiveSamples { ess, .. } => format!("only {ess:.0} effective samples"),
-            Self::IntervalNotKnown { parameter, sd, lower, upper } => format!(
-                "the 95 % interval of {parameter} is known to {lower:.2} (lower end) and {upper:.2} (upper end) posterior sds, its sd to {:.0} %", 100.0 * sd
-            ),
+            Self::IntervalNotKnown { parameter, sd, lower, upper } => {
+                interval_not_known(parameter, 100.0 * sd, [lower, upper])
+            }
             Self::HighKhat { parameter, khat, tail_share } => format!(
                 "the importance weights{} have a heavy tail (k-hat {}, trustworthy below {KHAT_LIMIT}, and {:.0} % of an estimate)",
                 parameter.as_ref().map_or(String::new(), |p| format!(" for {p}")),
@@ -253,11 +253,9 @@ impl Concern {
                 "{:.0} % of the posterior of {parameter} lies against its prior bound {bound:.3e}",
                 100.0 * share
             ),
-            Self::FarInPriorTail { parameter, eti95: [lower, upper], score } => format!(
-                "the prior of {parameter} all but excludes what the data ask for: the posterior ({lower:.3e} .. {upper:.3e}) lies {:.1} of its standard deviations {} its middle",
-                score.abs(),
-                if *score < 0.0 { "below" } else { "above" }
-            ),
+            Self::FarInPriorTail { parameter, eti95, score } => {
+                far_in_tail(parameter, *eti95, *score)
+            }
             Self::NotSeparable { first, second, correlation } => {
                 format!("{first} and {second} cannot be told apart (correlation {correlation:.4})")
             }
@@ -392,4 +390,20 @@ impl fmt::Display for Concern {
 /// " of NAME" of one of several groups.
 fn of_group(group: &Option<String>) -> String {
     group.as_ref().map_or_else(String::new, |name| format!(" of {name}"))
+}
+
+/// How far an interval and the sd, in per cent, are known.
+fn interval_not_known(parameter: &str, sd: f64, [lower, upper]: [&f64; 2]) -> String {
+    format!(
+        "the 95 % interval of {parameter} is known to {lower:.2} (lower end) and {upper:.2} (upper end) posterior sds, its sd to {sd:.0} %"
+    )
+}
+
+/// How far a posterior lies out in the tail of its prior.
+fn far_in_tail(parameter: &str, [lower, upper]: [f64; 2], score: f64) -> String {
+    format!(
+        "the prior of {parameter} all but excludes what the data ask for: the posterior ({lower:.3e} .. {upper:.3e}) lies {:.1} of its standard deviations {} its middle",
+        score.abs(),
+        if score < 0.0 { "below" } else { "above" }
+    )
 }
