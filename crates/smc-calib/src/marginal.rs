@@ -307,6 +307,22 @@ mod tests {
     }
 
     #[test]
+    fn the_end_of_an_interval_in_one_sample_is_known_to_no_more_than_its_weight() {
+        // Four sub-nets with the same samples, of which the last has a tenth: their spread says nothing.
+        let x: Vec<f64> = (0..4).flat_map(|_| (0..10).map(f64::from)).collect();
+        let label = (0..4).flat_map(|k| [k; 10]).collect();
+        let weights = (0..40).map(|i| if i < 39 { 1.0 } else { 5.0 }).collect();
+        let estimator = Estimator::of(label, weights, 0.0, 4);
+        let marginal = Marginal::new(&x, &estimator);
+        let q = marginal.quantile(0.975);
+        // 5 of 44 at nine, and as far below as that is unknown.
+        let (from, to) = (marginal.quantile(0.975 - 5.0 / 44.0), marginal.quantile(0.999));
+        let slope = (to - from) / (0.999 - 0.975 + 5.0 / 44.0);
+        let error = marginal.quantile_error(0.975, q);
+        assert!(q == 9.0 && (error - 5.0 / 44.0 * slope).abs() < 1e-9, "{q} {error} {slope}");
+    }
+
+    #[test]
     fn errors_of_so_many_normal_draws_are_worth_as_many_draws_and_the_worst_counts() {
         // Of n draws of N(0, 2^2) the 2.5 % quantile has an error of 2.671 times 2 over the root of n.
         let of = |n: f64| {
@@ -326,6 +342,11 @@ mod tests {
         ] {
             assert!((draws_by_errors(&worse) / 40.0 - 1.0).abs() < 1e-3);
         }
+        // Of mean and median alone the others are no part.
+        let centre = Moments { mean_se: bad.mean_se, ..good };
+        assert!((draws_by_centre(&centre) / 40.0 - 1.0).abs() < 1e-3);
+        let others = Moments { sd_se: bad.sd_se, eti95: bad.eti95, ..good };
+        assert!((draws_by_centre(&others) / 250.0 - 1.0).abs() < 1e-3);
         assert_eq!(draws_by_errors(&Moments { median_se: f64::NAN, ..good }), 0.0);
         assert_eq!(draws_by_errors(&Moments { sd: f64::NAN, ..good }), 0.0);
     }

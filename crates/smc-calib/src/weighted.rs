@@ -159,6 +159,15 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_weight_at_a_running_weight_is_that_of_its_sample() {
+        let samples = Weighted::new([(3.0, 0.5), (1.0, 0.2), (2.0, 0.3)]);
+        let found = [0.0, 0.1, 0.3, 0.6, 2.0].map(|target| samples.weight_at(target));
+        let exact = [0.2, 0.2, 0.3, 0.5, 0.5];
+        assert!(found.iter().zip(exact).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
+        assert_eq!(Weighted::new([]).weight_at(0.5), 0.0);
+    }
+
+    #[test]
     fn equal_weights_give_the_textbook_quantiles() {
         let w = Weighted::new((1..=4).map(|k| (f64::from(k), 1.0)));
         assert_eq!(w.quantile(0.5), 2.5);
