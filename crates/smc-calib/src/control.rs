@@ -341,7 +341,7 @@ impl<'a> Control<'a> {
             g.integrate(net, proposal, standard, coordinate, sums);
         };
         let of_nets = through_all::of_nets(proposal.uniforms(), p, seed, &by_net);
-        let off = errors::deviations(&draws, &through_all::means(&of_nets, p));
+        let off = errors::off_by_draws(&draws, &through_all::means(&of_nets, p));
         Some(ThroughAll { of_nets, off })
     }
 

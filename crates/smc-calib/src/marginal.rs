@@ -241,8 +241,8 @@ pub(crate) fn draws_by_errors(of: &Moments) -> f64 {
     const END: f64 = 1.959_963_984_540_054;
     let density = (-0.5 * END * END).exp() / std::f64::consts::TAU.sqrt();
     let end = 0.025 * 0.975 / (density * density);
-    let ends = [(end, of.eti95.lower_se), (end, of.eti95.upper_se)];
-    draws_by_centre(of).min(fewest(of, [(0.5, of.sd_se), ends[0], ends[1]]))
+    let rest = [(0.5, of.sd_se), (end, of.eti95.lower_se), (end, of.eti95.upper_se)];
+    draws_by_centre(of).min(fewest(of, rest))
 }
 
 /// Correlation matrix of weighted columns.

@@ -56,15 +56,16 @@ fn drawn_from(
 ) -> (Vec<f64>, Vec<f64>) {
     let (z, weights) = weighed(process, over, net);
     let (d, points) = (over.proposal.dimension, weights.len());
-    let total: f64 = weights.iter().map(|w| w.sqrt()).sum();
+    let roots: Vec<f64> = weights.iter().map(|w| w.sqrt()).collect();
+    let total: f64 = roots.iter().sum();
     let (mut drawn, mut parts) = (Vec::with_capacity(DRAWN * d), Vec::with_capacity(DRAWN));
     // One of every so much weight, at random: one in so many points of a net would be a corner of it.
     let (mut sum, mut count, mut next) = (0.0, 0.0, random());
-    for (weight, z) in weights.iter().zip(z.chunks_exact(d)) {
-        sum += weight.sqrt() / total * DRAWN as f64;
+    for (root, z) in roots.iter().zip(z.chunks_exact(d)) {
+        sum += root / total * DRAWN as f64;
         while next < sum {
             drawn.extend_from_slice(z);
-            parts.push(weight.sqrt() * total / (DRAWN * points) as f64);
+            parts.push(root * total / (DRAWN * points) as f64);
             count += 1.0;
             next = count + random();
         }
@@ -106,7 +107,7 @@ pub(super) fn integrals(
 /// What draws of integrals say of the logarithm of the first and of the ratios of the others to it, row by row, less their mean; none where
 /// there is no likelihood. Any draw may be the likelihood, and if it is, the posterior has its ratios: one that is a hundred times the others
 /// somewhere has the moments of that place, not a hundred times their errors. Errors count from the median to that of [`COUNTED`] of the draws.
-pub(super) fn deviations(draws: &[f64], means: &[f64]) -> Vec<f64> {
+pub(super) fn off_by_draws(draws: &[f64], means: &[f64]) -> Vec<f64> {
     let p = means.len();
     if means[0].is_nan() || means[0] <= 0.0 {
         return Vec::new();
@@ -244,7 +245,7 @@ mod tests {
             (all.iter().skip(a).step_by(3).map(|e| e * e).sum::<f64>() / 99.0).sqrt()
         };
         // To first order, where they are small; those beyond the 95th count as that.
-        let small = deviations(&draws(0), &means);
+        let small = off_by_draws(&draws(0), &means);
         let first = |k: usize, a: usize| match a {
             0 => off(k, 0) / 2.0,
             _ => (off(k, a) - means[a] / 2.0 * off(k, 0)) / 2.0,
@@ -260,18 +261,18 @@ mod tests {
             );
         }
         // Four that are far off count as the next ones, a fifth of all as what it is: 5 and 0.3 with probabilities of .2 and .8.
-        let few = deviations(&draws(4), &means);
+        let few = off_by_draws(&draws(4), &means);
         for a in 0..3 {
             let ratio = rms(&few, a) / rms(&small, a);
             assert!((0.9..1.2).contains(&ratio), "{a}: {ratio}");
         }
-        let many = deviations(&draws(20), &means);
+        let many = off_by_draws(&draws(20), &means);
         let exact = 4.7 * (0.16f64 * 100.0 / 99.0).sqrt();
         assert!((rms(&many, 1) / exact - 1.0).abs() < 0.01, "{}", rms(&many, 1));
         // Draws without a likelihood, and a process without one.
-        assert!(deviations(&[0.0; 6], &means).iter().all(|e| *e == 0.0));
+        assert!(off_by_draws(&[0.0; 6], &means).iter().all(|e| *e == 0.0));
         for none in [0.0, f64::NAN] {
-            assert!(deviations(&draws(0), &[none, 0.1, 0.1]).is_empty());
+            assert!(off_by_draws(&draws(0), &[none, 0.1, 0.1]).is_empty());
         }
     }
 }

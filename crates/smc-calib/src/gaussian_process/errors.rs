@@ -166,6 +166,7 @@ mod tests {
             assert!((left - exact).abs() < 1e-6 + 1e-4 * exact, "{b}: {left} {exact}");
         }
     }
+
     #[test]
     fn errors_at_points_next_to_each_other_have_the_variance_of_each() {
         let z = [1.29, -0.34, 0.52, -0.74, 0.11, -1.86, 0.94, -0.13, 0.3, -1.2];
@@ -187,8 +188,8 @@ mod tests {
             let l = process.factor_of_errors(&points);
             for (row, z) in l.chunks_exact(n).zip(&points) {
                 let (found, exact) = (dot(row, row), process.variance(&[*z]));
-                let before =
-                    process.covariance.kernel.between(&process.at(&[*z]).x, &process.at(&[*z]).x);
+                let x = process.at(&[*z]).x;
+                let before = process.covariance.kernel.between(&x, &x);
                 assert!(
                     (found - exact).abs() < 0.01 * exact + 1e-9 * before,
                     "{n} {z}: {found} {exact} {before}"
