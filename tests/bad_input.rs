@@ -185,7 +185,7 @@ fn the_widest_priors_and_times_that_are_taken_end_in_a_posterior() {
     sandbox.write("p.toml", priors.map(|(name, lower, upper)| wide(name, lower, upper)).concat());
     sandbox.run("check t.csv p.toml").succeeded();
     sandbox
-        .run("--material ps --experiment t.csv --prior p.toml --samples 4096 --out r")
+        .run("--material ps --experiment t.csv --prior p.toml --samples 8192 --out r")
         .succeeded();
     sandbox.posterior("r");
     sandbox.run("predict --posterior r --contact-ratio 0.9 --after 1e-15,1e15").succeeded();

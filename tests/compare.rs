@@ -336,7 +336,7 @@ fn a_plan_of_two_radii_says_by_evidence_that_the_data_contradict_a_tau_s_in_prop
     let too_large: Vec<&str> = too_large.collect();
     assert!(too_large.len() == 1 && too_large[0].contains("fit of r60"), "{said}");
     // Without its text a comparison gives its warnings, as all commands do.
-    let few = plan.replace("samples = 8192", "samples = 512");
+    let few = plan.replace("samples = 8192", "samples = 64");
     sandbox.write("radii.toml", few);
     let warned = sandbox.run("compare --plan radii.toml --out few --quiet");
     assert!(warned.succeeded().stdout.is_empty() && warned.stderr.contains("warning: "));

@@ -98,7 +98,7 @@ samples = 8192
 #[test]
 fn the_run_of_a_plan_with_one_pair_predicts_as_that_of_its_material() {
     let sandbox = Sandbox::new();
-    let run = "--material pa12 --kinetics frenkel --samples 4096";
+    let run = "--material pa12 --kinetics frenkel --samples 8192";
     sandbox.run(&format!("{run} --out run")).succeeded();
     let of_material = json(&sandbox, "--contact-ratio 0.9 --after 1");
     let plan = sandbox.run(&format!("{run} --dry-run --toml")).succeeded().stdout.clone();

@@ -219,9 +219,9 @@ fn a_continued_run_says_where_its_first_samples_are_not_those_of_the_run_it_exte
 fn what_helps_is_said_with_the_folder_of_the_run() {
     let sandbox = Sandbox::new();
     let wanted = "calibrate --continue-from kept/here --samples 16384";
-    let ran = sandbox.run("--material peek -n 50 --no-other-kinetics --out kept/here");
+    let ran = sandbox.run("--material peek -n 16 --no-other-kinetics --out kept/here");
     assert!(ran.succeeded().stdout.contains(wanted), "{}", ran.stdout);
-    let ran = sandbox.run("--material peek -n 50 --no-other-kinetics --out kept/here --quiet");
+    let ran = sandbox.run("--material peek -n 16 --no-other-kinetics --out kept/here --quiet");
     assert!(ran.succeeded().stderr.contains(wanted), "{}", ran.stderr);
     for named in ["kept/here", "kept/here/posterior.json"] {
         let ran = sandbox.run(&format!("inspect {named}"));

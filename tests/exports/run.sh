@@ -34,10 +34,10 @@ environment() {
 cd "$work"
 "$calibrate" --plan "$here/line.toml" --out line --quiet 2>/dev/null
 "$calibrate" --plan "$here/two.toml" --out two --quiet 2>/dev/null
-"$calibrate" --material ps --samples 4096 --out ps --quiet 2>/dev/null
-"$calibrate" --material ps --samples 4096 --noise correlated --out ps-correlated --quiet 2>/dev/null
-"$calibrate" --material peek --samples 4096 --noise robust --out peek --quiet 2>/dev/null
-"$calibrate" compare --material ps --samples 4096 --noise inferred,correlated --out compare --quiet 2>/dev/null
+"$calibrate" --material ps --samples 8192 --out ps --quiet 2>/dev/null
+"$calibrate" --material ps --samples 8192 --noise correlated --out ps-correlated --quiet 2>/dev/null
+"$calibrate" --material peek --samples 8192 --noise robust --out peek --quiet 2>/dev/null
+"$calibrate" compare --material ps --samples 8192 --noise inferred,correlated --out compare --quiet 2>/dev/null
 runs="line two ps ps-correlated peek"
 for run in $runs; do
     "$calibrate" export "$run" --format zarr,idata-json,stan-csv,draws-csv --quiet

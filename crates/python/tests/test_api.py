@@ -119,7 +119,7 @@ def test_an_own_powder_from_its_table_to_the_sintering_time(tmp_path: Path) -> N
     (tmp_path / "neck.csv").write_text("time_s,contact_ratio\n" + rows)
     assert "neck.toml" in cal.init(tmp_path / "neck.csv", radius_m=ps.powder.radius_m, material="ps")
     own = cal.experiment(tmp_path / "neck.toml", prior=tmp_path / "neck-priors.toml")
-    run = own.calibrate(samples=2048, window_s=(0.0, 100.0), out=tmp_path / "run")
+    run = own.calibrate(samples=8192, window_s=(0.0, 100.0), out=tmp_path / "run")
     assert run.folder == tmp_path / "run" and (run.folder / "report.html").is_file()
     when = run.predict(contact_ratio=0.7, after_s=[1.0, 2.0], with_noise=True)
     low, high = when["sintering"][0]["time_s"]["eti95"]

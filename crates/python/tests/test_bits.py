@@ -42,8 +42,8 @@ seed = 3
 
 def test_a_material_has_the_bits_of_the_command(run_command, tmp_path: Path) -> None:
     for name in ("ps", "peek"):
-        own = cal.material(name).calibrate(samples=4096, seed=5)
-        run_command("--material", name, "-n", 4096, "--seed", 5, "--out", "by-command", "--quiet", cwd=tmp_path)
+        own = cal.material(name).calibrate(samples=8192, seed=5)
+        run_command("--material", name, "-n", 8192, "--seed", 5, "--out", "by-command", "--quiet", cwd=tmp_path)
         same_files(own.folder, tmp_path / "by-command", ["posterior.json", "samples.csv", "draws.csv", "table.md", "corner.svg"])
 
 
@@ -104,7 +104,7 @@ def test_however_it_is_called_it_has_the_same_bits(line_run: cal.Run, how: dict[
 
 
 def test_the_posterior_is_the_one_in_closed_form() -> None:
-    run = cal.calibrate(line, {"a": cal.Normal(0.0, 1.0), "b": cal.Normal(0.0, 2.0)}, measured(), samples=2048, seed=1)
+    run = cal.calibrate(line, {"a": cal.Normal(0.0, 1.0), "b": cal.Normal(0.0, 2.0)}, measured(), samples=8192, seed=1)
     design = np.column_stack([np.ones_like(T), T])
     precision = design.T @ design / 0.05**2 + np.diag([1.0, 0.25])
     covariance = np.linalg.inv(precision)

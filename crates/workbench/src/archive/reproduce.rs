@@ -299,7 +299,7 @@ mod tests {
     fn record(seed: u64) -> Record {
         let options = PairOptions {
             material: Some(Material::Ps),
-            samples: 4096,
+            samples: 8192,
             seed,
             ..PairOptions::default()
         };

@@ -71,7 +71,7 @@ control = "t"
 noise = {{ kind = "fixed", sigma = 0.05 }}
 result = {{ file = "out.csv", control = "t", value = "y" }}
 [sampler]
-samples = 1200
+samples = 400
 overlap = {overlap}
 "#
         );
@@ -142,7 +142,7 @@ overlap = {overlap}
     #[test]
     #[ignore = "long: run by .ci/run"]
     fn order_of_ends_losses_kills_and_resumes_do_not_change_a_bit_at_any_overlap() {
-        for overlap in [1, 300] {
+        for overlap in [1, 100] {
             let folder = tempfile::tempdir().expect("a folder");
             let quiet = drive(folder.path(), overlap, (1, 0, i64::MAX)).expect("a result");
             let failed = String::from_utf8_lossy(&quiet["posterior.json"]).contains("exit code 1");
@@ -153,7 +153,7 @@ overlap = {overlap}
                 let stormy = loop {
                     let slots = 3 + 29 * seed as usize;
                     // Another order after every stop.
-                    let after = 230 + 20 * seed as i64;
+                    let after = 75 + 7 * seed as i64;
                     let way = (slots + stops, seed + 10 * stops as u64, after);
                     match drive(folder.path(), overlap, way) {
                         Some(files) => break files,
@@ -177,7 +177,7 @@ overlap = {overlap}
         let determinant = aa * bb - ab * ab;
         let mean = [(bb * ra - ab * rb) / determinant, (aa * rb - ab * ra) / determinant];
         let sd = [(bb / determinant).sqrt(), (aa / determinant).sqrt()];
-        for overlap in [1, 300] {
+        for overlap in [1, 100] {
             let folder = tempfile::tempdir().expect("a folder");
             let files = drive(folder.path(), overlap, (64, 3, i64::MAX)).expect("a result");
             let record: serde_json::Value =

@@ -9,7 +9,7 @@ use crate::watch::Unwatched;
 
 fn planned(noise: Noise) -> Planned {
     let material = Some(Material::Ps);
-    let options = PairOptions { material, samples: 512, noise, ..PairOptions::default() };
+    let options = PairOptions { material, samples: 8192, noise, ..PairOptions::default() };
     let mut planned = options.plan().expect("a plan");
     planned.plan.sampler.draws = 512;
     planned

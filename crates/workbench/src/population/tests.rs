@@ -13,7 +13,7 @@ use crate::record;
 
 /// Calibrates a built-in experiment with few simulations into a folder of its name.
 fn calibrated(folder: &TempDir, name: &str, options: PairOptions) -> PathBuf {
-    let options = PairOptions { experiment: Some(name.into()), samples: 2048, ..options };
+    let options = PairOptions { experiment: Some(name.into()), samples: 8192, ..options };
     let out = folder.path().join(format!("{name}-{}", options.kinetics));
     let planned = options.plan().expect("a plan");
     let how = RunOptions {
