@@ -120,7 +120,7 @@ fn samples_that_do_not_have_the_moments_of_the_result_are_said_to_be_off_by_as_m
 
 /// On both sides of the number from which on samples are placed without the surrogate, and of earlier ones.
 #[test]
-#[ignore = "long: run by .ci/run"]
+#[ignore = "longer: run by .ci/long"]
 fn no_number_of_simulations_between_a_thousand_and_a_few_thousand_is_a_cliff() {
     for samples in [1001, 2047, 2048] {
         let options = format!("--material peek --samples {samples} --no-other-kinetics --verify");

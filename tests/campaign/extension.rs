@@ -192,7 +192,7 @@ fn a_number_that_is_refused_gives_up_no_failed_run() {
 }
 
 #[test]
-#[ignore = "long: run by .ci/run"]
+#[ignore = "longer: run by .ci/long"]
 fn a_continued_run_says_where_its_first_samples_are_not_those_of_the_run_it_extends() {
     let sandbox = Sandbox::new();
     sandbox.run("--material ps -n 60 --no-other-kinetics --quiet").succeeded();

@@ -282,7 +282,7 @@ fn ending_after(runs: usize) -> impl Simulator {
 }
 
 #[test]
-#[ignore = "long: run by .ci/run"]
+#[ignore = "longer: run by .ci/long"]
 fn draws_of_a_process_through_forty_simulations_of_made_data_have_even_ranks() {
     let line = ending_after(usize::MAX);
     let study = forty_each(&line, Noise::Inferred { nu0: 4.0, s0: 0.3 }, 100);
@@ -297,7 +297,7 @@ fn draws_of_a_process_through_forty_simulations_of_made_data_have_even_ranks() {
 }
 
 #[test]
-#[ignore = "long: run by .ci/run"]
+#[ignore = "longer: run by .ci/long"]
 fn a_simulator_that_ends_while_ranks_are_made_ends_them() {
     // One run makes the truth, 40 the samples, 128 rank the draws.
     let inferred = Noise::Inferred { nu0: 4.0, s0: 0.3 };

@@ -22,7 +22,7 @@ fn first(posterior: &Posterior, samples: usize) -> Vec<String> {
 }
 
 #[test]
-#[ignore = "long: run by .ci/run"]
+#[ignore = "longer: run by .ci/long"]
 fn the_first_samples_of_an_extended_run_are_those_of_the_run_it_extends() {
     let small = Settings::for_budget;
     let plain = Settings { samples: 4096, ..Settings::default() };
@@ -120,7 +120,7 @@ fn an_extended_run_is_as_good_as_one_of_as_many_simulations_from_the_start() {
 }
 
 #[test]
-#[ignore = "long: run by .ci/run"]
+#[ignore = "longer: run by .ci/long"]
 fn a_run_placed_by_the_process_goes_on_without_it_where_so_many_simulations_do() {
     let begun = Settings::for_budget(300);
     let parts = extended(&begun, &[16_384]);

@@ -109,7 +109,7 @@ impl Target for Narrow {
 }
 
 #[test]
-#[ignore = "long: run by .ci/run"]
+#[ignore = "longer: run by .ci/long"]
 fn no_mode_is_lost_that_a_part_of_the_budget_can_find() {
     let apart = |at: f64, sd: f64| Narrow {
         centres: vec![vec![-at; 2], vec![at; 2]],

@@ -31,7 +31,7 @@ fn errors(reference: &Reference, settings: &Settings, seeds: u64) -> [f64; 3] {
 }
 
 #[test]
-#[ignore = "long: run by .ci/run"]
+#[ignore = "longer: run by .ci/long"]
 fn a_hundred_simulations_find_narrow_posteriors_that_the_default_sampler_misses() {
     for d in [2, 3, 4] {
         let reference = reference::gaussian(d, 0.8, 0.1);
@@ -61,7 +61,7 @@ fn a_hundred_simulations_find_bent_cut_and_heavy_posteriors() {
 
 /// Root mean square of errors over standard errors, each counted as ten at most, of all means.
 #[test]
-#[ignore = "long: run by .ci/run"]
+#[ignore = "longer: run by .ci/long"]
 fn error_bars_of_a_posterior_that_failures_cut_are_honest_after_fifty_simulations() {
     let reference = reference::bounded_ridge();
     let runs = (1..=16).map(|seed| {
