@@ -169,13 +169,14 @@ fn hostile(cases: u32, command: &str) {
         .expect("no panic");
 }
 
-const PAIR: &str = "--material ps --samples 24 --noise robust -q --out good";
+const PAIR: &str = "--material ps --samples 32 --noise robust -q --out good";
 
 #[test]
 fn a_record_with_a_shorter_list_is_refused_by_the_name_of_the_list() {
     let sandbox = Sandbox::new();
     sandbox.run(PAIR).succeeded();
     let record = sandbox.posterior("good");
+    assert!(record["log_evidence"]["process_value"].is_number(), "a process has a part in it");
     let parse = |record: &Value| workbench::record::parse("x", &(record.to_string() + "\n"));
     assert!(parse(&record).is_ok());
     for (list, field) in [

@@ -34,6 +34,7 @@ environment() {
 cd "$work"
 "$calibrate" --plan "$here/line.toml" --out line --quiet 2>/dev/null
 "$calibrate" --plan "$here/two.toml" --out two --quiet 2>/dev/null
+# So many that no process places them: faster than fewer.
 "$calibrate" --material ps --samples 8192 --out ps --quiet 2>/dev/null
 "$calibrate" --material ps --samples 8192 --noise correlated --out ps-correlated --quiet 2>/dev/null
 "$calibrate" --material peek --samples 8192 --noise robust --out peek --quiet 2>/dev/null

@@ -299,7 +299,7 @@ mod tests {
     fn record(seed: u64) -> Record {
         let options = PairOptions {
             material: Some(Material::Ps),
-            samples: 8192,
+            samples: smc_calib::Settings::WHOLLY_PLAIN,
             seed,
             ..PairOptions::default()
         };

@@ -170,7 +170,7 @@ overlap = {overlap}
 
     #[test]
     fn the_posterior_of_a_line_is_the_conjugate_one_with_overlap() {
-        // Precision X'X/s^2 + P^-1 and its mean, by hand for t = 0, 1, 2; the failing corner is 12 sds away.
+        // Precision X'X/s^2 + P^-1 and its mean, by hand for t = 0, 1, 2; the failing corner is 26 sds away.
         let (s2, y) = (0.05f64.powi(2), [0.31, 0.79, 1.32]);
         let [aa, ab, bb] = [3.0 / s2 + 1.0, 3.0 / s2, 5.0 / s2 + 0.25];
         let [ra, rb] = [y.iter().sum::<f64>() / s2, (y[1] + 2.0 * y[2]) / s2];

@@ -11,9 +11,10 @@ use crate::plan::PairOptions;
 use crate::predict::{Wanted, predict};
 use crate::record;
 
-/// Calibrates a built-in experiment with few simulations into a folder of its name.
+/// Calibrates a built-in experiment into a folder of its name, with so many simulations that no process places them.
 fn calibrated(folder: &TempDir, name: &str, options: PairOptions) -> PathBuf {
-    let options = PairOptions { experiment: Some(name.into()), samples: 8192, ..options };
+    let options =
+        PairOptions { experiment: Some(name.into()), samples: Settings::WHOLLY_PLAIN, ..options };
     let out = folder.path().join(format!("{name}-{}", options.kinetics));
     let planned = options.plan().expect("a plan");
     let how = RunOptions {

@@ -185,7 +185,11 @@ mod tests {
     fn two_models() -> KeptModels {
         static KEPT: LazyLock<KeptModels> = LazyLock::new(|| {
             let material = Some(Material::Peek);
-            let options = PairOptions { material, samples: 16_384, ..PairOptions::default() };
+            let options = PairOptions {
+                material,
+                samples: smc_calib::Settings::WHOLLY_PLAIN,
+                ..PairOptions::default()
+            };
             let noises = [Noise::correlated()];
             let compared =
                 Compared::new(&options, &noises, false, TimeScale::ByData, &Unwatched::default());
