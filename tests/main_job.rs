@@ -377,6 +377,7 @@ fn one_observation_at_time_zero_and_the_fewest_samples_give_a_result_with_warnin
     // The process knows after a hundred what few weighted samples do not.
     for (number, verdict) in [
         ("16", "NOT TO BE TRUSTED"),
+        ("17", "NOT TO BE TRUSTED"),
         ("31 --no-other-kinetics", "NOT TO BE TRUSTED"),
         ("100 --no-other-kinetics", "rough; means and evidence are known as by"),
     ] {

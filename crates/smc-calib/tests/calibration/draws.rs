@@ -138,7 +138,16 @@ fn a_process_makes_as_many_draws_as_are_asked_for_but_neither_few_nor_too_many()
     let of = |problem: &Problem<'_>, draws: usize| {
         run(problem, Settings { draws, ..Settings::for_budget(40) })
     };
-    for (draws, drawn) in [(0, false), (499, false), (500, true), (65_536, true), (65_537, false)] {
+    for (draws, drawn) in [
+        (0, false),
+        (1, false),
+        (499, false),
+        (500, true),
+        (501, true),
+        (4097, true),
+        (65_536, true),
+        (65_537, false),
+    ] {
         let p = of(&problem, draws);
         assert_eq!((p.draws.len(), p.is_drawn()), (draws, drawn), "{draws}");
         assert!((p.points().map(|point| point.weight).sum::<f64>() - 1.0).abs() < 1e-9);

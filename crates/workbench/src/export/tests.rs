@@ -1,4 +1,4 @@
-use smc_calib::{Likelihood, Noise, Problem, Simulator as _, leave_one_out, psis};
+use smc_calib::{Likelihood, Noise, Problem, Settings, Simulator as _, leave_one_out, psis};
 
 use super::*;
 use crate::calibration::Calibration;
@@ -6,9 +6,6 @@ use crate::input::material::Material;
 use crate::pair::model::NeckGrowth;
 use crate::plan::{PairOptions, Planned};
 use crate::watch::Unwatched;
-
-/// So many that no process has a part in them: faster than fewer.
-const PLAIN: usize = smc_calib::Settings::WHOLLY_PLAIN;
 
 fn planned(samples: usize, noise: Noise) -> Planned {
     let material = Some(Material::Ps);
@@ -18,8 +15,8 @@ fn planned(samples: usize, noise: Noise) -> Planned {
     planned
 }
 
-fn calibrated(samples: usize, noise: Noise) -> Calibration {
-    Calibration::run(&planned(samples, noise), &Unwatched::default()).expect("a posterior")
+fn calibrated(planned: &Planned) -> Calibration {
+    Calibration::run(planned, &Unwatched::default()).expect("a posterior")
 }
 
 fn reals(groups: &Groups, group: &str, name: &str) -> Vec<f64> {
@@ -34,9 +31,9 @@ fn moments(values: &[f64]) -> [f64; 2] {
     [mean, (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt()]
 }
 
-/// Holds the groups of a run against its record.
+/// Holds the groups of a run against its record: of few simulations, or of so many that no process has a part in them, which are faster.
 fn check(samples: usize, noise: Noise) {
-    let found = calibrated(samples, noise);
+    let found = calibrated(&planned(samples, noise));
     let groups = Groups::of(&found).expect("groups");
     assert_eq!(groups.notes, [""; 0]);
     let record = &found.record;
@@ -133,8 +130,8 @@ fn check_likelihoods(found: &Calibration, groups: &Groups) {
 #[test]
 fn draws_of_few_simulations_are_of_the_process_and_their_likelihoods_are_simulated_there() {
     let mut planned = planned(40, Noise::default());
-    planned.plan.sampler = smc_calib::Settings { seed: 2, ..smc_calib::Settings::for_budget(40) };
-    let found = Calibration::run(&planned, &Unwatched::default()).expect("a posterior");
+    planned.plan.sampler.seed = 2;
+    let found = calibrated(&planned);
     let groups = Groups::of(&found).expect("groups");
     let Calibration { record, posterior } = &found;
     for (place, summary) in record.parameters.iter().enumerate() {
@@ -152,12 +149,15 @@ fn draws_of_independent_errors_are_those_of_the_record() {
 
 #[test]
 fn draws_of_correlated_errors_are_those_of_the_record() {
-    check(PLAIN, Noise::Correlated { nu0: 4.0, s0: 0.05, scale: None, nodes: Some([6, 6]) });
+    check(
+        Settings::WHOLLY_PLAIN,
+        Noise::Correlated { nu0: 4.0, s0: 0.05, scale: None, nodes: Some([6, 6]) },
+    );
 }
 
 #[test]
 fn draws_of_errors_with_outliers_are_those_of_the_record() {
-    check(PLAIN, Noise::robust());
+    check(Settings::WHOLLY_PLAIN, Noise::robust());
 }
 
 #[test]
