@@ -83,8 +83,8 @@ mod tests {
             // More than nine effective samples are told, fewer are not.
             let (verdict, told) = after(|p| change(p, 9.1));
             assert!(verdict == Verdict::Rough && told.is_some_and(|n| n.is_some()), "{told:?}");
-            assert_eq!(after(|p| change(p, 4.1)), (Verdict::Rough, Some(None)));
-            assert_eq!(after(|p| change(p, 3.9)), (Verdict::Untrusted, Some(None)));
+            assert_eq!(after(|p| change(p, 2.1)), (Verdict::Rough, Some(None)));
+            assert_eq!(after(|p| change(p, 1.9)), (Verdict::Untrusted, Some(None)));
         }
         assert_eq!(after(|p| p.ess.by_errors = None), (Verdict::Untrusted, Some(None)));
     }
