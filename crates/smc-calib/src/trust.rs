@@ -332,7 +332,9 @@ impl Posterior {
             // What the process says as well does not rest on a few weights.
             let agrees = beside.is_some_and(|beside| beside.abs() < PROCESS_AGREES)
                 && mean.is_some_and(|mean| mean < PROCESS_HIDES);
-            if ess < FEWEST_OF_SMALL_BUDGET && !agrees {
+            if ess < FEWEST_BESIDE_PROCESS {
+                signs.push("fewer than two effective samples");
+            } else if ess < FEWEST_OF_SMALL_BUDGET && !agrees {
                 signs.push("fewer than seven effective samples");
             }
             if !self.tails_hold() && !agrees {

@@ -42,8 +42,8 @@ impl StandIn<'_> {
             let along: Vec<Vec<f64>> = directions.iter().map(|_| errors()).collect();
             let ratio = |i: usize| {
                 let mut values = predicted[i].clone();
-                for ((direction, sd), errors) in directions.iter().zip(&along) {
-                    values = moved(&values, &self.process.units, direction, sd * errors[i]);
+                for (direction, errors) in directions.iter().zip(&along) {
+                    values = moved(&values, &self.process.units, direction, errors[i]);
                 }
                 self.ln_likelihood_of_predicted(&values) - plain[i]
             };

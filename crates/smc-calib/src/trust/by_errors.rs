@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn a_result_is_rough_where_means_medians_and_evidence_are_known_as_by_four_draws() {
+    fn a_result_is_rough_where_means_medians_and_evidence_are_known_as_by_two_draws() {
         let centre = of_centre(&by_process()).expect("by a process");
         assert!((centre - 100.0).abs() < 0.1, "{centre}");
         assert_eq!(after(|_| {}).0, Verdict::Rough);

@@ -49,10 +49,13 @@ pub const INTERVAL_ERROR: f64 = 0.5;
 /// Independent draws as of which more are not told: errors are not known to the last hundredth.
 pub const MOST_BY_ERRORS: f64 = 10_000.0;
 
-/// Effective samples below which a small budget was too small, unless the process through them has the same log evidence: within
-/// [`PROCESS_AGREES`] by the likelihood that it predicts, and no more than [`PROCESS_HIDES`] above it by its mean over what the process does
-/// not know.
+/// Effective samples below which a small budget was too small, unless the process through them says the same.
 pub const FEWEST_OF_SMALL_BUDGET: f64 = 7.0;
+
+/// The same where the process through the samples has the same log evidence: within [`PROCESS_AGREES`] by the likelihood that it
+/// predicts, and no more than [`PROCESS_HIDES`] above it by its mean over what the process does not know. One sample agrees with any
+/// process.
+pub const FEWEST_BESIDE_PROCESS: f64 = 2.0;
 
 /// Difference of the log evidences of process and samples up to which they agree: two standard errors of four effective samples.
 pub const PROCESS_AGREES: f64 = 1.0;

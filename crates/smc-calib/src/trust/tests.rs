@@ -302,7 +302,8 @@ fn few_samples_are_enough_where_the_process_says_the_same_and_more_are_not_where
         })
     };
     let enough = |ess, khat| signs(ess, khat, [0.99, -0.5]).is_none();
-    assert!(enough(1.0, 0.2) && enough(6.9, 9.0));
+    assert!(enough(2.0, 0.2) && enough(6.9, 9.0));
+    assert!(signs(1.9, 0.2, [0.0, 0.0]).is_some_and(|r| r.contains("fewer than two")));
     for apart in [[1.01, 0.0], [-1.01, 0.0], [0.0, 5.1]] {
         assert!(signs(6.9, 0.2, apart).is_some_and(|r| r.contains("fewer than seven")));
         assert!(signs(20.0, 0.8, apart).is_some_and(|r| r.contains("heavy tail")));

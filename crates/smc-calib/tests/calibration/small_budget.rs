@@ -438,12 +438,14 @@ fn what_few_samples_do_not_know_and_a_process_does_is_rough_unless_the_budget_wa
     // Weights with a heavy tail have no part in it.
     (p.khat, p.parameters[0].khat, p.parameters[0].tail_share) = (0.9, 0.9, 0.5);
     assert_eq!(p.trust().verdict, Verdict::Rough);
-    // Known as by fewer than four draws; known well by a budget that was too small; not known by a process.
-    let known = p.log_evidence.se;
-    p.log_evidence.se = 0.51;
+    // Known as by fewer than two draws; known well by a budget that was too small; not known by a process.
+    let known = p.log_evidence;
+    p.log_evidence.se = 0.71;
     assert_eq!((p.trust().verdict, few(&p)), (Verdict::Untrusted, Some(None)));
-    (p.log_evidence.se, p.ess.importance) = (known, 2.9);
+    (p.log_evidence, p.ess.importance) = (known, 6.9);
+    assert_eq!(p.trust().verdict, Verdict::Rough);
+    p.log_evidence.process_value = known.cross_fitted_value.map(|value| value + 1.01);
     assert_eq!((p.trust().verdict, few(&p)), (Verdict::Untrusted, Some(None)));
-    (p.ess.by_errors, p.ess.importance) = (None, 39.9);
+    (p.log_evidence, p.ess.by_errors, p.ess.importance) = (known, None, 39.9);
     assert_eq!((p.trust().verdict, few(&p)), (Verdict::Untrusted, Some(None)));
 }
