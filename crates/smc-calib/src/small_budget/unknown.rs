@@ -26,13 +26,15 @@ use crate::target::Target;
 
 /// Principal components of the errors of curves that count.
 const COMPONENTS: usize = 4;
-/// First step of second differences about the measured curve, in units of the outputs, and the fall of the log likelihood that the
-/// second one is to have: well above rounding, and well within what is a parabola.
+/// First step of the curvature about the measured curve, and the fall of the log likelihood over the second one, by which it is taken:
+/// well above rounding, and well within what is a parabola.
 const STEP: f64 = 1e-3;
 const FALL: f64 = 1e-4;
 /// Step of slopes along a component, in standard deviations of the likelihood of a perfect fit, and along the line to the measured
 /// curve, of its length.
 const SHORT: f64 = 1e-2;
+/// Curvature below which a likelihood does not change along a component: rounding gives as much.
+const FLAT: f64 = 1e-9;
 /// Times at most that the best curve is looked for again with the flatness at the last one, and the relative change of the flatness
 /// from which on it need not be.
 const BEST: usize = 20;
@@ -59,7 +61,7 @@ pub(super) enum Unknown {
 pub(super) struct Component {
     /// Error, in units of the outputs, where that of the process is one.
     direction: Vec<f64>,
-    /// Variance of the likelihood of a perfect fit along it, of that error; infinite where it does not change.
+    /// Variance of the likelihood along it about a perfect fit, in squares of that error; infinite where it does not change.
     noise: f64,
 }
 
@@ -130,7 +132,7 @@ impl Unknown {
         let (v, units) = (process.variance(z), &process.units);
         let here = Shape::at(target, measured, predicted).unwrap_or(Shape::OF_PERFECT_FIT);
         let known = components.iter().filter(|c| v > 0.0 && c.noise.is_finite());
-        // With the standard deviations by which a normal likelihood of a perfect fit's curvature would be missed.
+        // How far the prediction is from the measured curve along each component, by a slope that a perfect fit's curvature gives.
         let missed = known.map(|Component { direction, noise }| {
             let step = SHORT * noise.sqrt();
             let at = |by| target.ln_likelihood_of(&moved(predicted, units, direction, by));
@@ -195,7 +197,7 @@ fn axes(errors: &[Vec<f64>], curvature: impl Fn(&[f64]) -> Option<f64>) -> Optio
             direction.iter_mut().zip(error).for_each(|(d, e)| *d += share * e);
         }
         let curvature = eigen.eigenvalues[k];
-        let noise = if curvature > 0.0 { 1.0 / curvature } else { f64::INFINITY };
+        let noise = if curvature > FLAT { 1.0 / curvature } else { f64::INFINITY };
         Component { direction, noise }
     };
     Some((0..n).map(axis).collect())
