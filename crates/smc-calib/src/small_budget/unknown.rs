@@ -16,8 +16,10 @@
 //! Of another likelihood that is Laplace's approximation about the best of all curves that the process thinks possible at z. Where the
 //! noise is inferred, a curve far from the measured one has a likelihood that is flatter, by a factor that is the same in all directions
 //! (for one group of observations with independent errors; of others this is an approximation), than that of a perfect fit: lambda_k is
-//! multiplied by the slope that a perfect fit's curvature gives over the true one, both along the line to the measured curve, and the
-//! determinant has the curvature along that line. With lambda_k of a perfect fit alone the mean was up to ten log units too low.
+//! multiplied by the slope that a perfect fit's curvature gives over the true one, both along the line to the measured curve (in
+//! `lambda_k s_k` those at the mean, else those at the best curve), and the determinant has the curvature along that line. There can be
+//! two best curves, near the mean and near the measured curve: the larger result counts. With lambda_k of a perfect fit alone the mean
+//! was up to ten log units too low.
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
@@ -33,7 +35,7 @@ const FALL: f64 = 1e-4;
 /// Step of slopes along a component, in standard deviations of the likelihood of a perfect fit, and along the line to the measured
 /// curve, of its length.
 const SHORT: f64 = 1e-2;
-/// Curvature below which a likelihood does not change along a component: rounding gives as much.
+/// Curvature, over the largest one and one, below which a likelihood does not change along a component: rounding gives as much.
 const FLAT: f64 = 1e-9;
 /// Times at most that the best curve is looked for again with the flatness at the last one, and the relative change of the flatness
 /// from which on it need not be.
@@ -159,7 +161,7 @@ impl Unknown {
         let found = [Shape::OF_PERFECT_FIT, here].map(|mut shape| {
             let (mut at, mut factor) = best(shape);
             for _ in 0..BEST {
-                let Some(next) = Shape::at(target, measured, &at) else { break };
+                let next = Shape::at(target, measured, &at).unwrap_or(Shape::OF_PERFECT_FIT);
                 let settled = (next.flatter / shape.flatter - 1.0).abs() < SETTLED;
                 (at, factor) = best(next);
                 if settled {
@@ -169,13 +171,16 @@ impl Unknown {
             }
             target.ln_likelihood_of(&at).map(|ln_l| ln_l + factor)
         });
-        Some(found[0]?.max(found[1]?))
+        Some(found[0]?.max(found[1]?)).filter(|mean| !mean.is_nan())
     }
 }
 
 /// The principal axes of a curvature, which it has along any direction, in the span of these errors; none without one.
 fn axes(errors: &[Vec<f64>], curvature: impl Fn(&[f64]) -> Option<f64>) -> Option<Vec<Component>> {
     let n = errors.len();
+    if n == 0 {
+        return Some(Vec::new());
+    }
     let sum = |j: usize, k: usize, sign: f64| -> Vec<f64> {
         errors[j].iter().zip(&errors[k]).map(|(a, b)| a + sign * b).collect()
     };
@@ -191,13 +196,14 @@ fn axes(errors: &[Vec<f64>], curvature: impl Fn(&[f64]) -> Option<f64>) -> Optio
         return None;
     }
     let eigen = SymmetricEigen::new(matrix);
+    let flat = FLAT * eigen.eigenvalues.max().max(1.0);
     let axis = |k: usize| {
         let mut direction = vec![0.0; errors[0].len()];
         for (error, share) in errors.iter().zip(eigen.eigenvectors.column(k).iter()) {
             direction.iter_mut().zip(error).for_each(|(d, e)| *d += share * e);
         }
         let curvature = eigen.eigenvalues[k];
-        let noise = if curvature > FLAT { 1.0 / curvature } else { f64::INFINITY };
+        let noise = if curvature > flat { 1.0 / curvature } else { f64::INFINITY };
         Component { direction, noise }
     };
     Some((0..n).map(axis).collect())
@@ -323,6 +329,23 @@ pub(super) mod tests {
         [mean, sums[2] / sums[0] - mean * mean]
     }
 
+    /// A process through these values at nine points.
+    fn process_through(values: &[f64]) -> GaussianProcess {
+        let z: Vec<f64> = (0..9).map(|i| 0.4 * f64::from(i) - 1.6).collect();
+        let process = GaussianProcess::new(Data {
+            d: 1,
+            z: &z,
+            weights: &[1.0; 9],
+            chosen: &(0..9).collect::<Vec<_>>(),
+            values,
+            nuggets: &[1e-3; 9],
+            offsets: vec![0.0; 3],
+            units: vec![0.2, 0.7, 2.0],
+            covariance: Covariance::Search,
+        });
+        process.expect("nine samples")
+    }
+
     /// A process through the curves at nine points, and these.
     fn through_nine() -> (GaussianProcess, Vec<f64>) {
         let z: Vec<f64> = (0..9).map(|i| 0.4 * f64::from(i) - 1.6).collect();
@@ -330,18 +353,7 @@ pub(super) mod tests {
         for (z, kept) in z.iter().zip(values.chunks_exact_mut(3)) {
             Three.ln_likelihood(&[*z], kept).expect("never fails");
         }
-        let process = GaussianProcess::new(Data {
-            d: 1,
-            z: &z,
-            weights: &[1.0; 9],
-            chosen: &(0..9).collect::<Vec<_>>(),
-            values: &values,
-            nuggets: &[1e-3; 9],
-            offsets: vec![0.0; 3],
-            units: vec![0.2, 0.7, 2.0],
-            covariance: Covariance::Search,
-        });
-        (process.expect("nine samples"), values)
+        (process_through(&values), values)
     }
 
     #[test]
@@ -421,5 +433,42 @@ pub(super) mod tests {
             unsure += usize::from((found - plain).abs() > 0.5);
         }
         assert!(unsure > 3, "little is unknown");
+    }
+
+    #[test]
+    fn outputs_that_never_change_leave_nothing_unknown() {
+        let values = [0.0; 27];
+        let process = process_through(&values);
+        let unknown = Unknown::of_curves(&Inferred, &process, values.chunks_exact(3));
+        assert!(unknown.directions().is_empty());
+        let (z, predicted) = ([0.3], [0.0; 3]);
+        let found = unknown.ln_mean(&Inferred, &process, &z, &predicted);
+        assert_eq!(found, Inferred.ln_likelihood_of(&predicted));
+    }
+
+    #[test]
+    fn where_nearly_everything_is_unknown_the_mean_is_that_over_all_errors_too() {
+        let (process, values) = through_nine();
+        let unknown = Unknown::of_curves(&Inferred, &process, values.chunks_exact(3));
+        let Unknown::OfCurves { measured, components } = unknown else { panic!("curves") };
+        // Of one component a million times as unsure as the likelihood is wide the mean is an integral along a line.
+        let first = components.into_iter().next().expect("a component");
+        let (z, v) = ([30.0], process.variance(&[30.0]));
+        let by = (1e6 * first.noise / v).sqrt();
+        let direction = first.direction.iter().map(|b| by * b).collect();
+        let wide = Component { direction, noise: first.noise / (by * by) };
+        let unknown = Unknown::OfCurves { measured, components: vec![wide] };
+        let Unknown::OfCurves { components, .. } = &unknown else { panic!("curves") };
+        let predicted = moved(&MEASURED, &process.units, &components[0].direction, 0.3 * v.sqrt());
+        let found = unknown.ln_mean(&Inferred, &process, &z, &predicted).expect("measured");
+        let (mut sum, step) = (0.0, 1e-4);
+        for k in -60_000..60_000 {
+            let x = step * f64::from(k);
+            let at = moved(&predicted, &process.units, &components[0].direction, x * v.sqrt());
+            let ln_l = Inferred.ln_likelihood_of(&at).expect("a likelihood");
+            sum += step * (ln_l - found - 0.5 * x * x).exp();
+        }
+        let mean = sum / std::f64::consts::TAU.sqrt();
+        assert!(mean.ln().abs() < 0.1, "{mean}");
     }
 }

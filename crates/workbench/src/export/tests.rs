@@ -130,6 +130,7 @@ fn check_likelihoods(found: &Calibration, groups: &Groups) {
 #[test]
 fn draws_of_few_simulations_are_of_the_process_and_their_likelihoods_are_simulated_there() {
     let mut planned = planned(40, Noise::default());
+    // Of a seed with which the process knows more than the weights.
     planned.plan.sampler.seed = 3;
     let found = calibrated(&planned);
     assert!(found.posterior.is_drawn());
