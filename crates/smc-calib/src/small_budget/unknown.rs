@@ -329,12 +329,15 @@ pub(super) mod tests {
         [mean, sums[2] / sums[0] - mean * mean]
     }
 
+    fn nine_points() -> Vec<f64> {
+        (0..9).map(|i| 0.4 * f64::from(i) - 1.6).collect()
+    }
+
     /// A process through these values at nine points.
     fn process_through(values: &[f64]) -> GaussianProcess {
-        let z: Vec<f64> = (0..9).map(|i| 0.4 * f64::from(i) - 1.6).collect();
         let process = GaussianProcess::new(Data {
             d: 1,
-            z: &z,
+            z: &nine_points(),
             weights: &[1.0; 9],
             chosen: &(0..9).collect::<Vec<_>>(),
             values,
@@ -348,9 +351,8 @@ pub(super) mod tests {
 
     /// A process through the curves at nine points, and these.
     fn through_nine() -> (GaussianProcess, Vec<f64>) {
-        let z: Vec<f64> = (0..9).map(|i| 0.4 * f64::from(i) - 1.6).collect();
         let mut values = vec![0.0; 27];
-        for (z, kept) in z.iter().zip(values.chunks_exact_mut(3)) {
+        for (z, kept) in nine_points().iter().zip(values.chunks_exact_mut(3)) {
             Three.ln_likelihood(&[*z], kept).expect("never fails");
         }
         (process_through(&values), values)
@@ -455,17 +457,16 @@ pub(super) mod tests {
         let first = components.into_iter().next().expect("a component");
         let (z, v) = ([30.0], process.variance(&[30.0]));
         let by = (1e6 * first.noise / v).sqrt();
-        let direction = first.direction.iter().map(|b| by * b).collect();
-        let wide = Component { direction, noise: first.noise / (by * by) };
+        let direction: Vec<f64> = first.direction.iter().map(|b| by * b).collect();
+        let wide = Component { direction: direction.clone(), noise: first.noise / (by * by) };
         let unknown = Unknown::OfCurves { measured, components: vec![wide] };
-        let Unknown::OfCurves { components, .. } = &unknown else { panic!("curves") };
-        let predicted = moved(&MEASURED, &process.units, &components[0].direction, 0.3 * v.sqrt());
+        let along = |from: &[f64], x: f64| moved(from, &process.units, &direction, x * v.sqrt());
+        let predicted = along(&MEASURED, 0.3);
         let found = unknown.ln_mean(&Inferred, &process, &z, &predicted).expect("measured");
         let (mut sum, step) = (0.0, 1e-4);
         for k in -60_000..60_000 {
             let x = step * f64::from(k);
-            let at = moved(&predicted, &process.units, &components[0].direction, x * v.sqrt());
-            let ln_l = Inferred.ln_likelihood_of(&at).expect("a likelihood");
+            let ln_l = Inferred.ln_likelihood_of(&along(&predicted, x)).expect("a likelihood");
             sum += step * (ln_l - found - 0.5 * x * x).exp();
         }
         let mean = sum / std::f64::consts::TAU.sqrt();
