@@ -55,6 +55,8 @@ pub(crate) struct GaussianProcess {
     pub units: Vec<f64>,
     /// Value of every column at every sample minus its prediction from the other samples.
     pub left_out: Vec<f64>,
+    /// Variance of these, sample by sample, in squared units of the columns.
+    pub left_out_variance: Vec<f64>,
 }
 
 /// A point in the coordinates of a process, [extended](Kernel::extend), and its covariances with all samples.
@@ -179,7 +181,7 @@ impl GaussianProcess {
         };
         let samples = Samples { d, points: &points, values: &values, nuggets: data.nuggets };
         let fit = Fit::new(&samples, &covariance.kernel)?;
-        let left_out = fit.left_out(&data.units);
+        let [left_out, left_out_variance] = fit.left_out(&data.units);
         let Fit { points, coefficients, factor } = fit;
         let (offsets, units) = (data.offsets, data.units);
         Some(Self {
@@ -192,6 +194,7 @@ impl GaussianProcess {
             offsets,
             units,
             left_out,
+            left_out_variance,
         })
     }
 
@@ -309,6 +312,10 @@ mod tests {
             let left_out = all.left_out[58 + column];
             assert!((error - left_out).abs() < 1e-4 + 1e-3 * error.abs(), "{error} {left_out}");
         }
+        let nugget = 1e-3 * all.covariance.kernel.nugget;
+        let expected = without.variance(&z[58..]) + nugget * nugget;
+        let variance = all.left_out_variance[29];
+        assert!((variance / expected - 1.0).abs() < 1e-3, "{variance} {expected}");
         // Between samples both columns are met.
         for at in [[0.3, 0.2], [-0.7, 0.9]] {
             let mut out = [0.0; 2];

@@ -90,6 +90,8 @@ pub(crate) struct StandIn<'a> {
     outputs: bool,
     /// Where samples failed; none where all finished.
     failing: Option<Failing>,
+    /// Samples that matter, or that are enough: the first so many of these.
+    best: usize,
     /// Power of the likelihood: its root mean square error, when each of the best samples is left out, is then
     /// [`ERROR`] at most.
     power: f64,
@@ -166,30 +168,30 @@ impl<'a> StandIn<'a> {
         } else {
             likelihood_process(pool, weights, &chosen, &depths, covariance)?
         };
-        let error = |k: usize| {
-            if !outputs {
-                return process.left_out[k];
-            }
-            let left_out = &process.left_out[k * m..(k + 1) * m];
-            let row = &pool.kept[chosen[k] * m..(chosen[k] + 1) * m];
-            let predicted: Vec<f64> = row.iter().zip(left_out).map(|(v, e)| v - e).collect();
-            target.ln_likelihood_of(&predicted).unwrap_or(f64::NAN) - pool.ln_l[chosen[k]]
-        };
-        // The samples that matter, and enough of them.
         let best = depths.iter().filter(|depth| **depth < MATTERS).count();
         let best = best.max(2 * (pool.d + 1)).min(chosen.len());
-        let error = ((0..best).map(|k| error(k).powi(2)).sum::<f64>() / best as f64).sqrt();
-        if !error.is_finite() {
-            return None;
-        }
-        let power = (ERROR / error.max(1e-9)).min(1.0);
         let alive: Vec<bool> = known.iter().map(|i| density[*i].is_finite()).collect();
         let failing = if alive.contains(&false) {
             Some(Failing::new((pool, weights), (&known, &alive), Points::FEW.most(), of_failing)?)
         } else {
             None
         };
-        Some(Self { target, process, chosen, outputs, failing, power, sought: Sought::Plain })
+        let (power, sought) = (1.0, Sought::Plain);
+        let mut made = Self { target, process, chosen, outputs, failing, best, power, sought };
+        let squares = (0..best).map(|k| made.left_out(pool, k).1.powi(2));
+        let error = (squares.sum::<f64>() / best as f64).sqrt();
+        made.power = (ERROR / error.max(1e-9)).min(1.0);
+        error.is_finite().then_some(made)
+    }
+
+    /// What is predicted of the k-th chosen sample without it, and the error of its log likelihood by that.
+    fn left_out(&self, pool: &Pool, k: usize) -> (Vec<f64>, f64) {
+        let (i, m) = (self.chosen[k], self.process.units.len());
+        let left_out = &self.process.left_out[k * m..(k + 1) * m];
+        let values = if self.outputs { &pool.kept[i * m..(i + 1) * m] } else { &pool.ln_l[i..=i] };
+        let predicted: Vec<f64> = values.iter().zip(left_out).map(|(v, e)| v - e).collect();
+        let error = self.ln_likelihood_of_predicted(&predicted) - pool.ln_l[i];
+        (predicted, error)
     }
 
     /// Log likelihood, not flattened, lowered where the process does not know it: by what half its variance, times [`SAID_TOO_SMALL`],

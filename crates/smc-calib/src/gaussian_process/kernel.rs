@@ -217,8 +217,9 @@ impl Fit {
         c.iter().all(|c| c.is_finite()).then_some(Self { points, coefficients: c, factor })
     }
 
-    /// Values minus their predictions from the other samples, `c_i / (K^-1)_ii`.
-    pub(super) fn left_out(&self, units: &[f64]) -> Vec<f64> {
+    /// Values minus their predictions from the other samples, `c_i / (K^-1)_ii`, row by row, and the variance of each row in squared
+    /// units, `1 / (K^-1)_ii`.
+    pub(super) fn left_out(&self, units: &[f64]) -> [Vec<f64>; 2] {
         let m = units.len();
         let n = self.coefficients.len() / m;
         // Diagonal of the inverse: sums of squares of the columns of the factor's inverse.
@@ -232,6 +233,8 @@ impl Fit {
             }
         }
         let rows = self.coefficients.chunks_exact(m).zip(&diagonal);
-        rows.flat_map(|(row, d)| row.iter().zip(units).map(move |(c, unit)| unit * c / d)).collect()
+        let off =
+            rows.flat_map(|(row, d)| row.iter().zip(units).map(move |(c, unit)| unit * c / d));
+        [off.collect(), diagonal.iter().map(|d| 1.0 / d).collect()]
     }
 }

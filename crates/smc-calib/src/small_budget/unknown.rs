@@ -122,6 +122,30 @@ impl Unknown {
         components.iter().map(along).sum::<f64>().sqrt()
     }
 
+    /// Mean square of what the log likelihood is off by where these values are predicted with errors of variance v: of curves that of
+    /// the parabola through it and through one standard deviation to either side, along each component.
+    pub(super) fn mean_square(
+        &self,
+        target: &dyn Target,
+        units: &[f64],
+        predicted: &[f64],
+        v: f64,
+    ) -> f64 {
+        let Self::OfCurves { components, .. } = self else { return v * units[0] * units[0] };
+        let at = |outputs: &[f64]| target.ln_likelihood_of(outputs).unwrap_or(f64::NAN);
+        let here = at(predicted);
+        let (mut variance, mut mean) = (0.0, 0.0);
+        for Component { direction, .. } in components {
+            let [up, down] =
+                [v.sqrt(), -v.sqrt()].map(|by| at(&moved(predicted, units, direction, by)) - here);
+            // Of g e + h e^2 / 2 with e of variance v: the mean h v / 2, and a variance of g^2 v + (h v)^2 / 2.
+            let bent = 0.5 * (up + down);
+            variance += (0.5 * (up - down)).powi(2) + 2.0 * bent * bent;
+            mean += bent;
+        }
+        variance + mean * mean
+    }
+
     /// Log of the likelihood's mean at z; none where the measured curve is not known.
     pub(super) fn ln_mean(
         &self,
@@ -378,6 +402,9 @@ pub(super) mod tests {
             let bent: f64 = components.iter().map(|c| (v / c.noise).powi(2)).sum();
             let exact = sd * sd + 0.5 * bent;
             assert!((variance / exact - 1.0).abs() < 0.01, "{z:?}: {variance} {exact}");
+            let [square, _] = over_errors(&Three, &process, &unknown, &z, |l| (l - plain).powi(2));
+            let found = unknown.mean_square(&Three, &process.units, &predicted, v);
+            assert!((found / square - 1.0).abs() < 0.01, "{z:?}: {found} {square}");
         }
         assert!(unsure > 0, "nothing is unknown");
     }
