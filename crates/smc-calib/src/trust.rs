@@ -67,7 +67,7 @@ pub struct Trust {
     /// Share from which on a heavy tail cannot be trusted.
     #[serde(default)]
     pub tail_share_limit: f64,
-    /// Whether the standard error of the log evidence can be believed.
+    /// Whether standard errors, of the log evidence and of all other estimates, can be believed.
     pub evidence_error_known: bool,
     /// A further mode whose surroundings take more than this share of the prior would have been met with a probability of
     /// 95 %: `1 - 0.05^(1/n)`, about 3/n, for n samples drawn from the prior; 1 without any.

@@ -212,6 +212,7 @@ mod tests {
                     khat: 0.0,
                     component_densities: 0,
                     intervals: Vec::new(),
+                    errors_known: None,
                     unsolved: None,
                 }
             })

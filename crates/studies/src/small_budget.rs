@@ -45,7 +45,7 @@ const TEXT: &str = "\
 Errors (root mean square over the seeds, each error counted as 10 at most) against exact answers, at equal numbers of simulations: the default
 sampler, many small stages without a surrogate, and the same placed by the surrogate (`Settings::for_budget`). Mean and sd are those of the worst
 parameter, in posterior standard deviations and relative; \"spread of z\" is that of the first mean's error over its stated standard error, and of
-ln Z's. Of calibrations, ends of 95 % intervals have the error of the worst one, and one spread of z over all of them; the runs are counted with a mean off by more than one sd
+ln Z's, over all runs but those that say that their standard errors are not known (calibrations that are not to be trusted). Of calibrations, ends of 95 % intervals have the error of the worst one, and one spread of z over all of them; the runs are counted with a mean off by more than one sd
 that do not say that they are not to be trusted, or that their budget was too small, and those right within one sd that do. ESS and k-hat are medians. The neck-growth problems are the measured curves under the closed-form three-stage law, default noise, priors over four to six decades.
 The figures depend on seeds only, not on the machine or its load.
 
@@ -122,9 +122,10 @@ pub(crate) fn cells(exact: &Exact, runs: &[Run]) -> Vec<String> {
         let of = |j: usize| rms(errors.iter().map(|row| row[j]));
         (0..exact.mean.len()).map(of).fold(0.0, f64::max)
     };
-    let z =
-        runs.iter().zip(&errors).map(|(run, error)| error.mean[0] / (run.mean_se[0] / exact.sd[0]));
-    let z_evidence = runs.iter().zip(&errors).map(|(run, error)| {
+    // Of runs that know their standard errors.
+    let known = || runs.iter().zip(&errors).filter(|(run, _)| run.errors_known != Some(false));
+    let z = known().map(|(run, error)| error.mean[0] / (run.mean_se[0] / exact.sd[0]));
+    let z_evidence = known().map(|(run, error)| {
         error.log_evidence.map_or(f64::NAN, |error| error / run.log_evidence_se)
     });
     let ends = of_ends(exact, runs);
@@ -133,14 +134,19 @@ pub(crate) fn cells(exact: &Exact, runs: &[Run]) -> Vec<String> {
         format!("{:.2}", worst(&errors.iter().map(|e| &e.sd).collect::<Vec<_>>())),
         format!("{:.2}", rms(errors.iter().map(|e| e.log_evidence.unwrap_or(f64::NAN)))),
         ends.map_or("-".to_owned(), |[worst, _]| format!("{worst:.2}")),
-        format!("{:.1}", rms(z)),
-        format!("{:.1}", rms(z_evidence)),
-        ends.map_or("-".to_owned(), |[_, z]| format!("{z:.1}")),
+        spread(rms(z)),
+        spread(rms(z_evidence)),
+        ends.map_or("-".to_owned(), |[_, z]| spread(z)),
         format!("{:.0}", median(runs.iter().map(|run| run.ess))),
         format!("{:.2}", median(runs.iter().map(|run| run.khat))),
         judged(runs, &errors, |off, said| off && !said),
         judged(runs, &errors, |off, said| !off && said),
     ]
+}
+
+/// A spread of z; a dash where no run knows its standard errors.
+fn spread(z: f64) -> String {
+    if z.is_nan() { "-".to_owned() } else { format!("{z:.1}") }
 }
 
 /// Error of the worst end of a 95 % interval in posterior sds, and the spread of z over all of them; none where they are not known.
@@ -152,7 +158,8 @@ fn of_ends(exact: &Exact, runs: &[Run]) -> Option<[f64; 2]> {
         [(value - exact.ends[j][end]) / exact.sd[j], se / exact.sd[j]]
     };
     let errors = ends().map(|end| rms(runs.iter().map(|run| off(run, end)[0])));
-    let z = ends().flat_map(|end| runs.iter().map(move |run| off(run, end)));
+    let known = || runs.iter().filter(|run| run.errors_known != Some(false));
+    let z = ends().flat_map(|end| known().map(move |run| off(run, end)));
     (!exact.ends.is_empty()).then(|| [errors.fold(0.0, f64::max), rms(z.map(|[off, se]| off / se))])
 }
 

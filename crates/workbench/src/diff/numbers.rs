@@ -42,7 +42,7 @@ pub struct Moved {
     /// Mean of the other minus that of the first, in standard deviations of the first, in the prior's coordinate. None where the
     /// coordinates are not the same.
     pub shift_sd: Option<f64>,
-    /// Monte Carlo standard error of that.
+    /// Monte Carlo standard error of that. None where that of one of them is not known either.
     pub shift_se: Option<f64>,
     /// Standard deviation of the other over that of the first.
     pub widening: Option<f64>,
@@ -160,12 +160,18 @@ impl Diff {
     }
 }
 
+/// Whether the standard errors of both can be believed.
+fn errors_known(both: [&Record; 2]) -> bool {
+    both.iter().all(|record| record.trust.evidence_error_known)
+}
+
 fn moved(one: &Record, other: &Record) -> Vec<Moved> {
     let pairs = one.parameters.iter().filter_map(|summary| {
         let same =
             |twin: &&smc_calib::ParameterSummary| twin.parameter.name == summary.parameter.name;
         Some((summary, other.parameters.iter().find(same)?))
     });
+    let errors_known = errors_known([one, other]);
     pairs
         .map(|(a, b)| {
             let (old, new) = (&a.in_coordinate, &b.in_coordinate);
@@ -186,7 +192,9 @@ fn moved(one: &Record, other: &Record) -> Vec<Moved> {
                 median: [a.in_si.median, b.in_si.median],
                 eti95: [a, b].map(|one| [one.in_si.eti95.lower, one.in_si.eti95.upper]),
                 shift_sd: alike.map(|sd| (new.mean - old.mean) / sd),
-                shift_se: alike.map(|sd| old.mean_se.hypot(new.mean_se) / sd),
+                shift_se: alike
+                    .filter(|_| errors_known)
+                    .map(|sd| old.mean_se.hypot(new.mean_se) / sd),
                 widening: alike.map(|sd| new.sd / sd),
                 not_comparable,
             }
@@ -224,7 +232,7 @@ fn evidence(one: &Record, other: &Record) -> EvidenceBeside {
     let (a, b) = (&one.log_evidence, &other.log_evidence);
     let not_comparable = if !(one.is_posterior && other.is_posterior) {
         Some("tuned noise has no evidence".to_owned())
-    } else if !(one.trust.evidence_error_known && other.trust.evidence_error_known) {
+    } else if !errors_known([one, other]) {
         Some("the error of one of them is not known".to_owned())
     } else {
         other_data(&one.plan, &other.plan)

@@ -7,15 +7,22 @@ use crate::output::on_one_line;
 use crate::output::page::{self, Drawn, MOST_ROWS, Page};
 use crate::plan::shell_word;
 
-/// A difference with its standard error.
+/// A difference, with its standard error where that is known.
 fn with_se(value: Option<f64>, error: Option<f64>) -> String {
     match (value, error) {
         (Some(value), Some(error)) => {
-            let sign = if value.is_sign_negative() { "" } else { "+" };
-            format!("{sign}{} ± {}", with_error(value, error, 2), significant(error, 2))
+            format!("{}{} ± {}", plus(value), with_error(value, error, 2), significant(error, 2))
         }
-        _ => "–".to_owned(),
+        (Some(value), None) => {
+            format!("{}{} (error unknown)", plus(value), significant(value, 2))
+        }
+        (None, _) => "–".to_owned(),
     }
+}
+
+/// The sign of what is not negative.
+fn plus(value: f64) -> &'static str {
+    if value.is_sign_negative() { "" } else { "+" }
 }
 
 /// Median and 95 % interval of the first run or the other.

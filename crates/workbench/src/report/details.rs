@@ -63,7 +63,8 @@ pub fn details(record: &Record) -> String {
     if !printed.is_empty() {
         let _ = writeln!(text, "{OF_TABLE3}");
     }
-    text.push_str(&moments_and_correlation(&record.parameters, &record.correlation));
+    text.push_str(&moments(&record.parameters, record.trust.evidence_error_known));
+    text.push_str(&correlation(&record.parameters, &record.correlation));
     text.push_str(&stages(&record.stages));
     text
 }
@@ -97,29 +98,37 @@ fn parameter_table(parameters: &[ParameterSummary]) -> String {
     text
 }
 
-/// Mean and standard deviation with their errors, and the correlation.
-fn moments_and_correlation(parameters: &[ParameterSummary], correlation: &[Vec<f64>]) -> String {
-    let mut text = String::new();
-    let _ = writeln!(
-        text,
-        "\nmean and sd in the priors' coordinates, with Monte Carlo standard errors"
-    );
+/// Mean and standard deviation, with their errors where these are known.
+fn moments(parameters: &[ParameterSummary], errors_known: bool) -> String {
+    let errors = match errors_known {
+        true => "with Monte Carlo standard errors",
+        false => "their errors unknown",
+    };
+    let mut text = format!("\nmean and sd in the priors' coordinates, {errors}\n");
+    let shown = |value, error| match errors_known {
+        true => format!("{} +- {}", with_error(value, error, 3), significant(error, 2)),
+        false => with_error(value, error, 3),
+    };
     for summary in parameters {
         let m = &summary.in_coordinate;
         let _ = writeln!(
             text,
-            "{:<10} mean {} +- {}, sd {} +- {} ({})",
+            "{:<10} mean {}, sd {} ({})",
             summary.parameter.name,
-            with_error(m.mean, m.mean_se, 3),
-            significant(m.mean_se, 2),
-            with_error(m.sd, m.sd_se, 3),
-            significant(m.sd_se, 2),
+            shown(m.mean, m.mean_se),
+            shown(m.sd, m.sd_se),
             match summary.coordinate {
                 smc_calib::Coordinate::Log10 => "log10",
                 smc_calib::Coordinate::Linear => "linear",
             }
         );
     }
+    text
+}
+
+/// The correlation of several parameters.
+fn correlation(parameters: &[ParameterSummary], correlation: &[Vec<f64>]) -> String {
+    let mut text = String::new();
     if parameters.len() > 1 {
         let _ = writeln!(text, "\ncorrelation in the priors' coordinates");
         for (summary, row) in parameters.iter().zip(correlation) {
