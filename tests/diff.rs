@@ -11,6 +11,35 @@ fn number(value: &Value) -> f64 {
 }
 
 #[test]
+fn moves_of_a_run_that_is_not_to_be_trusted_have_no_standard_errors() {
+    let sandbox = Sandbox::new();
+    let run = "--material ps --no-other-kinetics -q";
+    sandbox.run(&format!("{run} --samples 2048 --out one")).succeeded();
+    sandbox.run(&format!("{run} --samples 16 --out other")).succeeded();
+    let trust = |name: &str| sandbox.posterior(name)["trust"]["evidence_error_known"].clone();
+    assert_eq!([trust("one"), trust("other")], [Value::Bool(true), Value::Bool(false)]);
+    let ran = sandbox.run("diff one other");
+    assert!(ran.succeeded().stdout.contains(" sd (error unknown), "), "{}", ran.stdout);
+    let found =
+        fs::read_to_string(sandbox.path().join("results/diff/diff.json")).expect("diff.json");
+    let found: Value = serde_json::from_str(&found).expect("JSON");
+    for moved in found["parameters"].as_array().expect("a list") {
+        assert!(moved["shift_sd"].is_number() && moved["shift_se"].is_null(), "{moved}");
+    }
+    let (known, unknown) = (sandbox.run("inspect one"), sandbox.run("inspect other"));
+    let line = "mean and sd in the priors' coordinates";
+    for (ran, errors, sign) in [
+        (known, "with Monte Carlo standard errors", true),
+        (unknown, "their errors unknown", false),
+    ] {
+        let shown = &ran.succeeded().stdout;
+        let after = shown.split_once(&format!("{line}, {errors}")).expect("a headline").1;
+        let moments = after.split("correlation").next().expect("a part");
+        assert_eq!(moments.contains("+-"), sign, "{moments}");
+    }
+}
+
+#[test]
 fn two_noise_models_differ_in_a_field_and_by_what_the_two_posteriors_say() {
     let sandbox = Sandbox::new();
     let run = "--material ps --samples 8192 --no-other-kinetics -q";

@@ -188,7 +188,10 @@ impl<'a> StandIn<'a> {
     fn left_out(&self, pool: &Pool, k: usize) -> (Vec<f64>, f64) {
         let (i, m) = (self.chosen[k], self.process.units.len());
         let left_out = &self.process.left_out[k * m..(k + 1) * m];
-        let values = if self.outputs { &pool.kept[i * m..(i + 1) * m] } else { &pool.ln_l[i..=i] };
+        if !self.outputs {
+            return (vec![pool.ln_l[i] - left_out[0]], -left_out[0]);
+        }
+        let values = &pool.kept[i * m..(i + 1) * m];
         let predicted: Vec<f64> = values.iter().zip(left_out).map(|(v, e)| v - e).collect();
         let error = self.ln_likelihood_of_predicted(&predicted) - pool.ln_l[i];
         (predicted, error)

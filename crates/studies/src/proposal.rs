@@ -30,7 +30,7 @@ Errors (root mean square over the seeds, each error counted as 10 at most) of ca
 the prior and from an earlier posterior (`--proposal`): that of the same model with 16 384 simulations, and the same with every parameter moved by
 standard deviations of its own, upwards, as that of a wrong model might be. \"verlet\" has the curve from the full dynamics, whose runs stand for runs of an
 hour: the earlier posterior is that of the closed form, the exact one that of verlet (how far apart the two are stands below). Mean and sd are those of the worst parameter, in posterior standard deviations and relative; \"spread of z\" is
-that of the first mean's error over its stated standard error, and of ln Z's; ESS is the median. The last two columns count the runs with a mean off by more than one sd that do
+that of the first mean's error over its stated standard error, and of ln Z's, over the runs that are to be trusted (others do not know their standard errors); ESS is the median. The last two columns count the runs with a mean off by more than one sd that do
 not say that their budget is too small, and those right within one sd that do. Exact are the quadrature of the closed form, and for verlet that with the
 ratio of the two likelihoods at 1024 draws. The figures depend on seeds only, not on the machine or its load.
 ";

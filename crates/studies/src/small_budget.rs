@@ -45,7 +45,7 @@ const TEXT: &str = "\
 Errors (root mean square over the seeds, each error counted as 10 at most) against exact answers, at equal numbers of simulations: the default
 sampler, many small stages without a surrogate, and the same placed by the surrogate (`Settings::for_budget`). Mean and sd are those of the worst
 parameter, in posterior standard deviations and relative; \"spread of z\" is that of the first mean's error over its stated standard error, and of
-ln Z's, over all runs but those that say that their standard errors are not known (calibrations that are not to be trusted). Of calibrations, ends of 95 % intervals have the error of the worst one, and one spread of z over all of them; the runs are counted with a mean off by more than one sd
+ln Z's, over all runs but calibrations that are not to be trusted, which do not know their standard errors. Of calibrations, ends of 95 % intervals have the error of the worst one, and one spread of z over all of them; the runs are counted with a mean off by more than one sd
 that do not say that they are not to be trusted, or that their budget was too small, and those right within one sd that do. ESS and k-hat are medians. The neck-growth problems are the measured curves under the closed-form three-stage law, default noise, priors over four to six decades.
 The figures depend on seeds only, not on the machine or its load.
 
@@ -185,4 +185,57 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
     let mut sorted: Vec<f64> = values.collect();
     sorted.sort_by(f64::total_cmp);
     quantile(&sorted, 0.5)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use smc_calib::Interval;
+
+    use crate::rivals::Estimate;
+
+    /// A run that is off by so much in all estimates, with standard errors of a tenth.
+    fn run(off: f64, errors_known: Option<bool>) -> Run {
+        Run {
+            estimate: Estimate {
+                mean: vec![off],
+                sd: vec![1.0],
+                log_evidence: Some(off),
+                simulations: 50,
+            },
+            mean_se: vec![0.1],
+            sd_se: vec![0.1],
+            log_evidence_se: 0.1,
+            intervals: vec![Interval {
+                lower: off - 2.0,
+                upper: off + 2.0,
+                lower_se: 0.1,
+                upper_se: 0.1,
+            }],
+            frozen_log_evidence: 0.0,
+            ess: 1.0,
+            khat: 0.0,
+            component_densities: 0,
+            errors_known,
+            unsolved: None,
+        }
+    }
+
+    #[test]
+    fn runs_that_do_not_know_their_standard_errors_have_no_part_in_the_spread_of_z() {
+        let exact = Exact {
+            mean: vec![0.0],
+            sd: vec![1.0],
+            log_evidence: 0.0,
+            ends: vec![[-2.0, 2.0]],
+            settled: 0.0,
+        };
+        let spreads = |runs: &[Run]| cells(&exact, runs)[4..7].to_vec();
+        let (close, far) = (run(0.1, Some(true)), run(0.8, Some(false)));
+        assert_eq!(spreads(&[close.clone(), far.clone()]), ["1.0"; 3]);
+        assert_eq!(spreads(&[run(0.8, None)]), ["8.0"; 3]);
+        assert_eq!(spreads(&[far.clone()]), ["-"; 3]);
+        // Errors themselves count all runs.
+        assert_eq!(cells(&exact, &[close, far])[0], "0.57");
+    }
 }

@@ -21,20 +21,16 @@
 //! two best curves, near the mean and near the measured curve: the larger result counts. With lambda_k of a perfect fit alone the mean
 //! was up to ten log units too low.
 
+mod shape;
+
 use nalgebra::{DMatrix, SymmetricEigen};
 
+use self::shape::{SHORT, Shape, curvature};
 use crate::gaussian_process::GaussianProcess;
 use crate::target::Target;
 
 /// Principal components of the errors of curves that count.
 const COMPONENTS: usize = 4;
-/// First step of the curvature about the measured curve, and the fall of the log likelihood over the second one, by which it is taken:
-/// well above rounding, and well within what is a parabola.
-const STEP: f64 = 1e-3;
-const FALL: f64 = 1e-4;
-/// Step of slopes along a component, in standard deviations of the likelihood of a perfect fit, and along the line to the measured
-/// curve, of its length.
-const SHORT: f64 = 1e-2;
 /// Curvature, over the largest one and one, below which a likelihood does not change along a component: rounding gives as much.
 const FLAT: f64 = 1e-9;
 /// Times at most that the best curve is looked for again with the flatness at the last one, and the relative change of the flatness
@@ -43,9 +39,6 @@ const BEST: usize = 20;
 const SETTLED: f64 = 0.01;
 /// Least of the curvature along the line over all of it, of one: with less the curve is no maximum.
 const LEAST_BENT: f64 = -0.9;
-/// Slope along the line to the measured curve below which outputs count as measured.
-const MEASURED: f64 = 1e-4;
-
 /// What a process does not know.
 pub(super) enum Unknown {
     /// The log likelihood, as its variance says.
@@ -231,48 +224,6 @@ fn axes(errors: &[Vec<f64>], curvature: impl Fn(&[f64]) -> Option<f64>) -> Optio
         Component { direction, noise }
     };
     Some((0..n).map(axis).collect())
-}
-
-/// How a likelihood near some outputs differs from a normal one with the curvature of a perfect fit.
-#[derive(Clone, Copy)]
-struct Shape {
-    /// Times that it is as flat: the slope along the line to the measured curve by that curvature, over the true slope.
-    flatter: f64,
-    /// Curvature along that line beyond that of a normal one of this slope, over the square of the slope.
-    bent: f64,
-}
-
-impl Shape {
-    const OF_PERFECT_FIT: Self = Self { flatter: 1.0, bent: 0.0 };
-
-    /// None where a slope or the perfect fit's curvature is not positive, or where the outputs are nearly the measured ones.
-    fn at(target: &dyn Target, measured: &[f64], outputs: &[f64]) -> Option<Self> {
-        let on_line = |share: f64| {
-            let of = |(o, y): (&f64, &f64)| o + share * (y - o);
-            let at: Vec<f64> = outputs.iter().zip(measured).map(of).collect();
-            target.ln_likelihood_of(&at)
-        };
-        let [before, here, after] = [on_line(-SHORT)?, on_line(0.0)?, on_line(SHORT)?];
-        let slope = (after - before) / (2.0 * SHORT);
-        let bend = (2.0 * here - before - after) / (SHORT * SHORT);
-        if slope < MEASURED {
-            return None;
-        }
-        let shape = Self {
-            flatter: curvature(|by| on_line(1.0 + by))? / slope,
-            bent: (bend - slope) / (slope * slope),
-        };
-        (shape.flatter > 0.0 && shape.flatter.is_finite() && shape.bent.is_finite())
-            .then_some(shape)
-    }
-}
-
-/// Minus the second derivative of a log likelihood at zero, near which it is a parabola.
-fn curvature(at: impl Fn(f64) -> Option<f64>) -> Option<f64> {
-    let here = at(0.0)?;
-    let fall = |step: f64| Some(2.0 * here - at(step)? - at(-step)?);
-    let step = STEP * (FALL / fall(STEP)?.max(f64::MIN_POSITIVE)).sqrt().clamp(1e-6, 1e3);
-    Some(fall(step)? / (step * step))
 }
 
 /// Outputs moved along a direction, in their units.

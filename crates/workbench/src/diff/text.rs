@@ -7,22 +7,24 @@ use crate::output::on_one_line;
 use crate::output::page::{self, Drawn, MOST_ROWS, Page};
 use crate::plan::shell_word;
 
-/// A difference, with its standard error where that is known.
-fn with_se(value: Option<f64>, error: Option<f64>) -> String {
+/// A difference in a unit, which has its space before it, with its standard error where that is known.
+fn with_se(value: Option<f64>, error: Option<f64>, unit: &str) -> String {
     match (value, error) {
         (Some(value), Some(error)) => {
-            format!("{}{} ± {}", plus(value), with_error(value, error, 2), significant(error, 2))
+            let (value, error) =
+                (signed(value, with_error(value, error, 2)), significant(error, 2));
+            format!("{value} ± {error}{unit}")
         }
         (Some(value), None) => {
-            format!("{}{} (error unknown)", plus(value), significant(value, 2))
+            format!("{}{unit} (error unknown)", signed(value, significant(value, 2)))
         }
         (None, _) => "–".to_owned(),
     }
 }
 
-/// The sign of what is not negative.
-fn plus(value: f64) -> &'static str {
-    if value.is_sign_negative() { "" } else { "+" }
+/// A number as it is shown, with its sign where that is a plus too.
+fn signed(value: f64, shown: String) -> String {
+    if value.is_sign_negative() { shown } else { format!("+{shown}") }
 }
 
 /// Median and 95 % interval of the first run or the other.
@@ -70,11 +72,13 @@ pub fn text(diff: &Diff) -> String {
     }
     for moved in &diff.parameters {
         let by = match (moved.shift_sd, moved.widening) {
-            (Some(_), Some(widening)) => format!(
-                "moves by {} sd, {} times as wide",
-                with_se(moved.shift_sd, moved.shift_se),
-                significant(widening, 2)
-            ),
+            (Some(_), Some(widening)) => {
+                format!(
+                    "moves by {}, {} times as wide",
+                    with_se(moved.shift_sd, moved.shift_se, " sd"),
+                    significant(widening, 2)
+                )
+            }
             _ => moved.not_comparable.as_deref().map_or_else(String::new, on_one_line),
         };
         text.push_str(&format!(
@@ -127,7 +131,7 @@ fn evidence(diff: &Diff) -> String {
         Some(why) => format!("log evidence {a} and {b}: not to be compared, {why}"),
         None => format!(
             "log evidence {a} -> {b}: {}; a Bayes factor of {} for the other",
-            with_se(evidence.difference, evidence.difference_se),
+            with_se(evidence.difference, evidence.difference_se, ""),
             significant(evidence.difference.unwrap_or_default().exp(), 2)
         ),
     }
@@ -154,7 +158,7 @@ pub(super) fn page(diff: &Diff, drawn: &[Drawn], inputs: &Inputs) -> Page {
             format!("{} [{}]", moved.name, unit(moved)),
             value(moved, 0),
             value(moved, 1),
-            with_se(moved.shift_sd, moved.shift_se),
+            with_se(moved.shift_sd, moved.shift_se, ""),
             moved.widening.map_or_else(|| "–".to_owned(), |wider| significant(wider, 2)),
         ]
     });
@@ -186,8 +190,9 @@ mod tests {
 
     #[test]
     fn differences_have_a_sign_and_their_standard_error() {
-        assert_eq!(with_se(Some(0.5), Some(0.012)), "+0.500 ± 0.012");
-        assert_eq!(with_se(Some(-1.0), Some(0.1)), "-1.00 ± 0.10");
-        assert_eq!(with_se(None, Some(0.1)), "–");
+        assert_eq!(with_se(Some(0.5), Some(0.012), " sd"), "+0.500 ± 0.012 sd");
+        assert_eq!(with_se(Some(-1.0), Some(0.1), ""), "-1.00 ± 0.10");
+        assert_eq!(with_se(Some(0.5), None, " sd"), "+0.50 sd (error unknown)");
+        assert_eq!(with_se(None, Some(0.1), ""), "–");
     }
 }
