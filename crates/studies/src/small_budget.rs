@@ -234,7 +234,7 @@ mod tests {
         let (close, far) = (run(0.1, Some(true)), run(0.8, Some(false)));
         assert_eq!(spreads(&[close.clone(), far.clone()]), ["1.0"; 3]);
         assert_eq!(spreads(&[run(0.8, None)]), ["8.0"; 3]);
-        assert_eq!(spreads(&[far.clone()]), ["-"; 3]);
+        assert_eq!(spreads(std::slice::from_ref(&far)), ["-"; 3]);
         // Errors themselves count all runs.
         assert_eq!(cells(&exact, &[close, far])[0], "0.57");
     }
