@@ -11,7 +11,7 @@ fn number(value: &Value) -> f64 {
 }
 
 #[test]
-fn moves_of_a_run_that_is_not_to_be_trusted_have_no_standard_errors() {
+fn moves_of_a_run_whose_verdict_is_not_to_be_trusted_have_no_standard_errors() {
     let sandbox = Sandbox::new();
     let run = "--material ps --no-other-kinetics -q";
     sandbox.run(&format!("{run} --samples 2048 --out one")).succeeded();
@@ -20,6 +20,8 @@ fn moves_of_a_run_that_is_not_to_be_trusted_have_no_standard_errors() {
     assert_eq!([trust("one"), trust("other")], [Value::Bool(true), Value::Bool(false)]);
     let ran = sandbox.run("diff one other");
     assert!(ran.succeeded().stdout.contains(" sd (error unknown), "), "{}", ran.stdout);
+    // Nothing is said of errors that are not shown.
+    assert!(!ran.stdout.contains("errors: "), "{}", ran.stdout);
     let found =
         fs::read_to_string(sandbox.path().join("results/diff/diff.json")).expect("diff.json");
     let found: Value = serde_json::from_str(&found).expect("JSON");

@@ -42,8 +42,8 @@ pub struct Moved {
     /// Mean of the other minus that of the first, in standard deviations of the first, in the prior's coordinate. None where the
     /// coordinates are not the same.
     pub shift_sd: Option<f64>,
-    /// Monte Carlo standard error of that. None where there is no such difference, or where one of the runs is not to be trusted and so
-    /// does not know its standard errors.
+    /// Monte Carlo standard error of that. None where there is no such difference, or where the verdict on one of the runs is NOT TO BE
+    /// TRUSTED, which then does not know its standard errors.
     pub shift_se: Option<f64>,
     /// Standard deviation of the other over that of the first.
     pub widening: Option<f64>,
@@ -56,7 +56,7 @@ pub struct Moved {
 pub struct EvidenceBeside {
     /// Of each.
     pub log_evidence: [f64; 2],
-    /// Standard error of each, as computed: not to be believed of a run that is not to be trusted.
+    /// Standard error of each, as computed: not to be believed of a run whose verdict is NOT TO BE TRUSTED.
     pub standard_error: [f64; 2],
     /// Other minus first; none where they are not evidences of the same data.
     pub difference: Option<f64>,

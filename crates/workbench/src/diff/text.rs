@@ -110,18 +110,20 @@ fn names(diff: &Diff) -> [String; 2] {
     diff.plan.runs.each_ref().map(|run| on_one_line(&run.display().to_string()))
 }
 
-/// What the standard errors of the differences leave out; none where they do not.
+/// What the standard errors of the differences leave out; none where they leave out nothing, or where there are none.
 fn errors(diff: &Diff) -> Option<String> {
     let seed = diff.same_seed?;
     let [one, other] = &diff.plan.sha256;
-    Some(if one == other {
-        "both are one result".to_owned()
+    let known = diff.evidence.difference_se.is_some()
+        || diff.parameters.iter().any(|moved| moved.shift_se.is_some());
+    if one == other {
+        Some("both are one result".to_owned())
     } else {
-        format!(
+        known.then(|| format!(
             "both runs have the seed {seed}, so that their errors may be alike: those of the differences take them as independent, and \
              may be too large or too small; another --seed makes them independent"
-        )
-    })
+        ))
+    }
 }
 
 fn evidence(diff: &Diff) -> String {
