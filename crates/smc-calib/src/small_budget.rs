@@ -90,7 +90,7 @@ pub(crate) struct StandIn<'a> {
     outputs: bool,
     /// Where samples failed; none where all finished.
     failing: Option<Failing>,
-    /// Samples that matter, or that are enough: the first so many of these.
+    /// How many of the chosen samples, from the first one on, matter or are enough.
     best: usize,
     /// Power of the likelihood: its root mean square error, when each of the best samples is left out, is then
     /// [`ERROR`] at most.

@@ -47,8 +47,8 @@ pub(crate) struct Run {
     pub(crate) khat: f64,
     /// Evaluations of a component's density.
     pub(crate) component_densities: usize,
-    /// Whether the result knows its standard errors; a density has no such judgement.
-    pub(crate) errors_known: Option<bool>,
+    /// Whether the result knows its standard errors, as a density always says.
+    pub(crate) errors_known: bool,
     /// Whether the result says itself that it is not solved: not to be trusted, or of too small a budget; a density has no such judgement.
     pub(crate) unsolved: Option<bool>,
 }
@@ -164,7 +164,7 @@ impl Run {
             ess: found.ess.importance,
             khat: found.khat,
             component_densities: found.counters.component_densities,
-            errors_known: Some(trust.evidence_error_known),
+            errors_known: trust.evidence_error_known,
             unsolved: Some(unsolved),
         }
     }
@@ -185,7 +185,7 @@ impl Run {
             ess: found.ess,
             khat: found.khat,
             component_densities: found.counters.component_densities,
-            errors_known: None,
+            errors_known: true,
             unsolved: None,
         }
     }

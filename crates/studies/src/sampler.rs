@@ -212,7 +212,7 @@ mod tests {
                     khat: 0.0,
                     component_densities: 0,
                     intervals: Vec::new(),
-                    errors_known: None,
+                    errors_known: true,
                     unsolved: None,
                 }
             })

@@ -123,7 +123,7 @@ pub(crate) fn cells(exact: &Exact, runs: &[Run]) -> Vec<String> {
         (0..exact.mean.len()).map(of).fold(0.0, f64::max)
     };
     // Of runs that know their standard errors.
-    let known = || runs.iter().zip(&errors).filter(|(run, _)| run.errors_known != Some(false));
+    let known = || runs.iter().zip(&errors).filter(|(run, _)| run.errors_known);
     let z = known().map(|(run, error)| error.mean[0] / (run.mean_se[0] / exact.sd[0]));
     let z_evidence = known().map(|(run, error)| {
         error.log_evidence.map_or(f64::NAN, |error| error / run.log_evidence_se)
@@ -158,7 +158,7 @@ fn of_ends(exact: &Exact, runs: &[Run]) -> Option<[f64; 2]> {
         [(value - exact.ends[j][end]) / exact.sd[j], se / exact.sd[j]]
     };
     let errors = ends().map(|end| rms(runs.iter().map(|run| off(run, end)[0])));
-    let known = || runs.iter().filter(|run| run.errors_known != Some(false));
+    let known = || runs.iter().filter(|run| run.errors_known);
     let z = ends().flat_map(|end| known().map(move |run| off(run, end)));
     (!exact.ends.is_empty()).then(|| [errors.fold(0.0, f64::max), rms(z.map(|[off, se]| off / se))])
 }
@@ -195,7 +195,7 @@ mod tests {
     use crate::rivals::Estimate;
 
     /// A run that is off by so much in all estimates, with standard errors of a tenth.
-    fn run(off: f64, errors_known: Option<bool>) -> Run {
+    fn run(off: f64, errors_known: bool) -> Run {
         Run {
             estimate: Estimate {
                 mean: vec![off],
@@ -231,9 +231,9 @@ mod tests {
             settled: 0.0,
         };
         let spreads = |runs: &[Run]| cells(&exact, runs)[4..7].to_vec();
-        let (close, far) = (run(0.1, Some(true)), run(0.8, Some(false)));
+        let (close, far) = (run(0.1, true), run(0.8, false));
         assert_eq!(spreads(&[close.clone(), far.clone()]), ["1.0"; 3]);
-        assert_eq!(spreads(&[run(0.8, None)]), ["8.0"; 3]);
+        assert_eq!(spreads(&[run(0.8, true)]), ["8.0"; 3]);
         assert_eq!(spreads(std::slice::from_ref(&far)), ["-"; 3]);
         // Errors themselves count all runs.
         assert_eq!(cells(&exact, &[close, far])[0], "0.57");

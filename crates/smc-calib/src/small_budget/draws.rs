@@ -95,6 +95,20 @@ mod tests {
     use crate::target::Target;
     use crate::{Settings, SimError};
 
+    /// So many samples of a target by the default settings, in one net.
+    fn sampled(target: &dyn Target, samples: usize) -> Pool {
+        let settings = Settings { samples, replicates: 1, ..Settings::default() };
+        let mut sampler = Sampler::new(target, &settings);
+        sampler.run().expect("never fails");
+        sampler.pool
+    }
+
+    /// A stand-in through all of them, of equal weights.
+    fn through_all<'a>(target: &'a dyn Target, pool: &'a Pool) -> StandIn<'a> {
+        let n = pool.len();
+        StandIn::new(target, pool, &vec![1.0; n], 0..n, Covariance::Search).expect("has spread")
+    }
+
     /// A parabola that is cut off below zero.
     struct Cut;
 
@@ -112,12 +126,8 @@ mod tests {
     #[test]
     fn draws_of_curves_have_the_mean_that_two_normal_densities_have() {
         const DRAWS: usize = 4000;
-        let settings = Settings { samples: 9, replicates: 1, ..Settings::default() };
-        let mut sampler = Sampler::new(&Three, &settings);
-        sampler.run().expect("never fails");
-        let pool = &sampler.pool;
-        let stand_in =
-            StandIn::new(&Three, pool, &[1.0; 9], 0..9, Covariance::Search).expect("has spread");
+        let pool = &sampled(&Three, 9);
+        let stand_in = through_all(&Three, pool);
         assert!(stand_in.runs_through_all(pool));
         // Errors are hardly larger than the process says.
         assert!(stand_in.larger(pool, &stand_in.unknown(pool)) < 1.05);
@@ -154,12 +164,8 @@ mod tests {
     #[test]
     fn drawn_errors_are_as_large_as_those_of_the_best_samples_that_are_left_out() {
         const DRAWS: usize = 4000;
-        let settings = Settings { samples: 15, replicates: 1, ..Settings::default() };
-        let mut sampler = Sampler::new(&Kinked, &settings);
-        sampler.run().expect("never fails");
-        let (pool, weights) = (&sampler.pool, [1.0; 15]);
-        let stand_in =
-            StandIn::new(&Kinked, pool, &weights, 0..15, Covariance::Search).expect("has spread");
+        let pool = &sampled(&Kinked, 15);
+        let stand_in = through_all(&Kinked, pool);
         // Each of them by a process through the others: that the best one is left out changes the mean too.
         let density = |i: usize| pool.ln_l[i] + pool.ln_prior(i);
         let depth = |i: &usize| density(stand_in.chosen[0]) - density(*i);
@@ -168,7 +174,7 @@ mod tests {
             let chosen: Vec<usize> = stand_in.chosen.iter().copied().filter(without).collect();
             let depths: Vec<f64> = chosen.iter().map(depth).collect();
             let found = Covariance::Like(&stand_in.process.covariance);
-            let process = likelihood_process(pool, &weights, &chosen, &depths, found);
+            let process = likelihood_process(pool, &[1.0; 15], &chosen, &depths, found);
             let (process, i) = (process.expect("fourteen samples"), stand_in.chosen[k]);
             let mut predicted = [0.0];
             process.predict(&pool.z[i..=i], &mut predicted);
@@ -211,14 +217,8 @@ mod tests {
 
     #[test]
     fn errors_of_curves_exceed_what_is_said_as_those_of_their_log_likelihood_do() {
-        let settings = Settings { samples: 15, replicates: 1, ..Settings::default() };
-        let mut sampler = Sampler::new(&KinkedCurve, &settings);
-        sampler.run().expect("never fails");
-        let pool = &sampler.pool;
-        let weights = [1.0; 15];
-        let covariance = Covariance::Search;
-        let stand_in =
-            StandIn::new(&KinkedCurve, pool, &weights, 0..15, covariance).expect("has spread");
+        let pool = &sampled(&KinkedCurve, 15);
+        let stand_in = through_all(&KinkedCurve, pool);
         let unknown = stand_in.unknown(pool);
         // Of a sum of outputs the expected square is that of the same sum of every component of the errors.
         let process = &stand_in.process;
@@ -241,12 +241,8 @@ mod tests {
     #[test]
     fn an_edge_is_anywhere_between_finished_and_failed_samples() {
         const DRAWS: usize = 2000;
-        let settings = Settings { samples: 14, replicates: 1, ..Settings::default() };
-        let mut sampler = Sampler::new(&Cut, &settings);
-        sampler.run().expect("never fails");
-        let pool = &sampler.pool;
-        let stand_in =
-            StandIn::new(&Cut, pool, &[1.0; 14], 0..14, Covariance::Search).expect("has spread");
+        let pool = &sampled(&Cut, 14);
+        let stand_in = through_all(&Cut, pool);
         let failed = pool.z.iter().copied().filter(|z| *z < 0.0).fold(-9.0, f64::max);
         let finished = pool.z.iter().copied().filter(|z| *z >= 0.0).fold(9.0, f64::min);
         // The parabola itself is known: what is drawn is the edge.

@@ -39,6 +39,7 @@ const BEST: usize = 20;
 const SETTLED: f64 = 0.01;
 /// Least of the curvature along the line over all of it, of one: with less the curve is no maximum.
 const LEAST_BENT: f64 = -0.9;
+
 /// What a process does not know.
 pub(super) enum Unknown {
     /// The log likelihood, as its variance says.
@@ -58,6 +59,22 @@ pub(super) struct Component {
     direction: Vec<f64>,
     /// Variance of the likelihood along it about a perfect fit, in squares of that error; infinite where it does not change.
     noise: f64,
+}
+
+impl Component {
+    /// Log likelihood of outputs moved by so much along it, up and down; not a number where it does not follow from them.
+    fn to_both_sides(
+        &self,
+        target: &dyn Target,
+        units: &[f64],
+        outputs: &[f64],
+        by: f64,
+    ) -> [f64; 2] {
+        [by, -by].map(|by| {
+            let moved = moved(outputs, units, &self.direction, by);
+            target.ln_likelihood_of(&moved).unwrap_or(f64::NAN)
+        })
+    }
 }
 
 impl Unknown {
@@ -106,11 +123,8 @@ impl Unknown {
         let (sd, units) = (process.variance(z).sqrt(), &process.units);
         let Self::OfCurves { components, .. } = self else { return sd * units[0] };
         let along = |c: &Component| {
-            let at = |by: f64| {
-                let moved = moved(predicted, units, &c.direction, by);
-                target.ln_likelihood_of(&moved).unwrap_or(f64::NAN)
-            };
-            (0.5 * (at(sd) - at(-sd))).powi(2)
+            let [up, down] = c.to_both_sides(target, units, predicted, sd);
+            (0.5 * (up - down)).powi(2)
         };
         components.iter().map(along).sum::<f64>().sqrt()
     }
@@ -125,12 +139,11 @@ impl Unknown {
         v: f64,
     ) -> f64 {
         let Self::OfCurves { components, .. } = self else { return v * units[0] * units[0] };
-        let at = |outputs: &[f64]| target.ln_likelihood_of(outputs).unwrap_or(f64::NAN);
-        let here = at(predicted);
+        let here = target.ln_likelihood_of(predicted).unwrap_or(f64::NAN);
         let (mut variance, mut mean) = (0.0, 0.0);
-        for Component { direction, .. } in components {
-            let [up, down] =
-                [v.sqrt(), -v.sqrt()].map(|by| at(&moved(predicted, units, direction, by)) - here);
+        for component in components {
+            let both = component.to_both_sides(target, units, predicted, v.sqrt());
+            let [up, down] = both.map(|ln_l| ln_l - here);
             // Of g e + h e^2 / 2 with e of variance v: the mean h v / 2, and a variance of g^2 v + (h v)^2 / 2.
             let bent = 0.5 * (up + down);
             variance += (0.5 * (up - down)).powi(2) + 2.0 * bent * bent;

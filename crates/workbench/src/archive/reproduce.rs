@@ -4,7 +4,6 @@ use std::path::Path;
 
 use campaign::Call;
 use serde::Serialize;
-use smc_calib::Verdict;
 use tempfile::TempDir;
 
 use super::description::RESULTS;
@@ -169,11 +168,6 @@ fn check(place: &str, archived: &Record) -> Result<(), InputError> {
     }
 }
 
-/// Whether the errors of a result say how far chance may move it.
-fn errors_known(record: &Record) -> bool {
-    record.trust.verdict != Verdict::Untrusted && record.trust.evidence_error_known
-}
-
 /// Two results of one plan.
 fn compared(archived: &Record, again: &Record, other_programs: Vec<String>) -> Reproduction {
     let versions = [archived.plan.version.clone(), again.plan.version.clone()];
@@ -215,7 +209,7 @@ fn compared(archived: &Record, again: &Record, other_programs: Vec<String>) -> R
     };
     let likeness = if names(archived) != names(again) {
         Likeness::Different
-    } else if !(errors_known(archived) && errors_known(again)) {
+    } else if !(archived.errors_known() && again.errors_known()) {
         Likeness::NotKnown
     } else if outcomes.iter().all(within) {
         Likeness::WithinMonteCarloError
@@ -290,6 +284,8 @@ impl Reproduction {
 
 #[cfg(test)]
 mod tests {
+    use smc_calib::Verdict;
+
     use super::*;
     use crate::calibration::Calibration;
     use crate::input::material::Material;

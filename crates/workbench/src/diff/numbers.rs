@@ -161,18 +161,13 @@ impl Diff {
     }
 }
 
-/// Whether the standard errors of both can be believed.
-fn errors_known(both: [&Record; 2]) -> bool {
-    both.iter().all(|record| record.trust.evidence_error_known)
-}
-
 fn moved(one: &Record, other: &Record) -> Vec<Moved> {
     let pairs = one.parameters.iter().filter_map(|summary| {
         let same =
             |twin: &&smc_calib::ParameterSummary| twin.parameter.name == summary.parameter.name;
         Some((summary, other.parameters.iter().find(same)?))
     });
-    let errors_known = errors_known([one, other]);
+    let errors_known = one.errors_known() && other.errors_known();
     pairs
         .map(|(a, b)| {
             let (old, new) = (&a.in_coordinate, &b.in_coordinate);
@@ -233,7 +228,7 @@ fn evidence(one: &Record, other: &Record) -> EvidenceBeside {
     let (a, b) = (&one.log_evidence, &other.log_evidence);
     let not_comparable = if !(one.is_posterior && other.is_posterior) {
         Some("tuned noise has no evidence".to_owned())
-    } else if !errors_known([one, other]) {
+    } else if !(one.errors_known() && other.errors_known()) {
         Some("the error of one of them is not known".to_owned())
     } else {
         other_data(&one.plan, &other.plan)

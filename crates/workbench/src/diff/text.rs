@@ -72,13 +72,11 @@ pub fn text(diff: &Diff) -> String {
     }
     for moved in &diff.parameters {
         let by = match (moved.shift_sd, moved.widening) {
-            (Some(_), Some(widening)) => {
-                format!(
-                    "moves by {}, {} times as wide",
-                    with_se(moved.shift_sd, moved.shift_se, " sd"),
-                    significant(widening, 2)
-                )
-            }
+            (Some(_), Some(widening)) => format!(
+                "moves by {}, {} times as wide",
+                with_se(moved.shift_sd, moved.shift_se, " sd"),
+                significant(widening, 2)
+            ),
             _ => moved.not_comparable.as_deref().map_or_else(String::new, on_one_line),
         };
         text.push_str(&format!(
@@ -114,16 +112,15 @@ fn names(diff: &Diff) -> [String; 2] {
 fn errors(diff: &Diff) -> Option<String> {
     let seed = diff.same_seed?;
     let [one, other] = &diff.plan.sha256;
-    let known = diff.evidence.difference_se.is_some()
-        || diff.parameters.iter().any(|moved| moved.shift_se.is_some());
     if one == other {
-        Some("both are one result".to_owned())
-    } else {
-        known.then(|| format!(
-            "both runs have the seed {seed}, so that their errors may be alike: those of the differences take them as independent, and \
-             may be too large or too small; another --seed makes them independent"
-        ))
+        return Some("both are one result".to_owned());
     }
+    let shown = diff.evidence.difference_se.is_some()
+        || diff.parameters.iter().any(|moved| moved.shift_se.is_some());
+    shown.then(|| format!(
+        "both runs have the seed {seed}, so that their errors may be alike: those of the differences take them as independent, and \
+         may be too large or too small; another --seed makes them independent"
+    ))
 }
 
 fn evidence(diff: &Diff) -> String {

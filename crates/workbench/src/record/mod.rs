@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use smc_calib::{
     BandPoint, Counters, EffectiveSampleSize, Evidence, Failing, Failure, MapPoint,
     ParameterSummary, PathPoint, PredictiveCheck, Residuals, ShapeSummary, SigmaSummary,
-    StageRecord, StopReason, Trust,
+    StageRecord, StopReason, Trust, Verdict,
 };
 
 pub use doubt::{Doubt, Excluded};
@@ -177,6 +177,11 @@ impl Record {
     pub fn trusted(&self) -> bool {
         let of_pairs = self.experiments.iter().filter_map(|one| one.neck_growth.as_ref());
         self.trust.trusted() && of_pairs.flat_map(|neck| &neck.doubts).next().is_none()
+    }
+
+    /// Whether standard errors say how far chance may move the result.
+    pub fn errors_known(&self) -> bool {
+        self.trust.verdict != Verdict::Untrusted && self.trust.evidence_error_known
     }
 
     /// The pair of one of the built-in experiments of a run.

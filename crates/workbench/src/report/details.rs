@@ -63,7 +63,7 @@ pub fn details(record: &Record) -> String {
     if !printed.is_empty() {
         let _ = writeln!(text, "{OF_TABLE3}");
     }
-    text.push_str(&moments(&record.parameters, record.trust.evidence_error_known));
+    text.push_str(&moments(&record.parameters, record.errors_known()));
     text.push_str(&correlation(&record.parameters, &record.correlation));
     text.push_str(&stages(&record.stages));
     text
