@@ -7,7 +7,7 @@ use crate::mixture::{Component, Proposal, ln_sum};
 use crate::pool::{Pool, exponentiate, temper, tune};
 use crate::sobol::scrambled_net;
 use crate::stream::{Purpose, stream};
-use crate::target::Target;
+use crate::target::{Target, follows_from_kept};
 use crate::{CalibrateError, Counters, Settings};
 use rayon::prelude::*;
 use std::collections::VecDeque;
@@ -99,7 +99,7 @@ impl<'a> Sampler<'a> {
         let adaptive = placing.adaptive(n);
         let stages = placing.iterations.max(1);
         if placing.batch > 0 {
-            return placing.batches(n, adaptive);
+            return placing.batches(n, adaptive, follows_from_kept(self.target));
         }
         let each = adaptive / stages / r * r;
         if n < 256 || each < 4 * r {

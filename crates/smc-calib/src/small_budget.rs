@@ -13,7 +13,7 @@ use crate::gaussian_process::{Covariance, Data, Found, GaussianProcess};
 use crate::mixture::Component;
 use crate::pool::{Pool, exponentiate};
 use crate::sampler::Sampler;
-use crate::target::Target;
+use crate::target::{Target, follows_from_kept};
 use crate::{Settings, SimError};
 use rayon::prelude::*;
 use std::cell::Cell;
@@ -161,8 +161,7 @@ impl<'a> StandIn<'a> {
         let depth = |i: &usize| highest - density[*i];
         let chosen = points.of(ordered, depth);
         let depths: Vec<f64> = chosen.iter().map(depth).collect();
-        let m = pool.kept_width;
-        let outputs = target.ln_likelihood_of(&vec![0.0; m]).is_some();
+        let outputs = follows_from_kept(target);
         let process = if outputs {
             curve_process(pool, weights, &chosen, covariance)?
         } else {

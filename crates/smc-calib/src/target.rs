@@ -70,6 +70,11 @@ pub trait Target: Sync {
     }
 }
 
+/// Whether the log likelihood follows from the kept numbers.
+pub(crate) fn follows_from_kept(target: &dyn Target) -> bool {
+    target.ln_likelihood_of(&vec![0.0; target.kept()]).is_some()
+}
+
 /// Computes `ln_l` row by row from rows of `width` kept numbers; failures in order.
 fn in_parallel(
     ln_l: &mut [f64],
