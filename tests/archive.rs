@@ -76,8 +76,7 @@ fn an_archive_is_a_crate_that_reproduces_to_the_bit_where_its_own_folder_is_gone
         let path = sandbox.path().join(gone);
         fs::rename(path, sandbox.path().join(format!("{gone}-away"))).expect("moved");
     }
-    let ran = sandbox.run("reproduce run.zip --threads 1 --json --out new");
-    let found: Value = serde_json::from_str(&ran.succeeded().stdout).expect("JSON");
+    let found = sandbox.run("reproduce run.zip --threads 1 --json --out new").json();
     assert_eq!(found["likeness"], "same-bits");
     assert!(sandbox.path().join("new/report.html").is_file());
 }

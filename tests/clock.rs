@@ -25,8 +25,7 @@ fn shifted(name: &str, shift_s: f64) -> String {
 }
 
 fn record(sandbox: &Sandbox, folder: &str) -> serde_json::Value {
-    let path = sandbox.path().join(folder).join("posterior.json");
-    serde_json::from_str(&fs::read_to_string(path).expect("a record")).expect("JSON")
+    sandbox.json(&format!("{folder}/posterior.json"))
 }
 
 fn parameter<'r>(record: &'r serde_json::Value, name: &str) -> &'r serde_json::Value {

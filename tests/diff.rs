@@ -5,7 +5,6 @@ use std::fs;
 use serde_json::Value;
 
 use crate::sandbox::Sandbox;
-use crate::scenes::json;
 
 fn number(value: &Value) -> f64 {
     value.as_f64().expect("a number")
@@ -23,7 +22,7 @@ fn moves_of_a_run_whose_verdict_is_not_to_be_trusted_have_no_standard_errors() {
     assert!(ran.succeeded().stdout.contains(" sd (error unknown), "), "{}", ran.stdout);
     // Nothing is said of errors that are not shown.
     assert!(!ran.stdout.contains("errors: "), "{}", ran.stdout);
-    let found = json(&sandbox.path().join("results/diff/diff.json"));
+    let found = sandbox.json("results/diff/diff.json");
     for moved in found["parameters"].as_array().expect("a list") {
         assert!(moved["shift_sd"].is_number() && moved["shift_se"].is_null(), "{moved}");
     }
@@ -60,7 +59,7 @@ fn two_noise_models_differ_in_a_field_and_by_what_the_two_posteriors_say() {
         assert!(ran.stdout.contains(words), "{words} is not in\n{}", ran.stdout);
     }
     // Against the two records themselves.
-    let found = json(&sandbox.path().join("results/diff/diff.json"));
+    let found = sandbox.json("results/diff/diff.json");
     let (one, other) = (sandbox.posterior("one"), sandbox.posterior("other"));
     for (place, moved) in found["parameters"].as_array().expect("a list").iter().enumerate() {
         let of = |record: &Value, field: &str| {
@@ -158,7 +157,7 @@ fn units_that_differ_are_not_subtracted_and_a_seed_that_is_the_same_is_said() {
     ] {
         assert!(ran.succeeded().stdout.contains(words), "{words}: {}", ran.stdout);
     }
-    let found = json(&sandbox.path().join("d/diff.json"));
+    let found = sandbox.json("d/diff.json");
     let all = found["parameters"].as_array().expect("a list");
     let tau = all.iter().find(|one| one["name"] == "tau_s").expect("tau_s");
     assert!(tau["shift_sd"].is_null() && tau["widening"].is_null(), "{tau}");

@@ -3,16 +3,9 @@
 use std::fs;
 use std::path::Path;
 
-use serde_json::Value;
-
-use crate::sandbox::{Sandbox, root};
+use crate::sandbox::{Sandbox, json, root};
 
 const ALL: &str = "--format zarr,idata-json,stan-csv,draws-csv";
-
-fn json(path: &Path) -> Value {
-    let text = fs::read_to_string(path).unwrap_or_else(|_| panic!("{}", path.display()));
-    serde_json::from_str(&text).expect("JSON")
-}
 
 /// The numbers of an array of a store, held against its metadata.
 fn array(store: &Path, name: &str) -> Vec<f64> {

@@ -4,7 +4,7 @@ use std::fs;
 
 use serde_json::Value;
 
-use crate::sandbox::{Sandbox, root};
+use crate::sandbox::{Sandbox, json, root};
 
 /// The pair of PA12 as a German spreadsheet exports it: minutes, micrometres, decimal commas, in Windows-1252.
 fn spreadsheet() -> Vec<u8> {
@@ -47,8 +47,7 @@ fn a_spreadsheet_becomes_a_posterior_and_a_prediction_by_the_commands_that_init_
         assert!(!ran.succeeded().stderr.contains("warning"), "{command}: {ran:?}");
     }
     // The data are those of the paper: so is the sintering time.
-    let table3 = fs::read_to_string(root().join("results/table3/table3.json")).expect("Table 3");
-    let table3: Value = serde_json::from_str(&table3).expect("JSON");
+    let table3 = json(&root().join("results/table3/table3.json"));
     let of = |list: &Value, key: &str, name: &str| -> Value {
         let mut all = list.as_array().expect("a list").iter();
         all.find(|one| one[key] == name).expect(name).clone()
@@ -104,8 +103,7 @@ fn columns_are_mapped_by_options_or_in_the_experiment_file_to_the_same_table() {
          time_unit = \"min\"\nquantity = \"neck-diameter\"\nvalue_unit = \"um\"\ndecimal = \"comma\"\n",
     );
     let plan = |arguments: &str| -> Value {
-        let ran = sandbox.run(&format!("{arguments} --dry-run --json"));
-        let plan: Value = serde_json::from_str(&ran.succeeded().stdout).expect("JSON");
+        let plan = sandbox.run(&format!("{arguments} --dry-run --json")).json();
         plan["experiments"][0]["observables"][0].clone()
     };
     let by_options = plan(&format!("--material ps --experiment t.csv {said}"));

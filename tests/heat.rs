@@ -43,8 +43,7 @@ fn measured(pulse: u32) -> Vec<[f64; 2]> {
 }
 
 fn predicted(sandbox: &Sandbox, options: &str) -> Value {
-    let ran = sandbox.run(&format!("predict --posterior run --json {options}"));
-    serde_json::from_str(&ran.succeeded().stdout).expect("JSON")
+    sandbox.run(&format!("predict --posterior run --json {options}")).json()
 }
 
 pub(crate) fn number(value: &Value) -> f64 {
@@ -244,8 +243,7 @@ fn beds_of_the_same_posterior_freeze_where_its_pairs_do(sandbox: &Sandbox) {
         let out = format!("bed-{of}");
         let options = format!("--of {of} --pulse-energy 25 --out {out} --quiet");
         sandbox.run(&format!("{common} scene.toml {options}")).succeeded();
-        let path = sandbox.path().join(out).join("densify.json");
-        serde_json::from_str::<Value>(&fs::read_to_string(path).expect("a record")).expect("JSON")
+        sandbox.json(&format!("{out}/densify.json"))
     };
     let bed = densified("e29");
     let pair = predicted(sandbox, "--of e29 --pulse-energy 25 --contact-ratio 0.5");
@@ -269,8 +267,7 @@ fn beds_of_the_same_posterior_freeze_where_its_pairs_do(sandbox: &Sandbox) {
                cooling_time_s = 9.0\ncooling_radius_m = 30e-6\ncooling_power = 1.0\nthreshold_energy = 1.0\nenergy_power = 3.0\n";
     sandbox.write("scene.toml", format!("{scene}{own}"));
     sandbox.run(&format!("{common} scene.toml --of e29 --out own --quiet")).succeeded();
-    let text = fs::read_to_string(sandbox.path().join("own/densify.json")).expect("a record");
-    let own: Value = serde_json::from_str(&text).expect("JSON");
+    let own = sandbox.json("own/densify.json");
     assert_eq!(own["draws"], bed["draws"]);
     sandbox.write("scene.toml", scene.replace("60e-6", "30e-6").replace("119.94e-6", "59.97e-6"));
     sandbox.run(&format!("{common} scene.toml --of e29")).refused(&["cooling_power", "the radius"]);

@@ -2,8 +2,6 @@
 
 use std::fs;
 
-use serde_json::Value;
-
 use crate::heat::number;
 use crate::sandbox::Sandbox;
 use crate::scenes;
@@ -36,10 +34,6 @@ fn pair(duration_s: f64) -> String {
     scenes::pair(20).replace("duration_s = 8.0", &format!("duration_s = {duration_s}"))
 }
 
-fn json(sandbox: &Sandbox, path: &str) -> Value {
-    scenes::json(&sandbox.path().join(path))
-}
-
 /// a/R of the pair at a time, exactly.
 fn contact_ratio(sandbox: &Sandbox, options: &str, time_s: f64) -> f64 {
     sandbox.write("times.csv", format!("time_s\n0\n{time_s:e}\n"));
@@ -58,7 +52,7 @@ fn a_scene_at_the_reference_has_the_bits_of_one_without_heat() {
     }
     let series = |run| fs::read(sandbox.path().join(run).join("series.csv")).expect("a series");
     assert!(series("cold") == series("hot"), "a mobility of 1 has changed a bit");
-    let [cold, hot] = ["cold", "hot"].map(|run| json(&sandbox, &format!("{run}/scene.json")));
+    let [cold, hot] = ["cold", "hot"].map(|run| sandbox.json(&format!("{run}/scene.json")));
     assert_eq!(hot["plan"]["heat"]["history"]["kind"], "constant");
     assert!(cold["plan"].get("heat").is_none() && cold.get("growth").is_none());
 }
@@ -70,7 +64,7 @@ fn a_pair_of_a_scene_freezes_where_it_is_after_the_reduced_time_without_heat() {
     sandbox.write("pulse.json", serde_json::to_string_pretty(&scene).expect("JSON"));
     let said = sandbox.run("scene pulse.json --out pair").succeeded().stdout.clone();
     assert!(said.contains("0.500 s of reduced time, and nothing moves any more"), "{said}");
-    let record = json(&sandbox, "pair/scene.json");
+    let record = sandbox.json("pair/scene.json");
     assert!((number(&record["growth"]["in_all_s"]) - 0.5).abs() < 1e-12, "{record}");
     let (frozen, exact) =
         (number(&record["end"]["mean_contact_ratio"]), contact_ratio(&sandbox, PA12, 0.5));
@@ -95,7 +89,7 @@ fn a_bed_freezes_at_the_density_that_it_has_after_the_reduced_time_without_heat(
     sandbox.write("short.toml", packing().replace("duration_s = 6.0", "duration_s = 0.5"));
     let [[before, frozen], [_, isothermal]] = ["pulse", "short"].map(|run| {
         sandbox.run(&format!("scene {run}.toml --out {run} --quiet")).succeeded();
-        let record = json(&sandbox, &format!("{run}/scene.json"));
+        let record = sandbox.json(&format!("{run}/scene.json"));
         ["start", "end"].map(|at| number(&record[at]["relative_density"]))
     });
     assert!(frozen > before + 0.01, "{before} to {frozen}: nothing has grown");
@@ -175,22 +169,20 @@ fn a_single_curve_under_a_heat_is_that_without_at_the_reduced_time() {
     }
     let ran = sandbox.run(&format!("simulate {PA12} --heat pulse.toml --json"));
     assert!(ran.succeeded().stderr.contains("heat      pulse, mobility direct"), "{}", ran.stderr);
-    let value: Value = serde_json::from_str(&ran.stdout).expect("JSON");
+    let value = ran.json();
     let frozen = contact_ratio(&sandbox, PA12, 0.5);
     assert!((number(&value["events"]["freezes_at"]) - frozen).abs() < 1e-12, "{value}");
     assert!(value["events"]["contact_ratio_1_s"].is_null(), "{value}");
     // The knee is where the reduced time is that of the knee without heat.
-    let plain: Value =
-        serde_json::from_str(&sandbox.run(&format!("simulate {PA12} --json")).succeeded().stdout)
-            .expect("JSON");
+    let plain = sandbox.run(&format!("simulate {PA12} --json")).json();
     assert!(plain.get("heat").is_none() && plain["events"].get("freezes_at").is_none());
     let reduced_s = number(&plain["events"]["knee_s"]);
     let knee_s = -0.5 * (1.0 - reduced_s / 0.5).ln();
     assert!((number(&value["events"]["knee_s"]) / knee_s - 1.0).abs() < 1e-9, "{value}");
     // An experiment's own heat, which a file may complete.
     sandbox.run("simulate -e ps-r60-e23 --table3").refused(&["ps-r60-e23", "heat.cooling_time_s"]);
-    let ran = sandbox.run("simulate -e ps-r60-e23 --table3 --heat pulse.toml --json --quiet");
-    let value: Value = serde_json::from_str(&ran.succeeded().stdout).expect("JSON");
+    let value =
+        sandbox.run("simulate -e ps-r60-e23 --table3 --heat pulse.toml --json --quiet").json();
     assert_eq!(value["heat"]["history"]["energy"], 23.0);
     assert_eq!(value["heat"]["known"]["cooling_time"], 0.5);
 }
@@ -209,7 +201,7 @@ fn densify_of_a_posterior_without_heat_takes_one_that_is_stated_and_freezes_wher
         .stdout
         .clone();
     assert!(said.contains("it freezes at a mean contact ratio a/R of 0."), "{said}");
-    let report = json(&sandbox, "bed/densify.json");
+    let report = sandbox.json("bed/densify.json");
     assert_eq!(report["plan"]["heat"]["law"]["kind"], "direct");
     assert_eq!(report["freezes"]["draws"], 5);
     for draw in report["draws"].as_array().expect("draws") {
@@ -230,14 +222,14 @@ fn densify_of_a_posterior_without_heat_takes_one_that_is_stated_and_freezes_wher
     sandbox.write("reference.toml", REFERENCE);
     sandbox.run(&format!("{common} 0.3 --heat reference.toml --out one --quiet")).succeeded();
     sandbox.run(&format!("{common} 0.3 --out plain --quiet")).succeeded();
-    let [one, plain] = ["one", "plain"].map(|run| json(&sandbox, &format!("{run}/densify.json")));
+    let [one, plain] = ["one", "plain"].map(|run| sandbox.json(&format!("{run}/densify.json")));
     assert_eq!(one["draws"], plain["draws"]);
     assert_eq!(one["curve"], plain["curve"]);
     assert!(plain["plan"].get("heat").is_none() && plain.get("freezes").is_none());
     // The scene's own heat counts where no other is asked for.
     sandbox.write("pair.toml", pair(6.0).replace("three-stage", "frenkel") + PULSE);
     sandbox.run(&format!("{common} 0.3 --out own --quiet")).succeeded();
-    assert_eq!(json(&sandbox, "own/densify.json")["freezes"], report["freezes"]);
+    assert_eq!(sandbox.json("own/densify.json")["freezes"], report["freezes"]);
     // What no draw has must be stated, and a pulse must be there to have an energy.
     sandbox.write("open.toml", PULSE.replace("cooling_time_s = 0.5\n", ""));
     sandbox.run(&format!("{common} 0.3 --heat open.toml")).refused(&[

@@ -10,7 +10,7 @@ use proptest::sample::Index;
 use proptest::test_runner::{Config, TestRunner};
 use serde_json::{Value, json};
 
-use crate::sandbox::Sandbox;
+use crate::sandbox::{Sandbox, json};
 
 /// What is put in place of a value.
 fn values() -> impl Strategy<Value = Value> {
@@ -133,11 +133,7 @@ fn hostile(cases: u32, command: &str) {
     for name in ["samples.csv", "draws.csv", "inputs.json", "posterior.json", "SHA256SUMS"] {
         fs::copy(good.join(name), runs.join("run").join(name)).expect(name);
     }
-    let read = |name: &str| -> Value {
-        let text = fs::read_to_string(good.join(name)).expect(name);
-        serde_json::from_str(&text).expect("JSON")
-    };
-    let records = [read("posterior.json"), read("inputs.json")];
+    let records = ["posterior.json", "inputs.json"].map(|name| json(&good.join(name)));
     let lines = fs::read_to_string(good.join("SHA256SUMS")).expect("sums");
     // A failure is shown soon.
     let config =

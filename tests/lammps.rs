@@ -190,8 +190,7 @@ fn lammps_is_calibrated_by_a_plan_and_agrees_with_quadrature_of_the_closed_form(
     let sandbox = Sandbox::new();
     let plan = folder.join("plan.toml");
     sandbox.run_args(&["--plan", plan.to_str().expect("UTF-8"), "--out", "drop"]).succeeded();
-    let text = fs::read_to_string(sandbox.path().join("drop/posterior.json")).expect("there");
-    let posterior: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let posterior = sandbox.json("drop/posterior.json");
     let failed: Vec<String> = sandbox
         .snapshot()
         .into_iter()

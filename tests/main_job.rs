@@ -266,8 +266,7 @@ fn a_dry_run_prints_the_plan_and_writes_nothing() {
         assert!(ran.stdout.contains(word), "{word} is not in\n{}", ran.stdout);
     }
     assert!(sandbox.snapshot().is_empty());
-    let json = sandbox.run("--material peek --dry-run --json");
-    let plan: serde_json::Value = serde_json::from_str(&json.succeeded().stdout).expect("JSON");
+    let plan = sandbox.run("--material peek --dry-run --json").json();
     assert_eq!(plan["sampler"]["samples"], 16_384);
 }
 
@@ -293,8 +292,7 @@ fn inspect_reads_a_run_and_check_says_whether_to_trust_it() {
     for word in ["MAP", "95 %", "Table 3", "correlation", "stage", "log evidence"] {
         assert!(ran.succeeded().stdout.contains(word), "{word} is not in\n{}", ran.stdout);
     }
-    let json = sandbox.run("inspect run --json");
-    let summary: serde_json::Value = serde_json::from_str(&json.succeeded().stdout).expect("JSON");
+    let summary = sandbox.run("inspect run --json").json();
     assert_eq!(summary["name"], "ps");
     assert!(sandbox.run("check run").succeeded().stdout.contains("a posterior of PS"));
 }

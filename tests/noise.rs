@@ -24,8 +24,7 @@ fn residuals_that_are_alike_show_the_result_under_correlated_errors_beside_the_r
     assert!((tau_s["shift"].as_f64().expect("a number") + 5.2).abs() < 0.4, "{tau_s}");
     let table = fs::read_to_string(sandbox.path().join("r/table.md")).expect("table.md");
     assert!(table.contains("With correlated errors"), "{table}");
-    let json = sandbox.run("--material ps --samples 8192 --out r --json");
-    let json: Value = serde_json::from_str(&json.succeeded().stdout).expect("JSON");
+    let json = sandbox.run("--material ps --samples 8192 --out r --json").json();
     assert_eq!(json["trusted"], false, "too narrow intervals are not to be trusted");
     assert_eq!(json["trust"]["verdict"], "converged");
 }

@@ -81,8 +81,7 @@ fn specimens_calibrated_with_a_program_have_the_population_of_the_closed_form() 
         calibrate(&sandbox, specimen, "k");
     }
     sandbox.run("population one two three --out powder").succeeded();
-    let posterior: Value =
-        serde_json::from_slice(&sandbox.posterior_bytes("powder")).expect("JSON");
+    let posterior = sandbox.json("powder/posterior.json");
     let number = |pointer: &str| {
         posterior.pointer(pointer).and_then(Value::as_f64).unwrap_or_else(|| panic!("{pointer}"))
     };

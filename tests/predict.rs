@@ -9,8 +9,7 @@ fn calibrated(options: &str) -> Sandbox {
 }
 
 fn json(sandbox: &Sandbox, options: &str) -> serde_json::Value {
-    let ran = sandbox.run(&format!("predict --posterior run --json {options}"));
-    serde_json::from_str(&ran.succeeded().stdout).expect("JSON")
+    sandbox.run(&format!("predict --posterior run --json {options}")).json()
 }
 
 /// Frenkel's law without a knee: x = x0 + t/tau_s, so that the time to a/R is tau_s (ratio^2 - x0), draw by

@@ -42,8 +42,7 @@ fn the_report_holds_the_summary_the_figures_the_command_and_the_sums_and_is_smal
     for (sum, name) in sums.lines().filter_map(|line| line.split_once("  ")) {
         assert!(html.contains(sum) && html.contains(name), "{name}");
     }
-    let inputs = fs::read_to_string(sandbox.path().join("a&b/inputs.json")).expect("the inputs");
-    let inputs: serde_json::Value = serde_json::from_str(&inputs).expect("JSON");
+    let inputs = sandbox.json("a&b/inputs.json");
     assert_eq!(inputs["files"][0]["name"], "my.csv");
     assert!(html.contains(inputs["files"][0]["sha256"].as_str().expect("a sum")));
     assert_eq!(html.matches("<img ").count(), 5);
@@ -85,8 +84,7 @@ fn a_report_of_what_is_no_calibration_or_damaged_is_refused() {
 
 /// SHA-256 of an input of a run.
 fn sum_of(sandbox: &Sandbox, run: &str, role: &str) -> String {
-    let inputs = fs::read_to_string(sandbox.path().join(run).join("inputs.json"));
-    let inputs: serde_json::Value = serde_json::from_str(&inputs.expect("inputs")).expect("JSON");
+    let inputs = sandbox.json(&format!("{run}/inputs.json"));
     let files = inputs["files"].as_array().expect("a list");
     let file = files.iter().find(|file| file["role"] == role).expect(role);
     file["sha256"].as_str().expect("a sum").to_owned()

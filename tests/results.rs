@@ -2,8 +2,6 @@
 
 use std::fs;
 
-use serde_json::Value;
-
 use crate::sandbox::{Sandbox, root};
 
 #[test]
@@ -40,8 +38,7 @@ fn results_are_listed_with_what_is_superseded_damaged_or_none() {
     assert_eq!(line("  rm "), "  rm -r -- results/ps.1");
     assert!(sandbox.snapshot() == before, "nothing is changed");
 
-    let json: Value =
-        serde_json::from_str(&sandbox.run("runs --json").succeeded().stdout).expect("JSON");
+    let json = sandbox.run("runs --json").json();
     let runs = json["runs"].as_array().expect("a list");
     assert_eq!(runs.len(), 6);
     let day = runs.iter().find(|run| run["name"] == "ps").expect("ps")["written"].clone();

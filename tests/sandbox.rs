@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use assert_cmd::Command;
+use serde_json::Value;
 use tempfile::TempDir;
 
 /// A folder that goes when the test ends.
@@ -67,6 +68,12 @@ impl Sandbox {
         Ran::of(output.expect("the command starts"))
     }
 
+    /// A JSON file here.
+    #[track_caller]
+    pub(crate) fn json(&self, path: &str) -> Value {
+        json(&self.path().join(path))
+    }
+
     /// The bytes of a run's `posterior.json`.
     #[track_caller]
     pub(crate) fn posterior_bytes(&self, folder: &str) -> Vec<u8> {
@@ -75,11 +82,9 @@ impl Sandbox {
 
     /// A run's `posterior.json`, held against the schema.
     #[track_caller]
-    pub(crate) fn posterior(&self, folder: &str) -> serde_json::Value {
-        let file = serde_json::from_slice(&self.posterior_bytes(folder)).expect("JSON");
-        let schema = root().join("crates/workbench/schema/posterior.schema.json");
-        let schema = fs::read_to_string(schema).expect("the schema");
-        let schema = serde_json::from_str(&schema).expect("JSON");
+    pub(crate) fn posterior(&self, folder: &str) -> Value {
+        let file = self.json(&format!("{folder}/posterior.json"));
+        let schema = json(&root().join("crates/workbench/schema/posterior.schema.json"));
         let validator = jsonschema::validator_for(&schema).expect("a schema");
         let mistakes: Vec<String> =
             validator.iter_errors(&file).map(|error| error.to_string()).collect();
@@ -123,6 +128,12 @@ impl Ran {
         self
     }
 
+    /// What a command that did what it was asked wrote to standard output.
+    #[track_caller]
+    pub(crate) fn json(&self) -> Value {
+        serde_json::from_str(&self.succeeded().stdout).expect("JSON")
+    }
+
     /// The command refused with exit 2, one `error:`, and these words on standard error.
     #[track_caller]
     pub(crate) fn refused(&self, words: &[&str]) -> &Self {
@@ -135,6 +146,14 @@ impl Ran {
         }
         self
     }
+}
+
+/// A JSON file.
+#[track_caller]
+pub(crate) fn json(path: &Path) -> Value {
+    let text = fs::read_to_string(path);
+    let text = text.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    serde_json::from_str(&text).expect("JSON")
 }
 
 /// The root of the repository.

@@ -1,9 +1,5 @@
 //! What `calibrate scene` says of stiffness, box and closed laws, and what it is careful about.
 
-use std::fs;
-
-use serde_json::Value;
-
 use crate::sandbox::{Sandbox, root};
 
 /// Sixty particles that settle softly and are heated between fixed sides with necks that resist.
@@ -74,10 +70,7 @@ fn a_scene_says_its_stiffness_its_box_and_the_rates_where_a_closed_law_takes_ove
     ] {
         assert!(ran.succeeded().stdout.contains(words), "{words}: {}", ran.stdout);
     }
-    let record: Value = serde_json::from_str(
-        &fs::read_to_string(sandbox.path().join("run/scene.json")).expect("a record"),
-    )
-    .expect("JSON");
+    let record = sandbox.json("run/scene.json");
     let [settle, heat] = [0, 1].map(|phase| record["phases"][phase].clone());
     assert_eq!(settle["k1_n_per_m"], 0.5);
     assert_eq!(settle["box_m"], heat["box_before_m"]);

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use crate::sandbox::{Sandbox, root};
+use crate::sandbox::{Sandbox, json, root};
 
 /// Forty particles in a periodic box: quick to compute, and with a density.
 pub(crate) const PACKING: &str = r#"
@@ -55,10 +55,6 @@ fn calibrated(scene: &str) -> Sandbox {
     sandbox.run("--material pa12 --kinetics frenkel --samples 8192 --out post --quiet").succeeded();
     sandbox.write("scene.toml", scene);
     sandbox
-}
-
-pub(crate) fn json(path: &Path) -> Value {
-    serde_json::from_str(&fs::read_to_string(path).expect("a file")).expect("JSON")
 }
 
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
@@ -162,7 +158,7 @@ fn a_bed_heated_past_its_end_is_at_most_full_in_every_output_and_may_stop_there(
         assert!(density <= 1.0, "{row}");
     }
     assert!(series.contains(",pairs\n") && series.ends_with(",pores\n"), "{series}");
-    let record = json(&sandbox.path().join("past/scene.json"));
+    let record = sandbox.json("past/scene.json");
     let end = record["pairs_end"]["relative_density"].as_f64().expect("the pairs end");
     assert!((0.8..0.95).contains(&end), "{end}");
 
@@ -170,7 +166,7 @@ fn a_bed_heated_past_its_end_is_at_most_full_in_every_output_and_may_stop_there(
     sandbox.write("stop.toml", stop);
     let ran = sandbox.run("scene stop.toml --vtk --out stop");
     assert!(ran.succeeded().stdout.contains("the run ended there"), "{}", ran.stdout);
-    let record = json(&sandbox.path().join("stop/scene.json"));
+    let record = sandbox.json("stop/scene.json");
     let observations = record["observations"].as_u64().expect("a number");
     assert!(observations < 13 && record["end"] == record["pairs_end"], "{observations}");
     let frames = fs::read_dir(sandbox.path().join("stop/vtk")).expect("VTK files").count();
@@ -183,9 +179,7 @@ fn a_scene_is_the_same_from_toml_and_json_on_one_thread_and_three() {
     let sandbox = Sandbox::new();
     sandbox.write("forty.toml", PACKING);
     sandbox.run("scene forty.toml --threads 1 --out one").succeeded();
-    let plan: Value =
-        serde_json::from_str(&sandbox.run("scene forty.toml --dry-run --json").succeeded().stdout)
-            .expect("JSON");
+    let plan = sandbox.run("scene forty.toml --dry-run --json").json();
     sandbox.write("forty.json", plan["scene"].to_string());
     sandbox.run("check forty.json").succeeded();
     sandbox.run("scene forty.json --threads 3 --out three").succeeded();
@@ -290,7 +284,7 @@ fn densify_of_the_pair_agrees_with_predict_draw_by_draw() {
     sandbox
         .run("densify --posterior post --scene pair.toml --draws 5 --contact-ratio 0.9 --out bed --quiet")
         .succeeded();
-    let report = json(&sandbox.path().join("bed/densify.json"));
+    let report = sandbox.json("bed/densify.json");
     let draws = report["draws"].as_array().expect("draws");
     assert_eq!(draws.len(), 5);
     let table = fs::read_to_string(sandbox.path().join("post/draws.csv")).expect("draws.csv");
@@ -301,8 +295,7 @@ fn densify_of_the_pair_agrees_with_predict_draw_by_draw() {
         let row = draw["row"].as_u64().expect("a row") as usize;
         let same = format!("{}\n", rows[row + 1]).repeat(rows.len() - 1);
         sandbox.write("post/draws.csv", format!("{}\n{same}", rows[0]));
-        let predicted = sandbox.run("predict --posterior post --contact-ratio 0.9 --json");
-        let predicted: Value = serde_json::from_str(&predicted.succeeded().stdout).expect("JSON");
+        let predicted = sandbox.run("predict --posterior post --contact-ratio 0.9 --json").json();
         let exact = predicted["sintering"][0]["time_s"]["median"].as_f64().expect("a time");
         let found = draw["time_to_target_s"].as_f64().expect("a time");
         assert!((found / exact - 1.0).abs() < 2e-3, "{found}, exactly {exact}");
@@ -423,7 +416,7 @@ fn draws_of_a_tuned_noise_and_of_another_powder_are_named_as_such() {
     assert!(ran.succeeded().stdout.contains("not of a posterior"), "{}", ran.stdout);
     assert!(ran.stdout.contains("surface tension"), "{}", ran.stdout);
     assert!(ran.stdout.contains("3 of 3 draws do not reach it"), "{}", ran.stdout);
-    let report = json(&sandbox.path().join("bed/densify.json"));
+    let report = sandbox.json("bed/densify.json");
     assert!(report["target"]["time_s"]["median"].is_null());
     assert_eq!(report["target"]["never"], 3);
 }
@@ -439,6 +432,6 @@ fn a_contact_ratio_that_the_pairs_do_not_live_to_see_is_told_as_such() {
         "{stdout}"
     );
     assert!(!stdout.contains("within the scene's time and count"), "{stdout}");
-    let report = json(&sandbox.path().join("bed/densify.json"));
+    let report = sandbox.json("bed/densify.json");
     assert_eq!(report["target"]["ended_below"], 3);
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::sandbox::{Sandbox, root};
+use crate::sandbox::{Sandbox, json, root};
 
 const FOLDER: &str = "results/table3";
 
@@ -66,10 +66,7 @@ fn the_committed_table_is_what_the_command_regenerates_within_monte_carlo_error(
     assert_eq!(others, names(&committed));
     let figures = others.iter().filter_map(|name| name.strip_suffix(".svg"));
     assert_eq!(pngs, figures.map(|name| format!("{name}.png")).collect());
-    let json = |folder: &Path| -> Value {
-        serde_json::from_str(&read(&folder.join("table3.json"))).expect("JSON")
-    };
-    let (new, old) = (json(&fresh), json(&committed));
+    let [new, old] = [&fresh, &committed].map(|folder| json(&folder.join("table3.json")));
     assert_eq!(new["plan"]["samples"], old["plan"]["samples"]);
     assert_eq!(new["plan"]["seed"], old["plan"]["seed"]);
     let pairs = |field: &str| -> Vec<(Value, Value)> {
@@ -153,8 +150,7 @@ fn the_document_on_table_3_says_what_its_commands_say() {
     for line in document.lines().map(str::trim) {
         let Some(command) = line.strip_prefix("calibrate simulate ") else { continue };
         let Some((arguments, stated)) = command.split_once('#') else { continue };
-        let ran = sandbox.run(&format!("simulate {arguments} --json --quiet"));
-        let curve: Value = serde_json::from_str(&ran.succeeded().stdout).expect("JSON");
+        let curve = sandbox.run(&format!("simulate {arguments} --json --quiet")).json();
         for statement in stated.split(',') {
             let (name, value) = statement.trim().split_once(' ').expect("a name and a number");
             let expected: f64 = value.parse().expect("a number");

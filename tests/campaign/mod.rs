@@ -71,8 +71,7 @@ fn runs(sandbox: &Sandbox) -> usize {
 }
 
 fn status(sandbox: &Sandbox, dir: &str) -> Value {
-    let ran = sandbox.run(&format!("status {dir} --json"));
-    serde_json::from_str(&ran.succeeded().stdout).expect("JSON")
+    sandbox.run(&format!("status {dir} --json")).json()
 }
 
 /// A driver that is running.
