@@ -5,6 +5,8 @@ mod failing;
 mod points;
 mod unknown;
 
+#[cfg(test)]
+pub(crate) use self::draws::tests::{sampled, through_all};
 pub(crate) use self::failing::Edge;
 use self::failing::Failing;
 use self::points::Points;

@@ -144,10 +144,9 @@ fn at(values: &[f64], share: f64) -> f64 {
 mod tests {
     use super::super::variate::scatter;
     use super::*;
-    use crate::gaussian_process::Covariance;
-    use crate::sampler::Sampler;
+    use crate::SimError;
+    use crate::small_budget::{sampled, through_all};
     use crate::target::Target;
-    use crate::{Settings, SimError};
 
     /// A bumpy log likelihood of one parameter, which ten samples do not tell.
     struct Bumpy;
@@ -166,11 +165,8 @@ mod tests {
     fn a_log_likelihood_is_lowered_by_what_half_of_five_times_its_variance_exceeds_two_by() {
         // Of forty the first 32 are enough for most places.
         for (n, least) in [(10, 10), (40, 1)] {
-            let settings = Settings { samples: n, replicates: 1, ..Settings::default() };
-            let mut sampler = Sampler::new(&Bumpy, &settings);
-            sampler.run().expect("never fails");
-            let weights = vec![1.0; n];
-            let stand_in = StandIn::of_all(&Bumpy, &sampler.pool, &weights).expect("has spread");
+            let pool = sampled(&Bumpy, n);
+            let stand_in = StandIn::of_all(&Bumpy, &pool, &vec![1.0; n]).expect("has spread");
             let mut lowered = 0;
             for k in -60..=60 {
                 let (z, mut predicted) = ([0.1 * f64::from(k)], [0.0]);
@@ -189,12 +185,8 @@ mod tests {
 
     #[test]
     fn draws_of_integrals_have_the_variance_of_the_integral_of_a_log_normal_process() {
-        let settings = Settings { samples: 10, replicates: 1, ..Settings::default() };
-        let mut sampler = Sampler::new(&Bumpy, &settings);
-        sampler.run().expect("never fails");
-        let pool = &sampler.pool;
-        let process =
-            StandIn::new(&Bumpy, pool, &[1.0; 10], 0..10, Covariance::Search).expect("has spread");
+        let pool = &sampled(&Bumpy, 10);
+        let process = through_all(&Bumpy, pool);
         assert!(process.runs_through_all(pool));
         let prior = Proposal::prior(1);
         let over = Over { proposal: &prior, ln_scale: 0.7, cap: 1e9 };

@@ -86,7 +86,7 @@ impl StandIn<'_> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::gaussian_process::Covariance;
     use crate::sampler::Sampler;
@@ -96,7 +96,7 @@ mod tests {
     use crate::{Settings, SimError};
 
     /// So many samples of a target by the default settings, in one net.
-    fn sampled(target: &dyn Target, samples: usize) -> Pool {
+    pub(crate) fn sampled(target: &dyn Target, samples: usize) -> Pool {
         let settings = Settings { samples, replicates: 1, ..Settings::default() };
         let mut sampler = Sampler::new(target, &settings);
         sampler.run().expect("never fails");
@@ -104,7 +104,7 @@ mod tests {
     }
 
     /// A stand-in through all of them, of equal weights.
-    fn through_all<'a>(target: &'a dyn Target, pool: &'a Pool) -> StandIn<'a> {
+    pub(crate) fn through_all<'a>(target: &'a dyn Target, pool: &'a Pool) -> StandIn<'a> {
         let n = pool.len();
         StandIn::new(target, pool, &vec![1.0; n], 0..n, Covariance::Search).expect("has spread")
     }
