@@ -226,6 +226,32 @@ impl Sampler<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::SimError;
+    use crate::target::Target;
+
+    /// A log likelihood that follows from an output, or is all that is known.
+    struct Line {
+        curves: bool,
+    }
+
+    impl Target for Line {
+        fn dimension(&self) -> usize {
+            1
+        }
+
+        fn kept(&self) -> usize {
+            1
+        }
+
+        fn ln_likelihood(&self, z: &[f64], kept: &mut [f64]) -> Result<f64, SimError> {
+            kept[0] = z[0];
+            Ok(z[0])
+        }
+
+        fn ln_likelihood_of(&self, kept: &[f64]) -> Option<f64> {
+            self.curves.then(|| kept[0])
+        }
+    }
 
     #[test]
     fn a_process_begins_by_whole_batches_and_leaves_half_of_the_budget() {
@@ -315,6 +341,10 @@ mod tests {
             for n in 42..=300 {
                 assert_eq!(of(n, true), of(n, false));
             }
+        }
+        for (curves, first) in [(true, 7), (false, 10)] {
+            let settings = Settings::for_budget(32);
+            assert_eq!(Sampler::new(&Line { curves }, &settings).schedule(32)[0], first);
         }
     }
 
