@@ -18,8 +18,9 @@ Writes results/benchmarks/specialists/pyvbmc.md or bobe.md.
 """
 
 import argparse
-import datetime
 import contextlib
+import datetime
+import importlib.metadata
 import io
 import json
 import logging
@@ -124,20 +125,27 @@ def run_bobe(problem, seed, calls):
     return len(made), ln_z["mean"] - exact, 0.5 * (ln_z["upper"] - ln_z["lower"])
 
 
-def of_bobe(seeds):
-    import importlib.metadata
-
-    lines = [
-        "# BOBE on its banana, at 32 calls",
+def page(title, package, options, seeds, stated, columns):
+    """The lines of a page up to its first row."""
+    version = importlib.metadata.version(package)
+    return [
+        f"# {title}",
         "",
-        "- made by: crates/studies/peers/specialists.py --package bobe",
-        f"- BOBE {importlib.metadata.version('BOBE')}, numpy {np.__version__}; date: {datetime.date.today()}",
+        f"- made by: crates/studies/peers/specialists.py{options}",
+        f"- {package} {version}, numpy {np.__version__}; date: {datetime.date.today()}",
         "",
-        f"{seeds} seeds, every one in a row. `stated` is half of the range that BOBE gives for ln Z. Compare report.md.",
+        f"{seeds} seeds, every one in a row. `stated` is {stated}. Compare report.md.",
         "",
-        "| problem | calls | ln Z off | stated |",
-        "|---|---|---|---|",
+        f"| {' | '.join(columns)} |",
+        "|---" * len(columns) + "|",
     ]
+
+
+def of_bobe(seeds):
+    lines = page(
+        "BOBE on its banana, at 32 calls", "BOBE", " --package bobe", seeds, "half of the range that BOBE gives for ln Z",
+        ["problem", "calls", "ln Z off", "stated"],
+    )
     off = []
     for seed in range(1, seeds + 1):
         calls, ln_z, stated = run_bobe(PLANES["banana"], seed, 32)
@@ -146,6 +154,22 @@ def of_bobe(seeds):
         print(lines[-1], flush=True)
     lines += ["", f"ln Z is off by {np.median(off):.3f} in the median of the seeds, by more than 0.055 in {sum(o > 0.055 for o in off)} of {seeds}."]
     write("bobe.md", lines)
+
+
+def of_pyvbmc(seeds, only):
+    lines = page(
+        "PyVBMC on the same problems", "PyVBMC", "", seeds, "PyVBMC's own standard deviation of its bound of ln Z",
+        ["problem", "calls", "ln Z off", "stated", "worst mean [posterior sd]", "worst sd, relative", "seconds"],
+    )
+    for name in [*PLANES, "ps", "peek"]:
+        if only not in name:
+            continue
+        problem = PLANES.get(name) or of_material(name)
+        for seed in range(1, seeds + 1):
+            calls, ln_z, stated, off, wide, seconds = run(problem, seed)
+            lines.append(f"| {name} | {calls} | {ln_z:.4f} | {stated:.4f} | {off:.3f} | {wide:.3f} | {seconds:.0f} |")
+            print(lines[-1], flush=True)
+    write("pyvbmc.md", lines)
 
 
 def write(name, lines):
@@ -161,36 +185,12 @@ def main():
     parser.add_argument("--package", choices=["pyvbmc", "bobe"], default="pyvbmc")
     arguments = parser.parse_args()
     logging.disable(logging.CRITICAL)
-    if arguments.package == "bobe":
-        if arguments.only:
-            parser.error("--only is for pyvbmc: BOBE runs on its banana")
+    if arguments.package == "pyvbmc":
+        of_pyvbmc(arguments.seeds, arguments.only)
+    elif arguments.only:
+        parser.error("--only is for pyvbmc: BOBE runs on its banana")
+    else:
         of_bobe(arguments.seeds)
-        return
-    import pyvbmc
-
-    version = getattr(pyvbmc, "__version__", "1.5.0")
-    lines = [
-        "# PyVBMC on the same problems",
-        "",
-        "- made by: crates/studies/peers/specialists.py",
-        f"- PyVBMC {version}, numpy {np.__version__}; date: {datetime.date.today()}",
-        "",
-        f"{arguments.seeds} seeds, every one in a row. `stated` is PyVBMC's own standard deviation of its bound of ln Z. Compare report.md.",
-        "",
-        "| problem | calls | ln Z off | stated | worst mean [posterior sd] | worst sd, relative | seconds |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    problems = dict(PLANES)
-    problems.update({name: None for name in ("ps", "peek")})
-    for name, problem in problems.items():
-        if arguments.only not in name:
-            continue
-        problem = problem or of_material(name)
-        for seed in range(1, arguments.seeds + 1):
-            calls, ln_z, stated, off, wide, seconds = run(problem, seed)
-            lines.append(f"| {name} | {calls} | {ln_z:.4f} | {stated:.4f} | {off:.3f} | {wide:.3f} | {seconds:.0f} |")
-            print(lines[-1], flush=True)
-    write("pyvbmc.md", lines)
 
 
 if __name__ == "__main__":
