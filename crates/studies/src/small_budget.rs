@@ -181,7 +181,7 @@ pub(crate) fn rms(values: impl Iterator<Item = f64>) -> f64 {
     (all.iter().map(|v| v * v).sum::<f64>() / all.len() as f64).sqrt()
 }
 
-fn median(values: impl Iterator<Item = f64>) -> f64 {
+pub(crate) fn median(values: impl Iterator<Item = f64>) -> f64 {
     let mut sorted: Vec<f64> = values.collect();
     sorted.sort_by(f64::total_cmp);
     quantile(&sorted, 0.5)

@@ -15,6 +15,7 @@ use workbench::error::{Failure, RunError};
 use crate::args::SpecialistsArgs;
 use crate::report::{Report, Table};
 use crate::seeds::over_seeds;
+use crate::small_budget::median;
 
 /// A log likelihood over parameters.
 type LnLikelihood = Box<dyn Fn(&[f64]) -> f64 + Send + Sync>;
@@ -56,7 +57,7 @@ struct Off {
 const TEXT: &str = "\
 The examples by which PyVBMC (1 and 4 of its documentation), BOBE (its examples) and GPry (the random Gaussians of its paper) show what they can do
 with few calls of a likelihood, given to `Settings::for_budget` with the calls that were stated of these packages and with half of them. Errors are root mean squares over the
-seeds, of mean and sd of the worst parameter in posterior sds; \"spread of z\" is that of the error of ln Z over its stated standard error. \"Theirs\" is the
+seeds, of ln Z with the median beside it, of mean and sd of the worst parameter in posterior sds; \"spread of z\" is that of the error of ln Z over its stated standard error. \"Theirs\" is the
 error of ln Z measured of PyVBMC 1.x (four seeds) and BOBE (bobe.md), BOBE's own threshold of convergence (0.05) within 250 calls, and the divergence that GPry's paper promises.
 
 Exact answers are recomputed by quadrature in the tests of this study. Our sampler sees log likelihoods only, one number a call, as the packages do; it
@@ -77,6 +78,7 @@ pub(crate) fn run(args: &SpecialistsArgs, out: &Path) -> Result<(), Failure> {
         "theirs",
         "calls",
         "ln Z",
+        "ln Z, median",
         "spread of z",
         "mean [posterior sd]",
         "sd, relative",
@@ -109,6 +111,7 @@ fn cells(runs: &[Off]) -> Vec<String> {
     let divergence = |k: usize| divergences.get(k).map_or("-".to_owned(), |d| format!("{d:.4}"));
     vec![
         format!("{:.4}", rms(&|run| run.log_evidence)),
+        format!("{:.4}", median(runs.iter().map(|run| run.log_evidence.abs()))),
         format!("{:.1}", rms(&|run| run.log_evidence / run.log_evidence_se)),
         format!("{:.3}", rms(&|run| run.mean)),
         format!("{:.3}", rms(&|run| run.sd)),
