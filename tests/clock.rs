@@ -24,10 +24,6 @@ fn shifted(name: &str, shift_s: f64) -> String {
     })
 }
 
-fn record(sandbox: &Sandbox, folder: &str) -> serde_json::Value {
-    sandbox.json(&format!("{folder}/posterior.json"))
-}
-
 fn parameter<'r>(record: &'r serde_json::Value, name: &str) -> &'r serde_json::Value {
     let all = record["parameters"].as_array().expect("parameters");
     all.iter().find(|one| one["parameter"]["name"] == name).expect("the parameter")
@@ -55,7 +51,7 @@ fn a_known_time_of_first_contact_is_recovered_and_everything_is_told_in_the_cloc
     sandbox.write("t0.toml", priors("pa12", t0));
     let options = "--material pa12 --experiment late.csv --prior t0.toml --samples 8192";
     sandbox.run(&format!("{options} --out run")).succeeded();
-    let found = record(&sandbox, "run");
+    let found = sandbox.posterior("run");
     let interval = &parameter(&found, "t0")["in_si"]["eti95"];
     let [lower, upper] = ["lower", "upper"].map(|end| interval[end].as_f64().expect("an end"));
     assert!(lower < 3.0 && 3.0 < upper && upper - lower < 0.5, "t0 is 3, not {lower} .. {upper}");
@@ -94,7 +90,7 @@ fn a_posterior_with_t0_is_that_of_quadrature() {
 /// The lines of the summary that say why to be careful.
 fn careful(sandbox: &Sandbox, options: &str) -> Vec<String> {
     let ran = sandbox.run(&format!("{options} --samples 8192 --seed 1 --out out"));
-    let found = record(sandbox, "out");
+    let found = sandbox.posterior("out");
     assert_eq!(ran.code, 0, "{ran:#?}");
     let lines = found["advice"].as_array().expect("advice").iter();
     lines.map(|line| line.as_str().expect("words").to_owned()).collect()
@@ -121,7 +117,7 @@ fn a_clock_that_is_a_thousand_seconds_off_is_suspected_before_the_model_and_the_
         );
         assert!(about(&lines, "add [t0] to the prior, or correct the times"), "{lines:#?}");
         assert!(!about(&lines, "the model or the data are in doubt"), "{lines:#?}");
-        let doubt = &record(&sandbox, "out")["experiments"][0]["neck_growth"]["doubts"][0];
+        let doubt = &sandbox.posterior("out")["experiments"][0]["neck_growth"]["doubts"][0];
         let t0 = doubt["t0_s"].as_f64().expect("t0");
         assert_eq!(doubt["kind"], "clock");
         // PEEK's slow beginning could have begun half a minute earlier.

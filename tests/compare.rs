@@ -38,7 +38,7 @@ fn evidences_are_those_of_the_main_job_and_factors_those_of_the_evidences() {
                 "--material peek --kinetics {kinetics} --samples 8192 --quiet --out {kinetics}"
             ))
             .succeeded();
-        let file = sandbox.json(&format!("{kinetics}/posterior.json"));
+        let file = sandbox.posterior(kinetics);
         assert_eq!(file["log_evidence"]["value"], one["log_evidence"], "{kinetics}");
         assert_eq!(
             file["experiments"][0]["neck_growth"]["fit"]["map"]["rmse"], one["error"]["rmse"],
@@ -167,7 +167,7 @@ fn the_regime_map_reports_the_product_that_it_sees() {
     let ran = sandbox.run(line);
     assert!(ran.succeeded().stdout.contains("c1 * delta_c^2"), "{}", ran.stdout);
     assert!(ran.stdout.contains("enter only as"), "{}", ran.stdout);
-    let file = sandbox.json("r/posterior.json");
+    let file = sandbox.posterior("r");
     let product = &file["experiments"][0]["neck_growth"]["product"];
     // Exactly the product of what is beside it: at the MAP.
     let theta = file["map"]["theta"].as_array().expect("numbers");
@@ -179,7 +179,7 @@ fn the_regime_map_reports_the_product_that_it_sees() {
             .contains("| c1 * delta_c^2 | m2/(Pa s) |")
     );
     sandbox.run("--material pa12 --samples 8192 --out t --quiet").succeeded();
-    let other = sandbox.json("t/posterior.json");
+    let other = sandbox.posterior("t");
     assert!(
         other["experiments"][0]["neck_growth"]["product"].is_null(),
         "three stages separate the two"
@@ -220,7 +220,7 @@ fn finished_runs_of_one_table_are_ranked_by_their_evidence_and_named_by_what_the
     phi_and_pulse(&sandbox);
     let found = compared(&sandbox, "phi pulse --out c");
     let evidence = |run: &str| {
-        let file = sandbox.json(&format!("{run}/posterior.json"));
+        let file = sandbox.posterior(run);
         number(&file["log_evidence"]["value"])
     };
     let all = found["explanations"].as_array().expect("explanations");
@@ -350,7 +350,7 @@ fn a_plan_of_two_radii_says_by_evidence_that_the_data_contradict_a_tau_s_in_prop
 fn a_run_of_one_observable_has_no_replicated_data_beside_it() {
     let sandbox = Sandbox::new();
     calibrated(&sandbox, "--material ps --kinetics frenkel", "ps");
-    let file = sandbox.json("ps/posterior.json");
+    let file = sandbox.posterior("ps");
     assert!(file["experiments"][0]["observables"][0]["check"].is_null());
 }
 

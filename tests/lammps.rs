@@ -190,7 +190,7 @@ fn lammps_is_calibrated_by_a_plan_and_agrees_with_quadrature_of_the_closed_form(
     let sandbox = Sandbox::new();
     let plan = folder.join("plan.toml");
     sandbox.run_args(&["--plan", plan.to_str().expect("UTF-8"), "--out", "drop"]).succeeded();
-    let posterior = sandbox.json("drop/posterior.json");
+    let posterior = sandbox.posterior("drop");
     let failed: Vec<String> = sandbox
         .snapshot()
         .into_iter()

@@ -9,7 +9,7 @@ use crate::sandbox::Sandbox;
 fn json(arguments: &str) -> Value {
     let ran = Sandbox::new().run(&format!("simulate {arguments} --json --quiet"));
     assert_eq!(ran.succeeded().stderr, "");
-    serde_json::from_str(&ran.stdout).expect("JSON")
+    ran.json()
 }
 
 #[track_caller]

@@ -16,8 +16,8 @@ const START: usize = 400;
 /// is negligible.
 const FIRST: f64 = 0.24;
 /// Fewest samples of that stage, at most half of all and in whole batches, where the process is of log likelihoods alone: through fewer
-/// it misses parts of the posterior. Of 50 runs of 32 simulations of two modes three lost one with 7, none with 10; with 12 errors are no smaller. Curves say
-/// more: of 150 such runs of PA12 means are .39 posterior sds off with 7, .49 with 10.
+/// it misses parts of the posterior. Of 50 runs of 32 simulations of two modes three lost one with 7, none with 10; with 12 errors are no
+/// smaller. Curves say more: of 150 such runs of PA12 means are .39 posterior sds off with 7, .49 with 10.
 const FIRST_AT_LEAST: usize = 10;
 /// Stages after it at most, of up to [`FEW_RUNS`]: of 50 runs that is one by one. Of runs placed four, two and one at a time the RMS error
 /// of PS at 50 is 2.9, 1.9 and 1.3 posterior sds, of PEEK 4.9, 3.9 and 3.0; of 50 seeds two lose PEEK at 101 to 112 runs placed three at a

@@ -15,7 +15,7 @@ use workbench::error::{Failure, RunError};
 use crate::args::SpecialistsArgs;
 use crate::report::{Report, Table};
 use crate::seeds::over_seeds;
-use crate::small_budget::median;
+use crate::small_budget::{median, rms};
 
 /// A log likelihood over parameters.
 type LnLikelihood = Box<dyn Fn(&[f64]) -> f64 + Send + Sync>;
@@ -103,18 +103,16 @@ pub(crate) fn run(args: &SpecialistsArgs, out: &Path) -> Result<(), Failure> {
 }
 
 fn cells(runs: &[Off]) -> Vec<String> {
-    let n = runs.len() as f64;
-    let rms =
-        |of: &dyn Fn(&Off) -> f64| (runs.iter().map(|r| of(r).powi(2)).sum::<f64>() / n).sqrt();
+    let over = |of: &dyn Fn(&Off) -> f64| rms(runs.iter().map(of));
     let mut divergences: Vec<f64> = runs.iter().filter_map(|run| run.divergence).collect();
     divergences.sort_by(f64::total_cmp);
     let divergence = |k: usize| divergences.get(k).map_or("-".to_owned(), |d| format!("{d:.4}"));
     vec![
-        format!("{:.4}", rms(&|run| run.log_evidence)),
+        format!("{:.4}", over(&|run| run.log_evidence)),
         format!("{:.4}", median(runs.iter().map(|run| run.log_evidence.abs()))),
-        format!("{:.1}", rms(&|run| run.log_evidence / run.log_evidence_se)),
-        format!("{:.3}", rms(&|run| run.mean)),
-        format!("{:.3}", rms(&|run| run.sd)),
+        format!("{:.1}", over(&|run| run.log_evidence / run.log_evidence_se)),
+        format!("{:.3}", over(&|run| run.mean)),
+        format!("{:.3}", over(&|run| run.sd)),
         divergence(divergences.len() / 2),
         divergence(divergences.len().saturating_sub(1)),
     ]
