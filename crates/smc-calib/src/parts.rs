@@ -6,7 +6,6 @@
 use crate::Settings;
 use crate::mixture::Proposal;
 use crate::sampler::{NextStage, Sampler};
-use crate::settings::FEW_RUNS;
 
 /// Samples that a Gaussian process places first where the rest is placed without it. The errors after 2048 are those that a
 /// start of 1000 leaves.
@@ -19,10 +18,6 @@ const FIRST: f64 = 0.24;
 /// it misses parts of the posterior. Of 50 runs of 32 simulations of two modes three lost one with 7, none with 10; with 12 errors are no
 /// smaller. Curves say more: of 150 such runs of PA12 means are .39 posterior sds off with 7, .49 with 10.
 const FIRST_AT_LEAST: usize = 10;
-/// Stages after it at most, of up to [`FEW_RUNS`]: of 50 runs that is one by one. Of runs placed four, two and one at a time the RMS error
-/// of PS at 50 is 2.9, 1.9 and 1.3 posterior sds, of PEEK 4.9, 3.9 and 3.0; of 50 seeds two lose PEEK at 101 to 112 runs placed three at a
-/// time.
-const STAGES: usize = 38;
 
 impl Settings {
     /// Budget of the first part: of the run that was extended, or of the whole run.
@@ -65,19 +60,18 @@ impl Settings {
         own.batches(placed, own.adaptive(placed), true).get(1).copied()
     }
 
-    /// Sizes of the stages where they are to be multiples of the batch. Up to [`FEW_RUNS`] they are as equal as they can be after the
-    /// first, so that no further sample makes any of them much larger. The first is larger where the process is not of `curves` but of log
-    /// likelihoods alone.
+    /// Sizes of the stages where they are to be multiples of the batch. The first is larger where the process is not of `curves` but of log
+    /// likelihoods alone. Where a process places samples the others are as equal as they can be, so that no further sample makes any of
+    /// them much larger; elsewhere a final stage has what the adaptive ones leave.
     pub(crate) fn batches(&self, n: usize, adaptive: usize, curves: bool) -> Vec<usize> {
         let batch = self.batch;
         let stages = self.iterations.max(1);
         let least = if curves { 0 } else { FIRST_AT_LEAST.min(n / 2) };
-        let explore = ((n as f64 * FIRST) as usize).max(least);
-        let explore = explore / batch * batch;
-        if n <= FEW_RUNS {
+        let explore = ((n as f64 * FIRST) as usize).max(least) / batch * batch;
+        if self.surrogate {
             let first = explore.max(batch).min(n);
             let batches = (n - first).div_ceil(batch);
-            let stages = STAGES.min(stages).min(batches);
+            let stages = stages.min(batches);
             let size = |k: usize| batch * (batches / stages + usize::from(k < batches % stages));
             let mut sizes: Vec<usize> = [first].into_iter().chain((0..stages).map(size)).collect();
             let excess = sizes.iter().sum::<usize>() - n;
@@ -284,7 +278,7 @@ mod tests {
         let of = |settings: &Settings| {
             (settings.surrogate, settings.iterations, settings.max_components, settings.batch)
         };
-        let small = of(&Settings::for_budget(300));
+        let small = of(&Settings::for_budget(400));
         let plain = of(&Settings::for_budget(10_000));
         assert!(small.0 && !plain.0);
         for run in [Settings::for_budget(3000), Settings { surrogate: true, ..Settings::default() }]
@@ -352,6 +346,29 @@ mod tests {
                 [of_curves, of_likelihoods]
             );
         }
+    }
+
+    #[test]
+    fn one_simulation_more_adds_or_takes_one_stage_at_most_and_makes_none_larger_by_more_than_a_batch()
+     {
+        let of = |n: usize| {
+            let run = Settings::for_budget(n);
+            run.batches(n, run.adaptive(n), true)
+        };
+        for n in 2..Settings::PLAIN - 1 {
+            let (sizes, next) = (of(n), of(n + 1));
+            assert_eq!(sizes.iter().sum::<usize>(), n);
+            assert!(sizes.len().abs_diff(next.len()) <= 1, "{n}: {sizes:?} {next:?}");
+            let batch = if n < 200 { 1 } else { 4 };
+            let mut pairs = sizes.iter().zip(&next);
+            assert!(pairs.all(|(a, b)| *b <= a + batch), "{n}: {sizes:?} {next:?}");
+            assert!(sizes[1..].is_sorted_by(|a, b| a >= b), "{n}: {sizes:?}");
+        }
+        let stages = [50, 100, 200, 201, 256, 300, 399, 400, 2047].map(|n| of(n).len() - 1);
+        assert_eq!(stages, [38, 38, 38, 37, 29, 25, 19, 19, 19]);
+        // As many as are chosen.
+        let chosen = Settings { iterations: 60, ..Settings::for_budget(300) };
+        assert_eq!(chosen.batches(300, chosen.adaptive(300), true).len(), 58);
     }
 
     #[test]

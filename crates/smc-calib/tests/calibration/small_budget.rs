@@ -162,28 +162,6 @@ fn stages_are_multiples_of_the_batch_and_spend_the_budget() {
 }
 
 #[test]
-fn one_simulation_more_makes_no_stage_of_a_small_budget_larger_by_more_than_one() {
-    let simulator = line();
-    let problem = line_problem(&simulator, Noise::default());
-    let sizes_of = |samples: usize, surrogate: bool| -> Vec<usize> {
-        let by_default = Settings::for_budget(samples);
-        let settings = Settings { max_components: 1, path: false, surrogate, ..by_default };
-        let p = calibrate(&problem, &settings, &mut ()).unwrap();
-        assert_eq!(p.samples.len(), samples);
-        p.stages.iter().map(|s| s.simulations).collect()
-    };
-    // A process has no part in the sizes, and takes most of the time.
-    assert_eq!(sizes_of(51, true), sizes_of(51, false));
-    let sizes = |samples: usize| sizes_of(samples, false);
-    for samples in [4, 30, 49, 50, 51, 73, 99, 100, 101, 150, 151, 199] {
-        let (fewer, more) = (sizes(samples), sizes(samples + 1));
-        assert!(fewer.len() <= more.len(), "{samples}: {fewer:?} {more:?}");
-        let mut pairs = fewer.iter().zip(&more);
-        assert!(pairs.all(|(a, b)| a.abs_diff(*b) <= 1), "{fewer:?} {more:?}");
-    }
-}
-
-#[test]
 fn a_small_run_that_is_extended_to_thousands_goes_on_in_stages_of_default_size_where_a_process_ends()
  {
     let simulator = line();
