@@ -14,21 +14,19 @@ use workbench::error::{Failure, RunError};
 
 use crate::args::BudgetsArgs;
 use crate::cases::{Case, Errors};
-use crate::quantile::quantile;
+use crate::quantile::{LARGEST, quantile, rms};
 use crate::report::{Report, Table, seconds};
 use crate::seeds::over_seeds;
-use crate::small_budget::{problems, rms};
+use crate::small_budget::problems;
 use crate::timing::{Clock, Timing};
 
 /// Largest ratio of an error to that at half the simulations, or at one simulation fewer.
 const CLIFF: f64 = 1.25;
 /// Errors from which on ratios are judged: a run off by more is not solved.
 const SOLVED: f64 = 1.0;
-/// Each error counts as this much at most.
-const LARGEST: f64 = 10.0;
 /// Budgets at which the code changes its ways: the first with stages of two, three and four (51, 101, 151, where a process does not run
-/// through all samples either), with covariances not searched at every stage (128), in half as many stages (201), only in part by a
-/// process, and without one.
+/// through all samples either), with covariances not searched at every stage (128), in batches of four (201), only in part by a process, and
+/// without one.
 const THRESHOLDS: [usize; 7] = [51, 101, 128, 151, 201, Settings::PLAIN, Settings::WHOLLY_PLAIN];
 
 const QUANTITIES: [(&str, &str); 3] =

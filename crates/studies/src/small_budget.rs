@@ -10,7 +10,7 @@ use workbench::input::material::Material;
 
 use crate::args::SmallBudgetArgs;
 use crate::cases::{Case, Errors, Exact, Run};
-use crate::quantile::quantile;
+use crate::quantile::{median, rms};
 use crate::report::{Report, Table};
 use crate::seeds::over_seeds;
 
@@ -37,9 +37,6 @@ pub(crate) const COLUMNS: [&str; 11] = [
     "off, not said",
     "right, called unsolved",
 ];
-
-/// Each error counts as this much at most.
-const LARGEST: f64 = 10.0;
 
 const TEXT: &str = "\
 Errors (root mean square over the seeds, each error counted as 10 at most) against exact answers, at equal numbers of simulations: the default
@@ -173,18 +170,6 @@ fn judged(runs: &[Run], errors: &[Errors], kind: impl Fn(bool, bool) -> bool) ->
         count += usize::from(kind(off, said));
     }
     count.to_string()
-}
-
-/// Root mean square, errors above [`LARGEST`] counting as that.
-pub(crate) fn rms(values: impl Iterator<Item = f64>) -> f64 {
-    let all: Vec<f64> = values.map(|v| if v.abs() < LARGEST { v } else { LARGEST }).collect();
-    (all.iter().map(|v| v * v).sum::<f64>() / all.len() as f64).sqrt()
-}
-
-pub(crate) fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut sorted: Vec<f64> = values.collect();
-    sorted.sort_by(f64::total_cmp);
-    quantile(&sorted, 0.5)
 }
 
 #[cfg(test)]

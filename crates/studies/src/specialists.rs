@@ -13,9 +13,9 @@ use smc_calib::{
 use workbench::error::{Failure, RunError};
 
 use crate::args::SpecialistsArgs;
+use crate::quantile::{median, rms};
 use crate::report::{Report, Table};
 use crate::seeds::over_seeds;
-use crate::small_budget::{median, rms};
 
 /// A log likelihood over parameters.
 type LnLikelihood = Box<dyn Fn(&[f64]) -> f64 + Send + Sync>;

@@ -162,6 +162,23 @@ fn stages_are_multiples_of_the_batch_and_spend_the_budget() {
 }
 
 #[test]
+fn few_runs_of_more_observations_than_are_kept_begin_by_ten_and_of_as_many_by_a_quarter() {
+    for (observations, first) in [(512, 7), (513, 10)] {
+        let simulator = FnSimulator::new(2, observations, |theta: &[f64], out: &mut [f64]| {
+            out.iter_mut().enumerate().for_each(|(i, o)| *o = theta[0] + theta[1] * i as f64);
+            Ok::<(), SimError>(())
+        });
+        let control = (0..observations).map(|i| i as f64).collect();
+        let measured = Observations::new(control, vec![1.0; observations]).unwrap();
+        let problem =
+            Problem { observations: measured, ..line_problem(&simulator, Noise::default()) };
+        let settings = Settings { path: false, ..Settings::for_budget(32) };
+        let p = calibrate(&problem, &settings, &mut ()).unwrap();
+        assert_eq!(p.stages[0].simulations, first, "{observations} observations");
+    }
+}
+
+#[test]
 fn a_small_run_that_is_extended_to_thousands_goes_on_in_stages_of_default_size_where_a_process_ends()
  {
     let simulator = line();
