@@ -6,6 +6,7 @@
 use crate::Settings;
 use crate::mixture::Proposal;
 use crate::sampler::{NextStage, Sampler};
+use crate::settings::FEW_RUNS;
 
 /// Samples that a Gaussian process places first where the rest is placed without it. The errors after 2048 are those that a
 /// start of 1000 leaves.
@@ -61,14 +62,14 @@ impl Settings {
     }
 
     /// Sizes of the stages where they are to be multiples of the batch. The first is larger where the process is not of `curves` but of log
-    /// likelihoods alone. Where a process places samples the others are as equal as they can be, so that no further sample makes any of
-    /// them much larger; elsewhere a final stage has what the adaptive ones leave.
+    /// likelihoods alone. Where a process places samples, and up to [`FEW_RUNS`], the others are as equal as they can be, so that no further
+    /// sample makes any of them much larger; elsewhere a final stage has what the adaptive ones leave.
     pub(crate) fn batches(&self, n: usize, adaptive: usize, curves: bool) -> Vec<usize> {
         let batch = self.batch;
         let stages = self.iterations.max(1);
         let least = if curves { 0 } else { FIRST_AT_LEAST.min(n / 2) };
         let explore = ((n as f64 * FIRST) as usize).max(least) / batch * batch;
-        if self.surrogate {
+        if self.surrogate || n <= FEW_RUNS {
             let first = explore.max(batch).min(n);
             let batches = (n - first).div_ceil(batch);
             let stages = stages.min(batches);
@@ -357,6 +358,10 @@ mod tests {
         };
         for n in 2..Settings::PLAIN - 1 {
             let (sizes, next) = (of(n), of(n + 1));
+            let without = Settings { surrogate: false, ..Settings::for_budget(n) };
+            let without = without.batches(n, without.adaptive(n), true);
+            assert_eq!(without.iter().sum::<usize>(), n);
+            assert!(n > 200 || without == sizes, "{n}: {without:?} {sizes:?}");
             assert_eq!(sizes.iter().sum::<usize>(), n);
             assert!(sizes.len().abs_diff(next.len()) <= 1, "{n}: {sizes:?} {next:?}");
             let batch = if n < 200 { 1 } else { 4 };

@@ -16,14 +16,15 @@ pub struct Settings {
     /// targets `ess_target` and `mean_se_target` do not end such a run.
     #[serde(skip_serializing_if = "is_default")]
     pub earlier: Vec<usize>,
-    /// Stages that adapt the proposal, before the final one; where a Gaussian process places the samples, those after the first.
+    /// Stages that adapt the proposal, before the final one; where a Gaussian process places the samples in batches, those after the
+    /// first, and no more than there are batches.
     pub iterations: usize,
     /// Seed of all random streams.
     pub seed: u64,
     /// Independently scrambled sub-nets per stage, from which error bars are computed.
     pub replicates: usize,
     /// Share of the budget drawn from the last, frozen proposal.
-    /// Where a Gaussian process places the samples it is what the adaptive stages, of whole batches, leave: a tenth or less.
+    /// Has no part where a Gaussian process places the samples in batches: stages after the first are alike there.
     pub final_share: f64,
     /// Effective sample size that tempering aims at, as a share of a stage.
     pub tempering_share: f64,
@@ -76,9 +77,9 @@ pub struct Settings {
 }
 
 /// Most samples that are placed one at a time, or as near to it as [`STAGES`] allow.
-const FEW_RUNS: usize = 200;
-/// Most and fewest stages after the first where a Gaussian process places samples: 38 up to [`FEW_RUNS`], of 50 runs that is one by one,
-/// and then in proportion to 1/n. Of runs placed four, two and one at a time the RMS error of PS at 50 is 2.9, 1.9 and 1.3 posterior sds, of
+pub(crate) const FEW_RUNS: usize = 200;
+/// Stages after the first by default where a Gaussian process places samples: 38 up to [`FEW_RUNS`], of 50 runs that is one by one, and
+/// then in proportion to 1/n, down to 19. Of runs placed four, two and one at a time the RMS error of PS at 50 is 2.9, 1.9 and 1.3 posterior sds, of
 /// PEEK 4.9, 3.9 and 3.0; of 50 seeds two lose PEEK at 101 to 112 runs placed three at a time.
 const STAGES: [usize; 2] = [38, 19];
 

@@ -98,8 +98,7 @@ fn sampler_in_words(plan: &Plan) -> String {
     };
     let at_a_time = sampler.placed_at_a_time().map_or_else(String::new, |n| match n {
         1 => ", one by one".into(),
-        _ if sampler.batch == 1 => format!(", up to {n} at a time"),
-        _ => format!(", {n} at a time"),
+        _ => format!(", up to {n} at a time"),
     });
     format!(
         "sampler       {} simulations{}, {}, seed {}{}",

@@ -259,10 +259,11 @@ fn a_plan_says_how_many_processes_stand_idle_and_none_does_with_the_batch_that_i
             let lines = words(String::new());
             let at_a_time = match () {
                 () if samples <= 50 => "one by one",
-                () if samples <= 100 => "2 at a time",
-                () if samples <= 150 => "3 at a time",
+                () if samples <= 100 => "up to 2 at a time",
+                () if samples <= 150 => "up to 3 at a time",
                 () if samples == 2048 => "the first 400 placed by a Gaussian process",
                 () if samples == 9000 => "8 adaptive stages",
+                () if samples == 300 => "up to 12 at a time",
                 () => " at a time",
             };
             assert!(
