@@ -6,7 +6,7 @@
 use crate::Settings;
 use crate::mixture::Proposal;
 use crate::sampler::{NextStage, Sampler};
-use crate::settings::FEW_RUNS;
+use crate::settings::{ALIKE, FEW_RUNS};
 
 /// Samples that a Gaussian process places first where the rest is placed without it. The errors after 2048 are those that a
 /// start of 1000 leaves.
@@ -62,14 +62,14 @@ impl Settings {
     }
 
     /// Sizes of the stages where they are to be multiples of the batch. The first is larger where the process is not of `curves` but of log
-    /// likelihoods alone. Where a process places samples, and up to [`FEW_RUNS`], the others are as equal as they can be, so that no further
-    /// sample makes any of them much larger; elsewhere a final stage has what the adaptive ones leave.
+    /// likelihoods alone. Up to [`FEW_RUNS`], and where a process places fewer than [`ALIKE`], the others are as equal as they can be, so that
+    /// no further sample makes any of them much larger; elsewhere a last stage has what the adaptive ones leave.
     pub(crate) fn batches(&self, n: usize, adaptive: usize, curves: bool) -> Vec<usize> {
         let batch = self.batch;
         let stages = self.iterations.max(1);
         let least = if curves { 0 } else { FIRST_AT_LEAST.min(n / 2) };
         let explore = ((n as f64 * FIRST) as usize).max(least) / batch * batch;
-        if self.surrogate || n <= FEW_RUNS {
+        if n <= FEW_RUNS || self.surrogate && n < ALIKE {
             let first = explore.max(batch).min(n);
             let batches = (n - first).div_ceil(batch);
             let stages = stages.min(batches);
@@ -356,7 +356,7 @@ mod tests {
             let run = Settings::for_budget(n);
             run.batches(n, run.adaptive(n), true)
         };
-        for n in 2..Settings::PLAIN - 1 {
+        for n in 2..400 {
             let (sizes, next) = (of(n), of(n + 1));
             let without = Settings { surrogate: false, ..Settings::for_budget(n) };
             let without = without.batches(n, without.adaptive(n), true);
@@ -370,7 +370,7 @@ mod tests {
             assert!(sizes[1..].is_sorted_by(|a, b| a >= b), "{n}: {sizes:?}");
         }
         let stages = [50, 100, 200, 201, 256, 300, 399, 400, 2047].map(|n| of(n).len() - 1);
-        assert_eq!(stages, [38, 38, 38, 37, 29, 25, 19, 19, 19]);
+        assert_eq!(stages, [38, 38, 38, 37, 29, 25, 19, 19, 20]);
         // As many as are chosen.
         let chosen = Settings { iterations: 60, ..Settings::for_budget(300) };
         assert_eq!(chosen.batches(300, chosen.adaptive(300), true).len(), 58);

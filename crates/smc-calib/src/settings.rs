@@ -16,15 +16,16 @@ pub struct Settings {
     /// targets `ess_target` and `mean_se_target` do not end such a run.
     #[serde(skip_serializing_if = "is_default")]
     pub earlier: Vec<usize>,
-    /// Stages that adapt the proposal, before the final one; where a Gaussian process places the samples in batches, those after the
-    /// first, and no more than there are batches.
+    /// Stages that adapt the proposal, before the final one; where a Gaussian process places fewer than 400 samples in batches, those
+    /// after the first, and no more than there are batches.
     pub iterations: usize,
     /// Seed of all random streams.
     pub seed: u64,
     /// Independently scrambled sub-nets per stage, from which error bars are computed.
     pub replicates: usize,
     /// Share of the budget drawn from the last, frozen proposal.
-    /// Has no part where a Gaussian process places the samples in batches: stages after the first are alike there.
+    /// Where a Gaussian process places the samples it is what the adaptive stages, of whole batches, leave: a tenth or less, and of
+    /// fewer than 400 no more than each of them has.
     pub final_share: f64,
     /// Effective sample size that tempering aims at, as a share of a stage.
     pub tempering_share: f64,
@@ -78,10 +79,13 @@ pub struct Settings {
 
 /// Most samples that are placed one at a time, or as near to it as [`STAGES`] allow.
 pub(crate) const FEW_RUNS: usize = 200;
-/// Stages after the first by default where a Gaussian process places samples: 38 up to [`FEW_RUNS`], of 50 runs that is one by one, and
-/// then in proportion to 1/n, down to 19. Of runs placed four, two and one at a time the RMS error of PS at 50 is 2.9, 1.9 and 1.3 posterior sds, of
-/// PEEK 4.9, 3.9 and 3.0; of 50 seeds two lose PEEK at 101 to 112 runs placed three at a time.
-const STAGES: [usize; 2] = [38, 19];
+/// Stages after the first by default where a Gaussian process places samples: 38 up to [`FEW_RUNS`], of 50 runs that is one by one, then
+/// in proportion to 1/n below [`ALIKE`], where 19 are left. Of runs placed four, two and one at a time the RMS error of PS at 50 is 2.9, 1.9
+/// and 1.3 posterior sds, of PEEK 4.9, 3.9 and 3.0; of 50 seeds two lose PEEK at 101 to 112 runs placed three at a time.
+const STAGES: usize = 38;
+/// Fewest samples of which the last stage that a process places may be larger than those before it: alike, with 19 of them, the bounded
+/// ridge was .014 and .018 posterior sds off at 512 and 1024 simulations (20 seeds), not .011.
+pub(crate) const ALIKE: usize = 400;
 
 /// Fields added later are written only where they say something, so that older readers understand the rest.
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
@@ -138,7 +142,11 @@ impl Settings {
             return Self { surrogate: samples < Self::WHOLLY_PLAIN, ..default };
         }
         Self {
-            iterations: (STAGES[0] * FEW_RUNS / samples.max(1)).clamp(STAGES[1], STAGES[0]),
+            iterations: if samples < ALIKE {
+                STAGES * FEW_RUNS / samples.max(FEW_RUNS)
+            } else {
+                20
+            },
             final_share: 0.3,
             max_components: 3,
             patches: 1,

@@ -208,7 +208,7 @@ mod tests {
                 reads_back(&PairOptions { kinetics, ..of(material) });
             }
             for samples in [16, 100, 1000, 1024, 2047, 2048, 4096, 65_537] {
-                for iterations in [None, Some(3), Some(8), Some(19), Some(38)] {
+                for iterations in [None, Some(3), Some(8), Some(20), Some(38)] {
                     reads_back(&PairOptions { samples, iterations, ..of(material) });
                 }
             }
