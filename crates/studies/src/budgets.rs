@@ -14,7 +14,7 @@ use workbench::error::{Failure, RunError};
 
 use crate::args::BudgetsArgs;
 use crate::cases::{Case, Errors};
-use crate::quantile::{LARGEST, quantile, rms};
+use crate::quantile::{LARGEST, capped_rms, quantile};
 use crate::report::{Report, Table, seconds};
 use crate::seeds::over_seeds;
 use crate::small_budget::problems;
@@ -152,7 +152,7 @@ impl Point {
 fn errors(d: usize, runs: &[&Run]) -> [f64; 3] {
     // A run without an answer counts as much as one that is off by as much as counts.
     let over = |error: &dyn Fn(&Errors) -> f64| {
-        rms(runs.iter().map(|run| run.errors.as_ref().map_or(LARGEST, error)))
+        capped_rms(runs.iter().map(|run| run.errors.as_ref().map_or(LARGEST, error)))
     };
     let worst = |of: &dyn Fn(&Errors, usize) -> f64| {
         (0..d).map(|j| over(&|e| of(e, j))).fold(0.0, f64::max)

@@ -1,6 +1,6 @@
 //! Quantile, median and root mean square of unweighted values.
 
-/// Each error counts as this much at most.
+/// What an error counts as at most in [`capped_rms`].
 pub(crate) const LARGEST: f64 = 10.0;
 
 /// Quantile of sorted values, linear in between where both neighbours are finite.
@@ -20,10 +20,15 @@ pub(crate) fn median(values: impl Iterator<Item = f64>) -> f64 {
     quantile(&sorted, 0.5)
 }
 
-/// Root mean square of errors, each [`LARGEST`] at most.
-pub(crate) fn rms(errors: impl Iterator<Item = f64>) -> f64 {
-    let all: Vec<f64> = errors.map(|v| if v.abs() < LARGEST { v } else { LARGEST }).collect();
+/// Root mean square.
+pub(crate) fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let all: Vec<f64> = values.collect();
     (all.iter().map(|v| v * v).sum::<f64>() / all.len() as f64).sqrt()
+}
+
+/// Root mean square of errors, each [`LARGEST`] at most.
+pub(crate) fn capped_rms(errors: impl Iterator<Item = f64>) -> f64 {
+    rms(errors.map(|v| if v.abs() < LARGEST { v } else { LARGEST }))
 }
 
 #[cfg(test)]
@@ -38,11 +43,14 @@ mod tests {
     }
 
     #[test]
-    fn an_error_that_is_large_or_not_a_number_counts_as_the_largest() {
+    fn where_errors_are_capped_a_large_one_or_none_counts_as_the_largest() {
         assert_eq!(median([4.0, 1.0, 2.0].into_iter()), 2.0);
-        assert_eq!(rms([3.0, -4.0].into_iter()), 12.5f64.sqrt());
+        for mean in [rms([3.0, -4.0].into_iter()), capped_rms([3.0, -4.0].into_iter())] {
+            assert_eq!(mean, 12.5f64.sqrt());
+        }
+        assert_eq!(rms([-11.0].into_iter()), 11.0);
         for off in [11.0, -1e300, f64::NAN, f64::INFINITY] {
-            assert_eq!(rms([off].into_iter()), LARGEST, "{off}");
+            assert_eq!(capped_rms([off].into_iter()), LARGEST, "{off}");
         }
     }
 }

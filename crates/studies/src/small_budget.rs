@@ -10,7 +10,7 @@ use workbench::input::material::Material;
 
 use crate::args::SmallBudgetArgs;
 use crate::cases::{Case, Errors, Exact, Run};
-use crate::quantile::{median, rms};
+use crate::quantile::{capped_rms, median};
 use crate::report::{Report, Table};
 use crate::seeds::over_seeds;
 
@@ -116,7 +116,7 @@ pub(crate) fn problems(only: &[String]) -> Result<Vec<(String, Case)>, Failure> 
 pub(crate) fn cells(exact: &Exact, runs: &[Run]) -> Vec<String> {
     let errors: Vec<Errors> = runs.iter().map(|run| Errors::of(exact, &run.estimate)).collect();
     let worst = |errors: &[&Vec<f64>]| {
-        let of = |j: usize| rms(errors.iter().map(|row| row[j]));
+        let of = |j: usize| capped_rms(errors.iter().map(|row| row[j]));
         (0..exact.mean.len()).map(of).fold(0.0, f64::max)
     };
     // Of runs that know their standard errors.
@@ -129,10 +129,10 @@ pub(crate) fn cells(exact: &Exact, runs: &[Run]) -> Vec<String> {
     vec![
         format!("{:.2}", worst(&errors.iter().map(|e| &e.mean).collect::<Vec<_>>())),
         format!("{:.2}", worst(&errors.iter().map(|e| &e.sd).collect::<Vec<_>>())),
-        format!("{:.2}", rms(errors.iter().map(|e| e.log_evidence.unwrap_or(f64::NAN)))),
+        format!("{:.2}", capped_rms(errors.iter().map(|e| e.log_evidence.unwrap_or(f64::NAN)))),
         ends.map_or("-".to_owned(), |[worst, _]| format!("{worst:.2}")),
-        spread(rms(z)),
-        spread(rms(z_evidence)),
+        spread(capped_rms(z)),
+        spread(capped_rms(z_evidence)),
         ends.map_or("-".to_owned(), |[_, z]| spread(z)),
         format!("{:.0}", median(runs.iter().map(|run| run.ess))),
         format!("{:.2}", median(runs.iter().map(|run| run.khat))),
@@ -154,10 +154,11 @@ fn of_ends(exact: &Exact, runs: &[Run]) -> Option<[f64; 2]> {
         let [value, se] = [[of.lower, of.lower_se], [of.upper, of.upper_se]][end];
         [(value - exact.ends[j][end]) / exact.sd[j], se / exact.sd[j]]
     };
-    let errors = ends().map(|end| rms(runs.iter().map(|run| off(run, end)[0])));
+    let errors = ends().map(|end| capped_rms(runs.iter().map(|run| off(run, end)[0])));
     let known = || runs.iter().filter(|run| run.errors_known);
     let z = ends().flat_map(|end| known().map(move |run| off(run, end)));
-    (!exact.ends.is_empty()).then(|| [errors.fold(0.0, f64::max), rms(z.map(|[off, se]| off / se))])
+    (!exact.ends.is_empty())
+        .then(|| [errors.fold(0.0, f64::max), capped_rms(z.map(|[off, se]| off / se))])
 }
 
 /// Number of runs of some kind, by whether a mean is off by more than one posterior sd and whether the run says that it is not

@@ -1,7 +1,7 @@
 //! Spread of errors over many seeds.
 
 use crate::cases::Errors;
-use crate::quantile::quantile;
+use crate::quantile::{quantile, rms};
 
 /// Spread of errors over the seeds.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,11 +23,7 @@ impl Spread {
             rows.iter().map(|row| row.iter().map(|e| e.abs()).fold(0.0, f64::max)).collect();
         worst.sort_by(f64::total_cmp);
         let columns = rows.first().map_or(0, |row| row.len());
-        let rms = (0..columns)
-            .map(|j| {
-                (rows.iter().map(|row| row[j] * row[j]).sum::<f64>() / rows.len() as f64).sqrt()
-            })
-            .fold(0.0, f64::max);
+        let rms = (0..columns).map(|j| rms(rows.iter().map(|row| row[j]))).fold(0.0, f64::max);
         let at = |p| quantile(&worst, p);
         Self { median: at(0.5), lower: at(0.05), upper: at(0.95), rms }
     }

@@ -162,6 +162,28 @@ fn stages_are_multiples_of_the_batch_and_spend_the_budget() {
 }
 
 #[test]
+fn one_simulation_more_makes_no_stage_of_a_small_budget_larger_by_more_than_one() {
+    let simulator = line();
+    let problem = line_problem(&simulator, Noise::default());
+    let sizes_of = |samples: usize, surrogate: bool| -> Vec<usize> {
+        let by_default = Settings::for_budget(samples);
+        let settings = Settings { max_components: 1, path: false, surrogate, ..by_default };
+        let p = calibrate(&problem, &settings, &mut ()).unwrap();
+        assert_eq!(p.samples.len(), samples);
+        p.stages.iter().map(|s| s.simulations).collect()
+    };
+    // A process has no part in the sizes, and takes most of the time.
+    assert_eq!(sizes_of(51, true), sizes_of(51, false));
+    let sizes = |samples: usize| sizes_of(samples, false);
+    for samples in [4, 30, 49, 50, 51, 73, 99, 100, 101, 150, 151, 199] {
+        let (fewer, more) = (sizes(samples), sizes(samples + 1));
+        assert!(fewer.len() <= more.len(), "{samples}: {fewer:?} {more:?}");
+        let mut pairs = fewer.iter().zip(&more);
+        assert!(pairs.all(|(a, b)| a.abs_diff(*b) <= 1), "{fewer:?} {more:?}");
+    }
+}
+
+#[test]
 fn few_runs_of_more_observations_than_are_kept_begin_by_ten_and_of_as_many_by_a_quarter() {
     for (observations, first) in [(512, 7), (513, 10)] {
         let simulator = FnSimulator::new(2, observations, |theta: &[f64], out: &mut [f64]| {
