@@ -23,7 +23,7 @@ fn damaged(whole: &[u8], place: usize, turn: Option<u8>) -> Vec<u8> {
 /// One run for all cases: its folder, and what its files hold.
 fn run() -> (Sandbox, Vec<Vec<u8>>) {
     let sandbox = Sandbox::new();
-    sandbox.run("--material pa12 --samples 8192 --quiet --out run").succeeded();
+    sandbox.run("--material pa12 --samples 8192 --no-other-kinetics --quiet --out run").succeeded();
     whole(sandbox)
 }
 

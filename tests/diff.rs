@@ -14,7 +14,7 @@ fn number(value: &Value) -> f64 {
 fn moves_of_a_run_whose_verdict_is_not_to_be_trusted_have_no_standard_errors() {
     let sandbox = Sandbox::new();
     let run = "--material ps --no-other-kinetics -q";
-    sandbox.run(&format!("{run} --samples 2048 --out one")).succeeded();
+    sandbox.run(&format!("{run} --samples 8192 --out one")).succeeded();
     sandbox.run(&format!("{run} --samples 16 --out other")).succeeded();
     let trust = |name: &str| sandbox.posterior(name)["trust"]["evidence_error_known"].clone();
     assert_eq!([trust("one"), trust("other")], [Value::Bool(true), Value::Bool(false)]);
@@ -108,7 +108,7 @@ fn evidences_of_other_data_are_not_compared_and_other_parameters_are_named() {
 #[test]
 fn what_cannot_be_compared_is_refused_with_a_remedy() {
     let sandbox = Sandbox::new();
-    sandbox.run("--material ps --samples 8192 --out run -q").succeeded();
+    sandbox.run("--material ps --samples 8192 --no-other-kinetics --out run -q").succeeded();
     sandbox.run("diff run").refused(&["OTHER"]);
     sandbox.run("diff run nothing").refused(&["nothing", "no such file"]);
     sandbox.run("diff run run --out run").refused(&[

@@ -13,7 +13,7 @@ fn figure(sandbox: &Sandbox, folder: &str, name: &str) -> Vec<u8> {
 #[test]
 fn saved_figures_are_redrawn_byte_for_byte_and_options_change_them() {
     let sandbox = Sandbox::new();
-    sandbox.run("--material ps --samples 8192 --quiet --out run").succeeded();
+    sandbox.run("--material ps --samples 8192 --no-other-kinetics --quiet --out run").succeeded();
     let before = sandbox.snapshot();
     sandbox.run("plot run --quiet").succeeded();
     assert_eq!(sandbox.snapshot(), before, "redrawn in place, the folder is the same");
@@ -36,7 +36,7 @@ fn saved_figures_are_redrawn_byte_for_byte_and_options_change_them() {
 fn runs_that_are_damaged_or_not_whole_are_refused() {
     let sandbox = Sandbox::new();
     sandbox.run("plot nowhere").refused(&["nowhere", "no such file"]);
-    sandbox.run("--material ps --samples 8192 --quiet --out run").succeeded();
+    sandbox.run("--material ps --samples 8192 --no-other-kinetics --quiet --out run").succeeded();
     let samples = fs::read_to_string(sandbox.path().join("run/samples.csv")).expect("samples");
     let cut = &samples[..samples.len() / 2];
     sandbox.write("run/samples.csv", cut.rsplit_once(',').expect("a comma").0);

@@ -4,7 +4,7 @@ use crate::sandbox::Sandbox;
 
 fn calibrated(options: &str) -> Sandbox {
     let sandbox = Sandbox::new();
-    sandbox.run(&format!("--samples 8192 --out run {options}")).succeeded();
+    sandbox.run(&format!("--samples 8192 --no-other-kinetics --out run {options}")).succeeded();
     sandbox
 }
 

@@ -55,7 +55,7 @@ fn the_report_holds_the_summary_the_figures_the_command_and_the_sums_and_is_smal
 #[test]
 fn a_report_is_made_again_to_the_byte_and_also_of_a_run_that_has_none() {
     let sandbox = Sandbox::new();
-    sandbox.run("--material pa12 --samples 8192 --out run").succeeded();
+    sandbox.run("--material pa12 --samples 8192 --no-other-kinetics --out run").succeeded();
     let first = page(&sandbox, "run");
     fs::remove_file(sandbox.path().join("run/report.html")).expect("removed");
     let ran = sandbox.run("report run");
@@ -72,7 +72,7 @@ fn a_report_is_made_again_to_the_byte_and_also_of_a_run_that_has_none() {
 fn a_report_of_what_is_no_calibration_or_damaged_is_refused() {
     let sandbox = Sandbox::new();
     sandbox.run("report nothing").refused(&["nothing", "no such file"]);
-    sandbox.run("--material ps --samples 8192 --out run -q").succeeded();
+    sandbox.run("--material ps --samples 8192 --no-other-kinetics --out run -q").succeeded();
     sandbox.run("report run --out .").refused(&["a folder", "expected a file", "--out"]);
     sandbox.write("run/inputs.json", "{");
     sandbox.run("report run").refused(&["run/inputs.json", "no list of input files", "help: "]);

@@ -52,7 +52,7 @@ fn frenkel(text: &str) -> String {
 /// A calibration with well-known times, and a scene of its kinetics.
 fn calibrated(scene: &str) -> Sandbox {
     let sandbox = Sandbox::new();
-    sandbox.run("--material pa12 --kinetics frenkel --samples 8192 --out post --quiet").succeeded();
+    sandbox.run("--material pa12 --kinetics frenkel --samples 8192 --no-other-kinetics --out post --quiet").succeeded();
     sandbox.write("scene.toml", scene);
     sandbox
 }
@@ -279,7 +279,9 @@ fn bad_scenes_are_refused_with_field_and_remedy_and_nothing_is_written() {
 #[test]
 fn densify_of_the_pair_agrees_with_predict_draw_by_draw() {
     let sandbox = Sandbox::new();
-    sandbox.run("--material pa12 --samples 8192 --out post --quiet").succeeded();
+    sandbox
+        .run("--material pa12 --samples 8192 --no-other-kinetics --out post --quiet")
+        .succeeded();
     sandbox.write("pair.toml", pair(400));
     sandbox
         .run("densify --posterior post --scene pair.toml --draws 5 --contact-ratio 0.9 --out bed --quiet")
@@ -406,7 +408,7 @@ fn what_densify_cannot_use_is_refused_with_a_remedy() {
 fn draws_of_a_tuned_noise_and_of_another_powder_are_named_as_such() {
     let sandbox = Sandbox::new();
     sandbox
-        .run("--material pa12 --kinetics frenkel --noise ess-target:0.2 --samples 8192 --out post --quiet")
+        .run("--material pa12 --kinetics frenkel --noise ess-target:0.2 --samples 8192 --no-other-kinetics --out post --quiet")
         .succeeded();
     let scene = frenkel(PACKING)
         .replace("40.7e-3", "35.0e-3")

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use super::{LINE_CSV, LINE_SH, line, line_plan, status};
+use crate::bits::hold_impact;
 use crate::sandbox::{Sandbox, root};
 
 #[test]
@@ -26,6 +27,7 @@ fn the_example_runs_and_finds_what_it_was_made_of() {
     ran.succeeded();
     assert!(ran.stdout.contains("stiffness"), "{}", ran.stdout);
     assert!(ran.stdout.lines().count() < 16, "{}", ran.stdout);
+    hold_impact(&sandbox.path().join("results/impact"));
     let file = sandbox.posterior("results/impact");
     for (place, truth) in [(0, 1000.0), (1, 0.0045)] {
         let median = file["parameters"][place]["in_si"]["median"].as_f64().expect("a number");

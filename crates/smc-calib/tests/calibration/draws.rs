@@ -63,8 +63,8 @@ fn draws_have_the_intervals_and_moments_of_the_summary_and_stay_in_the_range_of_
         observations: Observations::new(times, values).unwrap(),
         noise: Noise::Fixed { sigma: FixedSigma::Absolute(0.05) },
     };
-    for seed in 1..=3 {
-        let p = run(&problem, Settings { seed, ..Settings::for_budget(150) });
+    for seed in 1..=2 {
+        let p = run(&problem, Settings { seed, ..Settings::for_budget(100) });
         assert!(p.is_drawn());
         for (j, summary) in p.parameters.iter().enumerate() {
             let (lower, upper) = summary.parameter.prior.support();
@@ -136,7 +136,7 @@ fn a_process_makes_as_many_draws_as_are_asked_for_but_neither_few_nor_too_many()
     let simulator = line();
     let problem = line_problem(&simulator, Noise::Fixed { sigma: FixedSigma::Absolute(0.05) });
     let of = |problem: &Problem<'_>, draws: usize| {
-        run(problem, Settings { draws, ..Settings::for_budget(40) })
+        run(problem, Settings { draws, ..Settings::for_budget(32) })
     };
     for (draws, drawn) in [
         (0, false),

@@ -99,7 +99,7 @@ fn the_evidence_of_a_smooth_valley_is_known_to_a_twentieth_after_a_hundred_calls
         let settings = Settings { seed, ..Settings::for_budget(100) };
         sample_density(&Valley, &settings).unwrap().log_evidence.value + 2.259_847
     };
-    let ln_z = rms((1..=4).map(off));
+    let ln_z = rms((1..=2).map(off));
     assert!(ln_z < 0.05, "{ln_z}");
 }
 
@@ -289,7 +289,7 @@ fn knee_problem(simulator: &dyn Simulator) -> Problem<'_> {
 fn fifty_simulations_of_a_hard_problem_are_said_to_be_too_few() {
     let simulator = knee();
     let problem = knee_problem(&simulator);
-    for seed in 1..=3 {
+    for seed in 1..=2 {
         let settings = Settings { seed, ..Settings::for_budget(50) };
         let p = calibrate(&problem, &settings, &mut ()).unwrap();
         let said = p.trust().concerns.iter().any(|w| matches!(w, Concern::BudgetTooSmall { .. }));
@@ -340,7 +340,7 @@ fn three_hundred_simulations_of_an_easy_problem_are_enough_and_right() {
         noise: Noise::Fixed { sigma: FixedSigma::Absolute(0.1) },
     };
     let sd = 0.1 / 1.01f64.sqrt();
-    for seed in 1..=6 {
+    for seed in 1..=2 {
         let settings = Settings { seed, ..Settings::for_budget(300) };
         let p = calibrate(&problem, &settings, &mut ()).unwrap();
         assert!(!distrusted(&p), "seed {seed}: {:?}", p.trust().concerns);
@@ -414,7 +414,7 @@ fn intervals_after_fifty_simulations_are_known_and_as_well_as_they_say() {
     let by_quadrature = quadrature(&skewed, &QuadratureSettings::default()).unwrap();
     let of_skewed = [0, 3, 6].map(|k| by_quadrature.quantiles[0][k]);
     let mut found = Vec::new();
-    for seed in 1..=6 {
+    for seed in 1..=3 {
         let settings = Settings { seed, ..Settings::for_budget(50) };
         let p = calibrate(&line, &settings, &mut ()).unwrap();
         for j in 0..2 {

@@ -52,6 +52,7 @@ mod tests {
     /// A line with a slope and an intercept, of which a corner of the prior fails.
     fn planned(folder: &Path, overlap: usize) -> Planned {
         std::fs::write(folder.join("line.csv"), "t,y\n0,0.31\n1,0.79\n2,1.32\n").expect("a table");
+        let samples = 4 * overlap.max(30);
         let plan = format!(
             r#"name = "line"
 [parameters.a]
@@ -71,7 +72,7 @@ control = "t"
 noise = {{ kind = "fixed", sigma = 0.05 }}
 result = {{ file = "out.csv", control = "t", value = "y" }}
 [sampler]
-samples = 400
+samples = {samples}
 overlap = {overlap}
 "#
         );
@@ -177,7 +178,7 @@ overlap = {overlap}
         let determinant = aa * bb - ab * ab;
         let mean = [(bb * ra - ab * rb) / determinant, (aa * rb - ab * ra) / determinant];
         let sd = [(bb / determinant).sqrt(), (aa / determinant).sqrt()];
-        for overlap in [1, 100] {
+        for overlap in [1, 30] {
             let folder = tempfile::tempdir().expect("a folder");
             let files = drive(folder.path(), overlap, (64, 3, i64::MAX)).expect("a result");
             let record: serde_json::Value =

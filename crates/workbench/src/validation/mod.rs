@@ -128,7 +128,7 @@ mod tests {
 
     #[test]
     fn a_small_study_of_the_shipped_sampler_passes() {
-        let ranks = small(Noise::default(), 8192, 120);
+        let ranks = small(Noise::default(), 8192, 60);
         assert_eq!(ranks.ranked.len(), 9);
         assert!(ranks.markdown(1.0, 1).contains("| sigma |"));
         let picture = figure::figure(&ranks).render(Width::Full).expect("a figure");

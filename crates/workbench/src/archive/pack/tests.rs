@@ -48,7 +48,7 @@ fn whatever_files_are_called_the_archive_opens_again() {
     let odd = || "[a-bA-B:. \\\\\n\u{1b}äÄ]{1,4}";
     let name = prop_oneof![odd(), "[A-Ba-b./]{1,9}", Just("posterior.JSON".to_owned())];
     let names = || prop::collection::vec(name.clone(), 0..12);
-    let config = ProptestConfig { cases: 48, failure_persistence: None, ..Default::default() };
+    let config = ProptestConfig { cases: 24, failure_persistence: None, ..Default::default() };
     let mut runner = proptest::test_runner::TestRunner::new(config);
     runner
         .run(&(names(), names()), |(results, inputs)| {
