@@ -80,7 +80,7 @@ fn failures_that_were_counted_can_be_given_up_after_the_end_and_what_they_moved_
 #[test]
 #[ignore = "long: run by .ci/run"]
 fn what_was_placed_with_failures_can_be_kept_and_all_runs_count() {
-    let samples = 256;
+    let samples = 128;
     let quiet = line(samples, "0");
     quiet.run("--plan line.toml --quiet").succeeded();
     let sandbox = unreliable(

@@ -29,6 +29,9 @@ fn options(plan: &Plan, pair: &PairPlan, measured: &ObservablePlan) -> PairOptio
     let bare = measured.table == pair.experiment;
     let own_priors = plan.prior_source.as_ref().filter(|file| !file.starts_with("built-in "));
     let defaults = sampler_for(sampler.samples);
+    // With a number of one's own no process places samples, also where it is the default one.
+    let chosen =
+        sampler.iterations != defaults.iterations || sampler.surrogate != defaults.surrogate;
     PairOptions {
         material: pair.material.filter(|_| experiment.is_none() || bare),
         experiment: experiment.map(PathBuf::from),
@@ -40,7 +43,7 @@ fn options(plan: &Plan, pair: &PairPlan, measured: &ObservablePlan) -> PairOptio
         solver: pair.solver.forced.then_some(pair.solver.name),
         tolerance: pair.solver.tolerance,
         samples: sampler.samples,
-        iterations: (sampler.iterations != defaults.iterations).then_some(sampler.iterations),
+        iterations: chosen.then_some(sampler.iterations),
         ess: sampler.ess_target,
         seed: sampler.seed,
         proposal: plan.proposal.as_ref().map(|earlier| PathBuf::from(&earlier.from)),
@@ -181,6 +184,11 @@ mod tests {
                  --samples 512 --iterations 7 --ess 100 --seed 42"
             )
         );
+        // As many stages as by default, which a process places there.
+        let iterations = Some(sampler_for(300).iterations);
+        let plain = PairOptions { samples: 300, iterations, ..ps.clone() };
+        let words = "calibrate --material ps --samples 300 --iterations 25 --seed 1";
+        assert_eq!(of(&plain).as_deref(), Some(words));
         let other = PairOptions {
             material: None,
             experiment: Some("pa12-r30".into()),
