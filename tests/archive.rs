@@ -8,7 +8,7 @@ use crate::sandbox::{Sandbox, root};
 
 fn own_run(sandbox: &Sandbox) {
     sandbox.write("my.csv", "time_s,contact_ratio\n0.05,0.6\n0.1,0.8\n0.2,1.0\n0.5,1.05\n");
-    let run = "--material ps --experiment my.csv --samples 8192 --seed 3 --no-other-kinetics --out run -q";
+    let run = "--material ps --experiment my.csv --samples 8192 --seed 3 --out run -q";
     sandbox.run(run).succeeded();
 }
 

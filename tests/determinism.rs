@@ -4,12 +4,12 @@ use crate::sandbox::Sandbox;
 
 #[test]
 fn any_number_of_threads_writes_the_same_bytes() {
-    threads_do_not_matter("8192", &[1, 2, 7]);
+    threads_do_not_matter(8192, &[1, 2, 7]);
     // Placed by a process, in all of its ways.
-    threads_do_not_matter("48 --no-other-kinetics", &[1, 3]);
+    threads_do_not_matter(48, &[1, 3]);
 }
 
-fn threads_do_not_matter(samples: &str, threads: &[usize]) {
+fn threads_do_not_matter(samples: usize, threads: &[usize]) {
     let run = |threads: &usize| {
         let sandbox = Sandbox::new();
         let samples = format!("--samples {samples} --seed 11");

@@ -43,7 +43,7 @@ fn column(text: &str, name: &str) -> Vec<f64> {
 #[test]
 fn all_formats_have_the_same_draws_and_a_store_is_whole() {
     let sandbox = Sandbox::new();
-    sandbox.run("--material pa12 -n 50 --no-other-kinetics --out run").succeeded();
+    sandbox.run("--material pa12 -n 50 --out run").succeeded();
     let said = sandbox.run(&format!("export run {ALL}"));
     assert_eq!(said.succeeded().stdout.lines().count(), 4, "{said:#?}");
     let folder = sandbox.path().join("run/export");

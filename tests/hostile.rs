@@ -165,7 +165,7 @@ fn hostile(cases: u32, command: &str) {
         .expect("no panic");
 }
 
-const PAIR: &str = "--material ps --samples 32 --noise robust --no-other-kinetics -q --out good";
+const PAIR: &str = "--material ps --samples 32 --noise robust -q --out good";
 
 #[test]
 fn a_record_with_a_shorter_list_is_refused_by_the_name_of_the_list() {

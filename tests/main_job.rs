@@ -319,8 +319,7 @@ fn a_posterior_that_is_cut_off_edited_or_of_another_version_is_refused_with_its_
 fn a_run_that_cannot_succeed_ends_with_exit_1_the_reason_and_nothing_written() {
     let sandbox = Sandbox::new();
     // Far more certain measurements than any curve can meet: every likelihood is zero.
-    let ran = sandbox
-        .run("--material ps --noise fixed:1e-300 --samples 8192 --no-other-kinetics --out run");
+    let ran = sandbox.run("--material ps --noise fixed:1e-300 --samples 8192 --out run");
     assert_eq!(ran.code, 1, "{ran:#?}");
     assert!(ran.stderr.contains("evidence"), "{ran:#?}");
     assert!(!sandbox.path().join("run").exists());
@@ -377,9 +376,9 @@ fn one_observation_at_time_zero_and_the_fewest_samples_give_a_result_with_warnin
     // The process knows after fifty what few weighted samples do not.
     for (number, verdict) in [
         ("16", "NOT TO BE TRUSTED"),
-        ("17 --no-other-kinetics", "NOT TO BE TRUSTED"),
-        ("31 --no-other-kinetics", "NOT TO BE TRUSTED"),
-        ("50 --no-other-kinetics", "rough; means and evidence are known as by"),
+        ("17", "NOT TO BE TRUSTED"),
+        ("31", "NOT TO BE TRUSTED"),
+        ("50", "rough; means and evidence are known as by"),
     ] {
         let ran = sandbox.run(&format!("-m ps --samples {number} --out few"));
         assert!(ran.succeeded().stdout.contains(verdict), "{}", ran.stdout);

@@ -55,7 +55,7 @@ fn the_report_holds_the_summary_the_figures_the_command_and_the_sums_and_is_smal
 #[test]
 fn a_report_is_made_again_to_the_byte_and_also_of_a_run_that_has_none() {
     let sandbox = Sandbox::new();
-    sandbox.run("--material pa12 --samples 8192 --no-other-kinetics --out run").succeeded();
+    sandbox.run("--material pa12 --samples 8192 --out run").succeeded();
     let first = page(&sandbox, "run");
     fs::remove_file(sandbox.path().join("run/report.html")).expect("removed");
     let ran = sandbox.run("report run");

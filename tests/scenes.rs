@@ -52,7 +52,9 @@ fn frenkel(text: &str) -> String {
 /// A calibration with well-known times, and a scene of its kinetics.
 fn calibrated(scene: &str) -> Sandbox {
     let sandbox = Sandbox::new();
-    sandbox.run("--material pa12 --kinetics frenkel --samples 8192 --no-other-kinetics --out post --quiet").succeeded();
+    sandbox
+        .run("--material pa12 --kinetics frenkel --samples 8192 --no-other-kinetics --out post -q")
+        .succeeded();
     sandbox.write("scene.toml", scene);
     sandbox
 }
@@ -408,7 +410,7 @@ fn what_densify_cannot_use_is_refused_with_a_remedy() {
 fn draws_of_a_tuned_noise_and_of_another_powder_are_named_as_such() {
     let sandbox = Sandbox::new();
     sandbox
-        .run("--material pa12 --kinetics frenkel --noise ess-target:0.2 --samples 8192 --no-other-kinetics --out post --quiet")
+        .run("--material pa12 --kinetics frenkel --noise ess-target:0.2 --samples 8192 --out post --quiet")
         .succeeded();
     let scene = frenkel(PACKING)
         .replace("40.7e-3", "35.0e-3")

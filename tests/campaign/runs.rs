@@ -27,7 +27,6 @@ fn the_example_runs_and_finds_what_it_was_made_of() {
     ran.succeeded();
     assert!(ran.stdout.contains("stiffness"), "{}", ran.stdout);
     assert!(ran.stdout.lines().count() < 16, "{}", ran.stdout);
-    hold_impact(&sandbox.path().join("results/impact"));
     let file = sandbox.posterior("results/impact");
     for (place, truth) in [(0, 1000.0), (1, 0.0045)] {
         let median = file["parameters"][place]["in_si"]["median"].as_f64().expect("a number");
@@ -75,6 +74,7 @@ fn the_example_runs_and_finds_what_it_was_made_of() {
         sandbox.run(&format!("{command} plans")).refused(&["plans"]);
         sandbox.run(&format!("{command} nowhere")).refused(&["nowhere"]);
     }
+    hold_impact(&sandbox.path().join("results/impact"));
 }
 
 /// Moments of the parameters of a posterior.

@@ -126,7 +126,7 @@ mod tests {
         let watch = Kept::default();
         let folder = tempfile::tempdir().expect("a folder");
         let run = RunOptions { out: Some(folder.path().join("run")), ..RunOptions::default() };
-        calibration::run(&options(8192).plan().expect("a plan"), &run, &watch).expect("a run");
+        calibration::run(&options(4096).plan().expect("a plan"), &run, &watch).expect("a run");
         let begun = watch.begun.into_inner().expect("work");
         let names: Vec<_> = begun.iter().map(|(what, ..)| *what).collect();
         let steps = ["simulations", "steps to the posterior", "with correlated errors"];

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use smc_calib::{DistanceScale, FixedSigma, Noise};
 
 use super::heats::pairs;
-use super::pair::{PairOptions, sampler_for};
+use super::pair::PairOptions;
 use super::types::{ObservablePlan, PairPlan, Plan, SolverPlan};
 use crate::input::experiment::BUILT_IN_NAMES;
 
@@ -14,11 +14,14 @@ use crate::input::experiment::BUILT_IN_NAMES;
 pub fn command_line(plan: &Plan) -> Option<String> {
     let (_, pair) = pairs(&plan.experiments).next()?;
     let (_, measured) = plan.observables().next()?;
-    noise_options(&measured.noise).into_iter().find_map(|(noise, words)| {
-        let options = PairOptions { noise, ..options(plan, pair, measured) };
-        let same = options.plan().is_ok_and(|planned| planned.plan == *plan);
-        same.then(|| in_words(&options, &words))
-    })
+    let found = |iterations: Option<usize>| {
+        noise_options(&measured.noise).into_iter().find_map(|(noise, words)| {
+            let options = PairOptions { noise, iterations, ..options(plan, pair, measured) };
+            let same = options.plan().is_ok_and(|planned| planned.plan == *plan);
+            same.then(|| in_words(&options, &words))
+        })
+    };
+    found(None).or_else(|| found(Some(plan.sampler.iterations)))
 }
 
 fn options(plan: &Plan, pair: &PairPlan, measured: &ObservablePlan) -> PairOptions {
@@ -28,10 +31,6 @@ fn options(plan: &Plan, pair: &PairPlan, measured: &ObservablePlan) -> PairOptio
     let experiment = Some(experiment).filter(|_| !(is_built_in && by_default));
     let bare = measured.table == pair.experiment;
     let own_priors = plan.prior_source.as_ref().filter(|file| !file.starts_with("built-in "));
-    let defaults = sampler_for(sampler.samples);
-    // With a number of one's own no process places samples, also where it is the default one.
-    let chosen =
-        sampler.iterations != defaults.iterations || sampler.surrogate != defaults.surrogate;
     PairOptions {
         material: pair.material.filter(|_| experiment.is_none() || bare),
         experiment: experiment.map(PathBuf::from),
@@ -43,7 +42,6 @@ fn options(plan: &Plan, pair: &PairPlan, measured: &ObservablePlan) -> PairOptio
         solver: pair.solver.forced.then_some(pair.solver.name),
         tolerance: pair.solver.tolerance,
         samples: sampler.samples,
-        iterations: chosen.then_some(sampler.iterations),
         ess: sampler.ess_target,
         seed: sampler.seed,
         proposal: plan.proposal.as_ref().map(|earlier| PathBuf::from(&earlier.from)),
@@ -184,11 +182,18 @@ mod tests {
                  --samples 512 --iterations 7 --ess 100 --seed 42"
             )
         );
-        // As many stages as by default, which a process places there.
-        let iterations = Some(sampler_for(300).iterations);
-        let plain = PairOptions { samples: 300, iterations, ..ps.clone() };
-        let words = "calibrate --material ps --samples 300 --iterations 25 --seed 1";
-        assert_eq!(of(&plain).as_deref(), Some(words));
+        // Chosen, though as many as by default: no process places these.
+        for (samples, stages) in [(300, 25), (4096, 8)] {
+            let plain = PairOptions { samples, iterations: Some(stages), ..ps.clone() };
+            let words = format!(
+                "calibrate --material ps --samples {samples} --iterations {stages} --seed 1"
+            );
+            assert_eq!(of(&plain), Some(words));
+        }
+        let tuned = Noise::EssTarget { share: 0.2 };
+        let tuned = PairOptions { samples: 4096, noise: tuned, ..ps.clone() };
+        let words = "calibrate --material ps --noise ess-target:0.2 --samples 4096 --seed 1";
+        assert_eq!(of(&tuned).as_deref(), Some(words));
         let other = PairOptions {
             material: None,
             experiment: Some("pa12-r30".into()),
