@@ -325,4 +325,4 @@ else
         echo "skipped: the cases with accounts; not installed: $lacking (as root: tests/slurm/cluster.sh install)"
     fi
 fi
-echo "all cases on Slurm passed in $SECONDS s"
+echo "passed on Slurm: ${*:-all cases} ($SECONDS s)"
