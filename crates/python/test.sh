@@ -3,7 +3,7 @@
 # without Rust; then the module's tests, its types, its notebooks. Needs Rust, a Python and PyPI; what is not to be had is SKIPPED.
 #
 #   crates/python/test.sh            all
-#   SHORT=1 crates/python/test.sh    by the oldest and the newest Python, without notebooks and the packages that need an environment of their own
+#   SHORT=1 crates/python/test.sh    by the oldest and the newest Python, without notebooks, the guide's code and the packages that need an environment of their own
 #   crates/python/test.sh ARGS...    the module's tests alone, with these arguments for pytest
 #   PYTHONS="FILE..." crates/python/test.sh   with these interpreters
 set -euo pipefail
@@ -120,8 +120,8 @@ if [ $# != 0 ]; then
     tested tests "$@"
     exit 0
 elif [ -n "$short" ]; then
-    tested tests --ignore tests/test_notebooks.py
-    skip "notebooks, GrainLearning and ArviZ below 1: this is the short form"
+    tested tests --ignore tests/test_notebooks.py --ignore tests/test_guide.py
+    skip "notebooks, the guide's code, GrainLearning and ArviZ below 1: this is the short form"
     exit 0
 fi
 tested tests
