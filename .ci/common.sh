@@ -18,6 +18,8 @@ install() {
         echo "SKIPPED: $* cannot be installed here (apt-get failed, see above)"
     fi
 }
+# Whether Slurm is here; with ACCOUNTING=1 also what its accounts need.
+has_slurm() { tests/slurm/cluster.sh missing >/dev/null; }
 # Prints how long its command took.
 timed() {
     local begin=$SECONDS

@@ -49,10 +49,15 @@ mod tests {
     use std::path::Path;
     use std::sync::atomic::{AtomicI64, Ordering};
 
+    /// Number of samples: four times the overlap at least.
+    fn samples(overlap: usize) -> usize {
+        4 * overlap.max(30)
+    }
+
     /// A line with a slope and an intercept, of which a corner of the prior fails.
     fn planned(folder: &Path, overlap: usize) -> Planned {
         std::fs::write(folder.join("line.csv"), "t,y\n0,0.31\n1,0.79\n2,1.32\n").expect("a table");
-        let samples = 4 * overlap.max(30);
+        let samples = samples(overlap);
         let plan = format!(
             r#"name = "line"
 [parameters.a]
@@ -154,7 +159,7 @@ overlap = {overlap}
                 let stormy = loop {
                     let slots = 3 + 29 * seed as usize;
                     // Another order after every stop.
-                    let after = overlap.max(30) as i64 + 3 * seed as i64;
+                    let after = samples(overlap) as i64 / 4 + 3 * seed as i64;
                     let way = (slots + stops, seed + 10 * stops as u64, after);
                     match drive(folder.path(), overlap, way) {
                         Some(files) => break files,
