@@ -38,6 +38,7 @@ fn positive_root(_: usize, rest: f64) -> Option<f64> {
 }
 
 /// Product of two vectors of equal length, summed in [`LANES`] lanes.
+#[inline(always)]
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let (a_blocks, a_rest) = a.as_chunks::<LANES>();
     let (b_blocks, b_rest) = b.as_chunks::<LANES>();
@@ -188,6 +189,50 @@ fn solve_columns<const W: usize>(factor: &[f64], values: &mut [f64], n: usize, f
     for (row, blocks) in values.chunks_exact_mut(m).zip(&blocks) {
         row[from..].iter_mut().zip(blocks.as_flattened()).for_each(|(v, b)| *v = *b);
     }
+}
+
+/// `factor^-T values` of n rows, the factor lower triangular; both row by row.
+pub(crate) fn upper_solve(factor: &[f64], mut values: Vec<f64>, n: usize) -> Vec<f64> {
+    let m = values.len() / n;
+    wide(
+        #[inline(always)]
+        || {
+            for i in (0..n).rev() {
+                let (before, rest) = values.split_at_mut(i * m);
+                let row = &mut rest[..m];
+                row.iter_mut().for_each(|r| *r /= factor[i * n + i]);
+                for (l, other) in factor[i * n..].iter().zip(before.chunks_exact_mut(m)) {
+                    other.iter_mut().zip(&*row).for_each(|(o, r)| *o -= l * r);
+                }
+            }
+        },
+    );
+    values
+}
+
+/// Lower triangle, row by row, of the inverse of `factor factor^T`, the factor lower triangular.
+pub(crate) fn inverse_of_factored(factor: &[f64], n: usize) -> Vec<f64> {
+    wide(
+        #[inline(always)]
+        || {
+            // Columns of the factor's inverse, as rows.
+            let mut columns = vec![0.0; n * n];
+            for (j, column) in columns.chunks_exact_mut(n).enumerate() {
+                column[j] = 1.0 / factor[j * n + j];
+                for i in j + 1..n {
+                    let row = &factor[i * n..i * n + i];
+                    column[i] = -dot(&row[j..], &column[j..i]) / factor[i * n + i];
+                }
+            }
+            let mut inverse = vec![0.0; n * n];
+            for (i, own) in columns.chunks_exact(n).enumerate() {
+                for (j, other) in columns.chunks_exact(n).take(i + 1).enumerate() {
+                    inverse[i * n + j] = dot(&own[i..], &other[i..]);
+                }
+            }
+            inverse
+        },
+    )
 }
 
 /// Inverse of a lower triangular factor, lower triangle packed row by row.
@@ -350,6 +395,30 @@ mod tests {
                 }
             }
             assert_eq!(lower_solve(&factor, values, n), exact, "{n} {m}");
+        }
+    }
+
+    #[test]
+    fn the_inverse_of_a_factored_matrix_times_it_is_one_and_solves_both_of_its_systems() {
+        for n in 1..=45 {
+            let matrix = products(n, n, 0.1);
+            let factor = large_cholesky(&matrix, n).expect("definite");
+            let lower = inverse_of_factored(&factor, n);
+            let inverse = |i: usize, j: usize| lower[i.max(j) * n + i.min(j)];
+            for i in 0..n {
+                for j in 0..n {
+                    let sum: f64 = (0..n).map(|k| inverse(i, k) * matrix[k * n + j]).sum();
+                    let one = f64::from(u8::from(i == j));
+                    assert!((sum - one).abs() < 1e-9, "{n} {i} {j}: {sum}");
+                }
+            }
+            let m = 3;
+            let values = normals(n * m, &mut stream(n as u64, Purpose::Errors, 0, 1));
+            let solved = upper_solve(&factor, lower_solve(&factor, values.clone(), n), n);
+            for (i, c) in (0..n).flat_map(|i| (0..m).map(move |c| (i, c))) {
+                let exact: f64 = (0..n).map(|k| inverse(i, k) * values[k * m + c]).sum();
+                assert!((solved[i * m + c] - exact).abs() < 1e-9, "{n} {i} {c}");
+            }
         }
     }
 }

@@ -2,6 +2,7 @@
 // Loops over matrix rows and columns read like the formulas they compute.
 #![allow(clippy::needless_range_loop)]
 
+mod bfgs;
 mod calibrate;
 mod cholesky;
 mod cloud;

@@ -54,7 +54,7 @@ pub(crate) fn best_of(
 
 /// Maximises `value` from `start`, the first simplex along `axes` (row by row); at most about `budget`
 /// evaluations. Returns the best point, its value, and the evaluations used.
-pub(crate) fn maximise(
+fn maximise(
     start: &[f64],
     axes: &[f64],
     budget: usize,

@@ -1,7 +1,9 @@
 //! Covariances of a Gaussian process, their evidence, and the fit of one.
 
 use super::metric::Metric;
-use crate::cholesky::{large_cholesky, lower_solve, packed_inverse};
+use crate::cholesky::{
+    dot, inverse_of_factored, large_cholesky, lower_solve, packed_inverse, upper_solve,
+};
 use crate::lanes::{LANES, exp_of_nonpositive, wide};
 use rayon::prelude::*;
 
@@ -11,6 +13,8 @@ const SCALES: [f64; 6] = [0.3, 1.0, 4.0, 16.0, 64.0, 256.0];
 const LENGTHS: [f64; 4] = [0.7, 1.5, 3.0, 6.0];
 /// Candidates for the factor on the nuggets.
 const NUGGETS: [f64; 3] = [1.0, 0.1, 0.01];
+/// Share of a variance that is added to it.
+const ROUNDING: f64 = 1e-11;
 /// Nugget up to which the factor of a covariance acts: what far samples are off by beyond it does not shrink with it.
 const NEAR: f64 = 0.6;
 
@@ -74,6 +78,28 @@ impl Kernel {
                 }),
             },
         );
+    }
+
+    /// Slopes of these covariances by the squares of the distances.
+    fn slopes(&self, a: &[f64], points: &Points, out: &mut [f64]) {
+        let variance = self.scale * self.scale;
+        wide(
+            #[inline(always)]
+            || match self.shape {
+                Shape::Matern => points.each(a, out, |_, square| {
+                    let s = (5.0 * square).sqrt();
+                    -5.0 / 6.0 * variance * (1.0 + s) * exp_of_nonpositive(-s)
+                }),
+                Shape::SquaredExponential => points
+                    .each(a, out, |_, square| -0.5 * variance * exp_of_nonpositive(-0.5 * square)),
+            },
+        );
+    }
+
+    /// Standard deviation of a sample's nugget, and its slope by the logarithm of the factor.
+    fn nugget_of(&self, nugget: f64) -> [f64; 2] {
+        let near = self.nugget * nugget.min(NEAR);
+        [near + (nugget - NEAR).max(0.0), near]
     }
 }
 
@@ -157,6 +183,56 @@ impl Samples<'_> {
         let half = HalfFit::new(self, kernel);
         half.map_or(f64::NEG_INFINITY, |half| half.evidence(m) + kernel.metric.ln_prior())
     }
+
+    /// The same, and its slopes (C. E. Rasmussen, C. K. I. Williams (2006), section 5.4.1): by an element of the covariance K they are those
+    /// of `(a a^T - m K^-1)/2` with `a = K^-1 values`.
+    pub(super) fn evidence_and_slopes(&self, m: usize, kernel: &Kernel) -> Option<(f64, Slopes)> {
+        let Samples { d, points, nuggets, .. } = *self;
+        let n = nuggets.len();
+        let half = HalfFit::new(self, kernel)?;
+        let evidence = half.evidence(m) + kernel.metric.ln_prior();
+        let HalfFit { points: ready, factor, solved } = half;
+        let mut by = inverse_of_factored(&factor, n);
+        let (a, width) = (upper_solve(&factor, solved, n), self.values.len() / n);
+        let rows = kernel.extended(points, d);
+        let alone = Kernel { size: 0.0, ..kernel.clone() };
+        let (mut covariances, mut slopes) = (vec![0.0; n], vec![0.0; n]);
+        let (mut scale, mut nugget, mut by_measured) = (0.0, 0.0, vec![0.0; n * d]);
+        for (i, row) in rows.chunks_exact(2 * d).enumerate() {
+            let by = &mut by[i * n..=i * n + i];
+            for (j, by) in by.iter_mut().enumerate() {
+                let product = dot(&a[i * width..(i + 1) * width], &a[j * width..(j + 1) * width]);
+                *by = 0.5 * (product - m as f64 * *by);
+            }
+            alone.row(row, &ready, &mut covariances[..=i]);
+            kernel.slopes(row, &ready, &mut slopes[..i]);
+            // Every element below the diagonal stands for two.
+            let [of_nugget, near] = kernel.nugget_of(nuggets[i]);
+            nugget += 2.0 * by[i] * of_nugget * near;
+            scale += 4.0 * dot(&by[..i], &covariances[..i]);
+            scale += 2.0 * by[i] * covariances[i] * (1.0 + ROUNDING);
+            let (before, own) = by_measured.split_at_mut(i * d);
+            let others = rows.chunks_exact(2 * d).zip(before.chunks_exact_mut(d));
+            for ((by, slope), (other, before)) in by.iter().zip(&slopes[..i]).zip(others) {
+                let by = 4.0 * by * slope;
+                for k in 0..d {
+                    let way = by * (row[d + k] - other[d + k]);
+                    own[k] += way;
+                    before[k] -= way;
+                }
+            }
+        }
+        let metric = kernel.metric.slopes(points, &by_measured);
+        Some((evidence, Slopes { scale, metric, nugget }))
+    }
+}
+
+/// Slopes of the evidence by the logarithms of the scale, of the lengths and of the factor on the nuggets, and by how coordinates are
+/// mixed and bent.
+pub(super) struct Slopes {
+    pub(super) scale: f64,
+    pub(super) metric: Metric,
+    pub(super) nugget: f64,
 }
 
 /// What the evidence of one kernel takes: half of the way to the process.
@@ -177,8 +253,8 @@ impl HalfFit {
         let mut matrix = vec![0.0; n * n];
         for (i, row) in rows.chunks_exact(2 * d).enumerate() {
             k.row(row, &points, &mut matrix[i * n..=i * n + i]);
-            let nugget = k.nugget * nuggets[i].min(NEAR) + (nuggets[i] - NEAR).max(0.0);
-            matrix[i * n + i] = matrix[i * n + i] * (1.0 + 1e-11) + nugget * nugget;
+            let [nugget, _] = k.nugget_of(nuggets[i]);
+            matrix[i * n + i] = matrix[i * n + i] * (1.0 + ROUNDING) + nugget * nugget;
         }
         let factor = large_cholesky(&matrix, n)?;
         let solved = lower_solve(&factor, values.to_vec(), n);
@@ -204,16 +280,8 @@ pub(super) struct Fit {
 impl Fit {
     pub(super) fn new(samples: &Samples<'_>, k: &Kernel) -> Option<Self> {
         let n = samples.nuggets.len();
-        let m = samples.values.len() / n;
-        let HalfFit { points, factor, solved: mut c } = HalfFit::new(samples, k)?;
-        for i in (0..n).rev() {
-            let (before, rest) = c.split_at_mut(i * m);
-            let row = &mut rest[..m];
-            row.iter_mut().for_each(|r| *r /= factor[i * n + i]);
-            for (l, other) in factor[i * n..].iter().zip(before.chunks_exact_mut(m)) {
-                other.iter_mut().zip(&*row).for_each(|(o, r)| *o -= l * r);
-            }
-        }
+        let HalfFit { points, factor, solved } = HalfFit::new(samples, k)?;
+        let c = upper_solve(&factor, solved, n);
         c.iter().all(|c| c.is_finite()).then_some(Self { points, coefficients: c, factor })
     }
 
@@ -236,5 +304,52 @@ impl Fit {
         let off =
             rows.flat_map(|(row, d)| row.iter().zip(units).map(move |(c, unit)| unit * c / d));
         [off.collect(), diagonal.iter().map(|d| 1.0 / d).collect()]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slopes_of_the_evidence_are_those_of_its_differences() {
+        let (n, d, m) = (17, 3, 5);
+        let wave = |by: f64, count: usize| (0..count).map(move |i| (1.0 + by * i as f64).sin());
+        let points: Vec<f64> = wave(0.754_877_67, n * d).collect();
+        // Two columns that stand for five.
+        let values: Vec<f64> = wave(1.324_717_96, n * 2).collect();
+        let nuggets: Vec<f64> = (0..n).map(|i| 0.05 * i as f64).collect();
+        let samples = Samples { d, points: &points, values: &values, nuggets: &nuggets };
+        for shape in [Shape::Matern, Shape::SquaredExponential] {
+            let kernel = |x: &[f64]| Kernel {
+                shape,
+                size: 2.0,
+                scale: x[0].exp(),
+                metric: Metric {
+                    lengths: x[1..4].iter().map(|x| x.exp()).collect(),
+                    mixed: x[5..8].to_vec(),
+                    bent: x[8..].to_vec(),
+                },
+                nugget: x[4].exp(),
+            };
+            let at = [0.3, -0.5, 0.2, 0.9, -0.7, 0.4, -0.6, 0.3, 0.8, 0.0, -1.7];
+            let (evidence, slopes) =
+                samples.evidence_and_slopes(m, &kernel(&at)).expect("definite");
+            assert!((evidence - samples.evidence(m, &kernel(&at))).abs() < 1e-9);
+            let Metric { lengths, mixed, bent } = slopes.metric;
+            let found = [&[slopes.scale][..], &lengths, &[slopes.nugget], &mixed, &bent].concat();
+            for (i, found) in found.iter().enumerate() {
+                let off = |by: f64| {
+                    let mut x = at;
+                    x[i] += by;
+                    samples.evidence(m, &kernel(&x))
+                };
+                let exact = (8.0 * (off(1e-3) - off(-1e-3)) - (off(2e-3) - off(-2e-3))) / 12e-3;
+                assert!(
+                    (found - exact).abs() < 1e-6 * exact.abs().max(1.0),
+                    "{i}: {found} {exact}"
+                );
+            }
+        }
     }
 }

@@ -43,10 +43,54 @@ impl Metric {
             |values: &[f64], sd: f64| -0.5 * values.iter().map(|v| (v / sd).powi(2)).sum::<f64>();
         of(&self.mixed, MIXED) + of(&self.bent, BENT)
     }
+
+    /// Slopes, by the logarithms of the lengths, the mixes and the bends, of that log density plus something that has these slopes by the
+    /// coordinates which distances of points are measured in, row by row.
+    pub(super) fn slopes(&self, points: &[f64], by_measured: &[f64]) -> Self {
+        let d = self.lengths.len();
+        let prior = |values: &[f64], sd: f64| values.iter().map(|v| -v / (sd * sd)).collect();
+        let (mixed, bent) = (prior(&self.mixed, MIXED), prior(&self.bent, BENT));
+        let mut slopes = Self { lengths: vec![0.0; d], mixed, bent };
+        let mut bent = vec![0.0; d];
+        for (x, by) in points.chunks_exact(d).zip(by_measured.chunks_exact(d)) {
+            bent.copy_from_slice(x);
+            bent.iter_mut().zip(&self.bent).for_each(|(x, w)| *x = bend(*x, *w));
+            // Of every bent coordinate, by those that it is mixed into.
+            let mut by_bent = vec![0.0; d];
+            for k in 0..d {
+                let by = by[k] / self.lengths[k];
+                let mut measured = bent[k];
+                by_bent[k] += by;
+                if !self.mixed.is_empty() {
+                    let at = k * k.saturating_sub(1) / 2;
+                    for l in 0..k {
+                        measured += self.mixed[at + l] * bent[l];
+                        slopes.mixed[at + l] += by * bent[l];
+                        by_bent[l] += by * self.mixed[at + l];
+                    }
+                }
+                slopes.lengths[k] -= by * measured;
+            }
+            for (l, (s, w)) in slopes.bent.iter_mut().zip(&self.bent).enumerate() {
+                *s += by_bent[l] * bend_slope(x[l], *w);
+            }
+        }
+        slopes
+    }
 }
 
 fn bend(x: f64, w: f64) -> f64 {
     if w.abs() < 1e-6 { x } else { 2.0 * (0.5 * w * (x + 1.0)).exp_m1() / w.exp_m1() - 1.0 }
+}
+
+/// Slope of [`bend`] by w.
+fn bend_slope(x: f64, w: f64) -> f64 {
+    let at = 0.5 * (x + 1.0);
+    if w.abs() < 1e-4 {
+        return at * (at - 1.0);
+    }
+    let (part, whole) = ((at * w).exp_m1(), w.exp_m1());
+    2.0 * (at * (part + 1.0) - part * (whole + 1.0) / whole) / whole
 }
 
 #[cfg(test)]
@@ -80,6 +124,7 @@ mod tests {
         for x in [-1.0, -0.3, 0.5, 1.0] {
             for w in [-1e-5, -1e-7, 0.0, 1e-7, 1e-5] {
                 assert!((bend(x, w) - x).abs() < 1e-5, "{x} {w}");
+                assert!((bend_slope(x, w) - 0.25 * (x * x - 1.0)).abs() < 1e-4, "{x} {w}");
             }
         }
     }

@@ -1,0 +1,169 @@
+//! Maximum of a smooth function within a box, from its slopes: the quasi-Newton method of Broyden, Fletcher, Goldfarb and Shanno, with
+//! steps that end at the sides of the box.
+//!
+//! J. Nocedal, S. J. Wright, Numerical Optimization (2006), section 6.1; D. P. Bertsekas, SIAM J. Control Optim. 20 (1982) 221.
+
+use crate::cholesky::dot;
+
+/// Largest change of a number by one step.
+const MOST: f64 = 1.5;
+/// Share of what its slope promises that a step must give, and what it is shortened by otherwise.
+const LEAST_GAIN: f64 = 1e-4;
+const SHORTER: [f64; 2] = [0.1, 0.5];
+/// Promised gain below which nothing is left to be done.
+const SETTLED: f64 = 1e-3;
+
+/// Maximises a function from `start`, every number between two limits, with at most so many evaluations of it and its slopes; the best point
+/// and its value, which is `NEG_INFINITY` where the function has none at the start.
+pub(crate) fn climb(
+    start: &[f64],
+    limits: &[[f64; 2]],
+    evaluations: usize,
+    of: &mut dyn FnMut(&[f64]) -> Option<(f64, Vec<f64>)>,
+) -> (Vec<f64>, f64) {
+    let mut x = start.to_vec();
+    let Some((mut value, mut slopes)) = of(&x) else { return (x, f64::NEG_INFINITY) };
+    let mut inverse = Inverse::first(&slopes);
+    let mut used = 1;
+    while used < evaluations {
+        let held = |i: usize| {
+            let [least, most] = limits[i];
+            x[i] <= least && slopes[i] < 0.0 || x[i] >= most && slopes[i] > 0.0
+        };
+        let free: Vec<bool> = (0..x.len()).map(|i| !held(i)).collect();
+        let mut step = inverse.times(&slopes, &free);
+        let mut promised = dot(&step, &slopes);
+        if promised <= 0.0 {
+            inverse = Inverse::first(&slopes);
+            step = inverse.times(&slopes, &free);
+            promised = dot(&step, &slopes);
+        }
+        if promised.is_nan() || promised < SETTLED {
+            break;
+        }
+        let longest = step.iter().fold(0.0, |most: f64, s| most.max(s.abs()));
+        let mut length = (MOST / longest).min(1.0);
+        let found = loop {
+            if used == evaluations {
+                break None;
+            }
+            let ends = x.iter().zip(&step).zip(limits);
+            let next: Vec<f64> =
+                ends.map(|((x, s), [least, most])| (x + length * s).clamp(*least, *most)).collect();
+            let moved: Vec<f64> = next.iter().zip(&x).map(|(next, x)| next - x).collect();
+            let by_slope = dot(&moved, &slopes);
+            used += 1;
+            let at_next = of(&next);
+            match at_next {
+                Some((v, s)) if v - value >= LEAST_GAIN * by_slope => {
+                    break Some((next, moved, v, s));
+                }
+                Some((v, _)) => {
+                    // The top of the parabola through both values and the slope.
+                    let bent = 2.0 * (by_slope - (v - value));
+                    let shorter = if bent > 0.0 { by_slope / bent } else { SHORTER[1] };
+                    length *= shorter.clamp(SHORTER[0], SHORTER[1]);
+                }
+                None => length *= SHORTER[0],
+            }
+            if length * promised < SETTLED {
+                break None;
+            }
+        };
+        let Some((next, moved, next_value, next_slopes)) = found else { break };
+        let bent: Vec<f64> = slopes.iter().zip(&next_slopes).map(|(a, b)| a - b).collect();
+        inverse.update(&moved, &bent, used == 2);
+        (x, value, slopes) = (next, next_value, next_slopes);
+    }
+    (x, value)
+}
+
+/// Inverse of the negative curvature, row by row.
+struct Inverse(Vec<f64>);
+
+impl Inverse {
+    /// Before any step: the first one is as long as one may be, along the slopes.
+    fn first(slopes: &[f64]) -> Self {
+        let n = slopes.len();
+        let steepest = slopes.iter().fold(0.0, |most: f64, s| most.max(s.abs()));
+        let mut rows = vec![0.0; n * n];
+        (0..n).for_each(|i| rows[i * n + i] = 0.5 / steepest);
+        Self(rows)
+    }
+
+    /// Its product with the slopes, of the numbers that are free alone.
+    fn times(&self, slopes: &[f64], free: &[bool]) -> Vec<f64> {
+        let of = |i: usize| if free[i] { slopes[i] } else { 0.0 };
+        let slopes: Vec<f64> = (0..slopes.len()).map(of).collect();
+        let rows = self.0.chunks_exact(slopes.len()).zip(free);
+        rows.map(|(row, free)| if *free { dot(row, &slopes) } else { 0.0 }).collect()
+    }
+
+    /// With what a step along `moved` has shown: slopes fell by `bent`. After the first step it has the scale of that.
+    fn update(&mut self, moved: &[f64], bent: &[f64], first: bool) {
+        let (n, along) = (moved.len(), dot(moved, bent));
+        if along.is_nan() || along <= 1e-9 * (dot(moved, moved) * dot(bent, bent)).sqrt() {
+            return;
+        }
+        if first {
+            let scale = along / dot(bent, bent);
+            (0..n).for_each(|i| self.0[i * n + i] = scale);
+        }
+        let by: Vec<f64> = self.0.chunks_exact(n).map(|row| dot(row, bent)).collect();
+        let factor = (1.0 + dot(&by, bent) / along) / along;
+        for (i, row) in self.0.chunks_exact_mut(n).enumerate() {
+            for (j, h) in row.iter_mut().enumerate() {
+                *h += factor * moved[i] * moved[j] - (by[i] * moved[j] + moved[i] * by[j]) / along;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_top_of_a_bent_ridge_is_found_within_its_sides() {
+        let ridge = |x: &[f64]| {
+            let (a, b) = (1.0 - x[0], x[1] - x[0] * x[0]);
+            let slopes = vec![2.0 * a + 80.0 * b * x[0], -40.0 * b];
+            Some((-a * a - 20.0 * b * b, slopes))
+        };
+        let climbed = |most: f64| climb(&[-1.2, 1.0], &[[-2.0, most]; 2], 80, &mut { ridge });
+        let (x, value) = climbed(2.0);
+        assert!((x[0] - 1.0).abs() < 0.05 && (x[1] - 1.0).abs() < 0.1, "{x:?} {value}");
+        assert!(value > -1e-3, "{value}");
+        // At a side the best along it.
+        let (x, _) = climbed(0.5);
+        assert!(x[0] == 0.5 && (x[1] - 0.25).abs() < 0.01, "{x:?}");
+    }
+
+    #[test]
+    fn nothing_is_asked_outside_the_box_or_more_often_than_is_allowed() {
+        for most in 1..40 {
+            let mut asked = 0;
+            let mut plane = |x: &[f64]| {
+                asked += 1;
+                assert!(x.iter().all(|x| (-1.0..=1.0).contains(x)), "{x:?}");
+                Some((3.0 * x[0] - x[1], vec![3.0, -1.0]))
+            };
+            let (x, value) = climb(&[0.0, 0.0], &[[-1.0, 1.0]; 2], most, &mut plane);
+            assert!(asked <= most, "{asked} {most}");
+            if most >= 9 {
+                assert_eq!((x, value), (vec![1.0, -1.0], 4.0));
+            }
+        }
+        let (x, value) = climb(&[0.3], &[[-1.0, 1.0]], 9, &mut |_| None);
+        assert_eq!((x, value), (vec![0.3], f64::NEG_INFINITY));
+    }
+
+    #[test]
+    fn where_the_function_ends_steps_are_shortened() {
+        // A logarithm that ends at 0; its top is where 1/x = 4.
+        let mut value =
+            |x: &[f64]| (x[0] > 0.0).then(|| (x[0].ln() - 4.0 * x[0], vec![1.0 / x[0] - 4.0]));
+        let (x, _) = climb(&[1.2], &[[-9.0, 9.0]], 40, &mut value);
+        assert!((x[0] - 0.25).abs() < 0.02, "{x:?}");
+    }
+}
