@@ -13,13 +13,16 @@ const SHORTER: [f64; 2] = [0.1, 0.5];
 /// Promised gain below which nothing is left to be done.
 const SETTLED: f64 = 1e-3;
 
+/// A value of a function, and its slopes there.
+pub(crate) type Sloped = (f64, Vec<f64>);
+
 /// Maximises a function from `start`, every number between two limits, with at most so many evaluations of it and its slopes; the best point
 /// and its value, which is `NEG_INFINITY` where the function has none at the start.
 pub(crate) fn climb(
     start: &[f64],
     limits: &[[f64; 2]],
     evaluations: usize,
-    of: &mut dyn FnMut(&[f64]) -> Option<(f64, Vec<f64>)>,
+    of: &mut dyn FnMut(&[f64]) -> Option<Sloped>,
 ) -> (Vec<f64>, f64) {
     let mut x = start.to_vec();
     let Some((mut value, mut slopes)) = of(&x) else { return (x, f64::NEG_INFINITY) };
@@ -151,7 +154,7 @@ mod tests {
             let (x, value) = climb(&[0.0, 0.0], &[[-1.0, 1.0]; 2], most, &mut plane);
             assert!(asked <= most, "{asked} {most}");
             if most >= 9 {
-                assert_eq!((x, value), (vec![1.0, -1.0], 4.0));
+                assert!((x[0] - 1.0).hypot(x[1] + 1.0) < 1e-12 && value > 4.0 - 1e-9, "{x:?}");
             }
         }
         let (x, value) = climb(&[0.3], &[[-1.0, 1.0]], 9, &mut |_| None);

@@ -126,7 +126,7 @@ pub(crate) mod tests {
     #[test]
     fn draws_of_curves_have_the_mean_that_two_normal_densities_have() {
         const DRAWS: usize = 4000;
-        let pool = &sampled(&Three, 9);
+        let pool = &sampled(&Three, 10);
         let stand_in = through_all(&Three, pool);
         assert!(stand_in.runs_through_all(pool));
         // Errors are hardly larger than the process says.
