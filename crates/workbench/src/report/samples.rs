@@ -426,15 +426,20 @@ mod tests {
 
     #[test]
     fn samples_and_draws_of_few_simulations_read_back_as_they_were_moved() {
-        let options = PairOptions {
-            material: Some(Material::Pa12),
-            samples: 32,
-            seed: 2,
-            ..PairOptions::default()
+        // The first of some seeds whose weights cannot have the moments that are known.
+        let run = |seed: u64| {
+            let options = PairOptions {
+                material: Some(Material::Pa12),
+                samples: 32,
+                seed,
+                ..PairOptions::default()
+            };
+            let planned = options.plan().expect("a plan");
+            Calibration::run(&planned, &Unwatched::default()).expect("a posterior")
         };
-        let planned = options.plan().expect("a plan");
+        let moved = |found: &Calibration| !SampleColumns::of(&found.posterior).moved.is_empty();
         let Calibration { record, posterior } =
-            Calibration::run(&planned, &Unwatched::default()).expect("a posterior");
+            (1..=20).map(run).find(moved).expect("a run with moved samples");
         let all = SampleColumns::of(&posterior);
         assert_eq!(parse_samples("samples.csv", &samples_csv(&posterior), 3), Ok(all.clone()));
         let folder = tempfile::tempdir().expect("a folder");
