@@ -428,14 +428,9 @@ mod tests {
     fn samples_and_draws_of_few_simulations_read_back_as_they_were_moved() {
         // The first of some seeds whose weights cannot have the moments that are known.
         let run = |seed: u64| {
-            let options = PairOptions {
-                material: Some(Material::Pa12),
-                samples: 32,
-                seed,
-                ..PairOptions::default()
-            };
-            let planned = options.plan().expect("a plan");
-            Calibration::run(&planned, &Unwatched::default()).expect("a posterior")
+            let material = Some(Material::Pa12);
+            let options = PairOptions { material, samples: 32, seed, ..PairOptions::default() };
+            Calibration::run(&options.plan().expect("a plan"), &Unwatched::default()).expect("runs")
         };
         let moved = |found: &Calibration| !SampleColumns::of(&found.posterior).moved.is_empty();
         let Calibration { record, posterior } =
