@@ -36,13 +36,8 @@ pub(crate) fn climb(
             x[i] <= least && slopes[i] < 0.0 || x[i] >= most && slopes[i] > 0.0
         };
         let free: Vec<bool> = (0..x.len()).map(|i| !held(i)).collect();
-        let mut step = inverse.times(&slopes, &free);
-        let mut promised = dot(&step, &slopes);
-        if promised <= 0.0 {
-            inverse = Inverse::first(&slopes);
-            step = inverse.times(&slopes, &free);
-            promised = dot(&step, &slopes);
-        }
+        let step = inverse.times(&slopes, &free);
+        let promised = dot(&step, &slopes);
         if promised.is_nan() || promised < SETTLED {
             break;
         }

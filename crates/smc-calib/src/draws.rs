@@ -1,5 +1,6 @@
 //! The equally weighted draws of a posterior: of its samples, or of a process that knows more than few of them do.
 
+use crate::cholesky::rows_of;
 use crate::control::ByProcess;
 use crate::estimate::{Bins, Estimator};
 use crate::joint::JointProblem;
@@ -126,8 +127,7 @@ impl Drawn {
         let mut rng = stream(settings.seed, Purpose::Draws, 2, 0);
         let mut chosen = systematic(&weights, count, rng.random());
         chosen.shuffle(&mut rng);
-        let rows: Vec<f64> =
-            chosen.iter().flat_map(|i| &points[i * d..(i + 1) * d]).copied().collect();
+        let rows = rows_of(&points, d, &chosen);
         let column = |j: usize| rows.iter().skip(j).step_by(d).copied().collect::<Vec<f64>>();
         let z: Vec<Vec<f64>> = (0..d).map(column).collect();
         let of = |(z, p): (&Vec<f64>, &Parameter)| z.iter().map(|z| p.prior.from_z(*z)).collect();

@@ -156,12 +156,11 @@ impl GaussianProcess {
             // Coefficients of the mean: of the size of the values.
             let size = 1.0 + values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64;
             let narrowed = narrow(&values, data.chosen.len());
-            let found = |place: Place, kernel: &dyn Fn(&Samples<'_>) -> Option<Kernel>| {
+            let found = |place: Place, kernel: &dyn Fn(&Samples<'_>) -> Option<(Kernel, f64)>| {
                 let points = at(&place);
                 let nuggets = data.nuggets;
                 let samples = Samples { d, points: &points, values: &narrowed, nuggets };
-                let kernel = kernel(&samples)?;
-                let evidence = samples.evidence(m, &kernel);
+                let (kernel, evidence) = kernel(&samples)?;
                 evidence.is_finite().then_some((evidence, (Found { place, kernel }, points)))
             };
             let (centre, inverse) = whitening(d, data.z, data.weights)?;
@@ -169,7 +168,11 @@ impl GaussianProcess {
                 found(Place::Whitened(centre, inverse), &|samples| samples.smooth_kernel(m, size));
             let rest = SEARCHED.par_iter().enumerate().map(|(k, (place, shape))| {
                 found(place.clone(), &|samples| match data.covariance {
-                    Covariance::Known(known) => Some(known.get(k + 1)?.as_ref()?.kernel.clone()),
+                    Covariance::Known(known) => {
+                        let kernel = known.get(k + 1)?.as_ref()?.kernel.clone();
+                        let evidence = samples.evidence(m, &kernel);
+                        Some((kernel, evidence))
+                    }
                     _ => samples.searched_kernel(m, *shape, size, *place == Place::Cube),
                 })
             });

@@ -11,6 +11,7 @@ pub(crate) use self::failing::Edge;
 use self::failing::Failing;
 use self::points::Points;
 use self::unknown::Unknown;
+use crate::cholesky::rows_of;
 use crate::gaussian_process::{Covariance, Data, Found, GaussianProcess};
 use crate::mixture::Component;
 use crate::pool::{Pool, exponentiate};
@@ -318,8 +319,7 @@ fn curve_process(
     covariance: Covariance<'_>,
 ) -> Option<GaussianProcess> {
     let m = pool.kept_width;
-    let values: Vec<f64> =
-        chosen.iter().flat_map(|i| pool.kept[i * m..(i + 1) * m].iter().copied()).collect();
+    let values = rows_of(&pool.kept, m, chosen);
     let first = &values[..m];
     let mut units = vec![0.0; m];
     for row in values.chunks_exact(m) {

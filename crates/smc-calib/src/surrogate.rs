@@ -5,7 +5,7 @@
 //! Nothing depends on its being right: it serves as a control variate ([`crate::control`]), whose error only
 //! sets how much of the Monte Carlo error is taken away.
 
-use crate::cholesky::{cholesky, packed_inverse, solve};
+use crate::cholesky::{cholesky, packed_inverse, rows_of, solve};
 use crate::neighbours::{MOST_DIMENSIONS, Neighbours};
 use crate::sobol::evenly;
 use rayon::prelude::*;
@@ -122,8 +122,7 @@ impl Surrogate {
         let mut slots = vec![0; centres.len()];
         let (tree, places) = if d > MOST_DIMENSIONS {
             slots.iter_mut().zip(0..).for_each(|(slot, k)| *slot = k);
-            let own: Vec<f64> =
-                centres.iter().flat_map(|i| &places[i * d..(i + 1) * d]).copied().collect();
+            let own = rows_of(&places, d, &centres);
             (Neighbours::new(&own, d), own)
         } else {
             centres.iter().zip(0..).for_each(|(i, k)| slots[*i] = k);

@@ -80,18 +80,22 @@ impl Kernel {
         );
     }
 
-    /// Slopes of these covariances by the squares of the distances.
-    fn slopes(&self, a: &[f64], points: &Points, out: &mut [f64]) {
+    /// These covariances without their mean function, and their slopes by the squares of the distances.
+    fn sloped_row(&self, a: &[f64], points: &Points, out: &mut [[f64; 2]]) {
         let variance = self.scale * self.scale;
         wide(
             #[inline(always)]
             || match self.shape {
                 Shape::Matern => points.each(a, out, |_, square| {
                     let s = (5.0 * square).sqrt();
-                    -5.0 / 6.0 * variance * (1.0 + s) * exp_of_nonpositive(-s)
+                    let fallen = exp_of_nonpositive(-s);
+                    let slope = -5.0 / 6.0 * variance * (1.0 + s) * fallen;
+                    [variance * (1.0 + s + s * s / 3.0) * fallen, slope]
                 }),
-                Shape::SquaredExponential => points
-                    .each(a, out, |_, square| -0.5 * variance * exp_of_nonpositive(-0.5 * square)),
+                Shape::SquaredExponential => points.each(a, out, |_, square| {
+                    let fallen = exp_of_nonpositive(-0.5 * square);
+                    [variance * fallen, -0.5 * variance * fallen]
+                }),
             },
         );
     }
@@ -126,9 +130,9 @@ impl Points {
         (0..count).flat_map(|i| (0..width / 2).map(move |j| at(i)[j * LANES])).collect()
     }
 
-    /// `covariance(1 + a b, |a' - b'|^2)` of a with these points b, each followed by its a' or b', in lanes.
+    /// `value(1 + a b, |a' - b'|^2)` of a with these points b, each followed by its a' or b', in lanes.
     #[inline(always)]
-    fn each(&self, a: &[f64], out: &mut [f64], covariance: impl Fn(f64, f64) -> f64) {
+    fn each<T: Copy>(&self, a: &[f64], out: &mut [T], value: impl Fn(f64, f64) -> T) {
         let Self(width, blocks) = self;
         let (own, measured) = a.split_at(width / 2);
         for (block, out) in blocks.chunks_exact(LANES * width).zip(out.chunks_mut(LANES)) {
@@ -141,7 +145,7 @@ impl Points {
                     squares[l] += step * step;
                 }
             }
-            let values: [f64; LANES] = std::array::from_fn(|l| covariance(dots[l], squares[l]));
+            let values: [T; LANES] = std::array::from_fn(|l| value(dots[l], squares[l]));
             out.copy_from_slice(&values[..out.len()]);
         }
     }
@@ -159,8 +163,8 @@ pub(super) struct Samples<'a> {
 }
 
 impl Samples<'_> {
-    /// The squared exponential of one length of largest evidence, where these stand for `m` columns.
-    pub(super) fn smooth_kernel(&self, m: usize, size: f64) -> Option<Kernel> {
+    /// The squared exponential of one length of largest evidence, and that evidence, where these stand for `m` columns.
+    pub(super) fn smooth_kernel(&self, m: usize, size: f64) -> Option<(Kernel, f64)> {
         let of = |scale: f64, length: f64, nugget: f64| {
             let metric = Metric { lengths: vec![length; self.d], ..Metric::default() };
             Kernel { shape: Shape::SquaredExponential, size, scale, metric, nugget }
@@ -174,7 +178,7 @@ impl Samples<'_> {
             candidates.par_iter().map(|kernel| self.evidence(m, kernel)).collect();
         let found = candidates.into_iter().zip(evidences);
         let found = found.filter(|(_, evidence)| evidence.is_finite());
-        found.reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(kernel, _)| kernel)
+        found.reduce(|a, b| if b.1 > a.1 { b } else { a })
     }
 
     /// Log marginal likelihood of a covariance times the prior of its metric over that of none, without its constant, where these stand
@@ -191,12 +195,10 @@ impl Samples<'_> {
         let n = nuggets.len();
         let half = HalfFit::new(self, kernel)?;
         let evidence = half.evidence(m) + kernel.metric.ln_prior();
-        let HalfFit { points: ready, factor, solved } = half;
+        let HalfFit { rows, points: ready, factor, solved } = half;
         let mut by = inverse_of_factored(&factor, n);
         let (a, width) = (upper_solve(&factor, solved, n), self.values.len() / n);
-        let rows = kernel.extended(points, d);
-        let alone = Kernel { size: 0.0, ..kernel.clone() };
-        let (mut covariances, mut slopes) = (vec![0.0; n], vec![0.0; n]);
+        let mut sloped = vec![[0.0; 2]; n];
         let (mut scale, mut nugget, mut by_measured) = (0.0, 0.0, vec![0.0; n * d]);
         for (i, row) in rows.chunks_exact(2 * d).enumerate() {
             let by = &mut by[i * n..=i * n + i];
@@ -204,16 +206,17 @@ impl Samples<'_> {
                 let product = dot(&a[i * width..(i + 1) * width], &a[j * width..(j + 1) * width]);
                 *by = 0.5 * (product - m as f64 * *by);
             }
-            alone.row(row, &ready, &mut covariances[..=i]);
-            kernel.slopes(row, &ready, &mut slopes[..i]);
+            kernel.sloped_row(row, &ready, &mut sloped[..=i]);
+            let covariances: Vec<f64> =
+                sloped[..i].iter().map(|[covariance, _]| *covariance).collect();
             // Every element below the diagonal stands for two.
             let [of_nugget, near] = kernel.nugget_of(nuggets[i]);
             nugget += 2.0 * by[i] * of_nugget * near;
-            scale += 4.0 * dot(&by[..i], &covariances[..i]);
-            scale += 2.0 * by[i] * covariances[i] * (1.0 + ROUNDING);
+            scale += 4.0 * dot(&by[..i], &covariances);
+            scale += 2.0 * by[i] * sloped[i][0] * (1.0 + ROUNDING);
             let (before, own) = by_measured.split_at_mut(i * d);
             let others = rows.chunks_exact(2 * d).zip(before.chunks_exact_mut(d));
-            for ((by, slope), (other, before)) in by.iter().zip(&slopes[..i]).zip(others) {
+            for ((by, [_, slope]), (other, before)) in by.iter().zip(&sloped[..i]).zip(others) {
                 let by = 4.0 * by * slope;
                 for k in 0..d {
                     let way = by * (row[d + k] - other[d + k]);
@@ -237,6 +240,8 @@ pub(super) struct Slopes {
 
 /// What the evidence of one kernel takes: half of the way to the process.
 pub(super) struct HalfFit {
+    /// Samples, [extended](Kernel::extend), row by row and in blocks.
+    rows: Vec<f64>,
     points: Points,
     /// Lower Cholesky factor L of the covariance, row by row.
     factor: Vec<f64>,
@@ -258,7 +263,7 @@ impl HalfFit {
         }
         let factor = large_cholesky(&matrix, n)?;
         let solved = lower_solve(&factor, values.to_vec(), n);
-        Some(Self { points, factor, solved })
+        Some(Self { rows, points, factor, solved })
     }
 
     /// Log marginal likelihood of `m` columns, without its constant.
@@ -280,7 +285,7 @@ pub(super) struct Fit {
 impl Fit {
     pub(super) fn new(samples: &Samples<'_>, k: &Kernel) -> Option<Self> {
         let n = samples.nuggets.len();
-        let HalfFit { points, factor, solved } = HalfFit::new(samples, k)?;
+        let HalfFit { points, factor, solved, .. } = HalfFit::new(samples, k)?;
         let c = upper_solve(&factor, solved, n);
         c.iter().all(|c| c.is_finite()).then_some(Self { points, coefficients: c, factor })
     }

@@ -3,6 +3,7 @@
 use super::kernel::{Kernel, Samples, Shape};
 use super::metric::{MOST_BENT, Metric};
 use crate::bfgs::climb;
+use crate::cholesky::rows_of;
 use crate::sobol::evenly;
 
 /// Lengths that the search starts from; the prior's cube is two wide.
@@ -85,15 +86,15 @@ impl Searched {
 }
 
 impl Samples<'_> {
-    /// The covariance of this shape of largest evidence, times the prior of its metric: its lengths first, and from there, of several
-    /// columns, with coordinates that are mixed and, those of a cube, bent.
+    /// The covariance of this shape whose evidence times the prior of its metric is largest, and the logarithm of that: its lengths first, and
+    /// from there, of several columns, with coordinates that are mixed and, those of a cube, bent.
     pub(super) fn searched_kernel(
         &self,
         m: usize,
         shape: Shape,
         size: f64,
         cube: bool,
-    ) -> Option<Kernel> {
+    ) -> Option<(Kernel, f64)> {
         let d = self.d;
         let mixed = m > 1 && d <= MOST_MIXED;
         // The size of coefficients is one more than the mean square.
@@ -102,38 +103,27 @@ impl Samples<'_> {
         let bends = if mixed && cube { d } else { 0 };
         let searched = Searched { d, shape, size, unit, mixes, bends };
         let numbers = searched.numbers();
-        let climbed = |samples: &Samples<'_>| {
-            let starts = STARTS.map(|length| {
-                let mut start = vec![length.ln(); numbers];
-                (start[0], start[d + 1]) = (0.0, 0.0);
-                searched.climbed(samples, m, &start, SEARCH[0])
-            });
-            // Of equal ones the first.
-            starts.into_iter().reduce(|a, b| if b.1 > a.1 { b } else { a })
+        let n = self.nuggets.len();
+        let judges: Vec<usize> = evenly(n, n.min(JUDGES)).collect();
+        let judging = Samples {
+            d,
+            points: &rows_of(self.points, d, &judges),
+            values: &rows_of(self.values, self.values.len() / n, &judges),
+            nuggets: &rows_of(self.nuggets, 1, &judges),
         };
-        let (mut x, best) = self.judging(&climbed)?;
+        let ends = STARTS.map(|length| {
+            let mut start = vec![length.ln(); numbers];
+            (start[0], start[d + 1]) = (0.0, 0.0);
+            searched.climbed(&judging, m, &start, SEARCH[0])
+        });
+        // Of equal ones the first.
+        let (mut x, best) = ends.into_iter().reduce(|a, b| if b.1 > a.1 { b } else { a })?;
         if !best.is_finite() {
             return None;
         }
         x.resize(numbers + mixes + bends, 0.0);
         let (x, best) = searched.climbed(self, m, &x, SEARCH[1]);
-        best.is_finite().then(|| searched.kernel(&x))
-    }
-
-    /// What is found with those samples alone that judge.
-    fn judging<R>(&self, found: &dyn Fn(&Samples<'_>) -> R) -> R {
-        let Samples { d, points, values, nuggets } = *self;
-        let n = nuggets.len();
-        if n <= JUDGES {
-            return found(self);
-        }
-        let width = values.len() / n;
-        let judges: Vec<usize> = evenly(n, JUDGES).collect();
-        let of = |rows: &[f64], width: usize| -> Vec<f64> {
-            judges.iter().flat_map(|i| rows[i * width..(i + 1) * width].iter().copied()).collect()
-        };
-        let (points, values, nuggets) = (of(points, d), of(values, width), of(nuggets, 1));
-        found(&Samples { d, points: &points, values: &values, nuggets: &nuggets })
+        best.is_finite().then(|| (searched.kernel(&x), best))
     }
 }
 
@@ -152,7 +142,7 @@ mod tests {
         let values: Vec<f64> =
             points.chunks_exact(d).flat_map(|x| vec![value(x[0], x[d.min(2) - 1]); m]).collect();
         let samples = Samples { d, points: &points, values: &values, nuggets: &[1e-3; 24] };
-        samples.searched_kernel(m, Shape::Matern, 2.0, cube).expect("definite").metric
+        samples.searched_kernel(m, Shape::Matern, 2.0, cube).expect("definite").0.metric
     }
 
     #[test]

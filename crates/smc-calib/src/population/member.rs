@@ -1,7 +1,7 @@
 //! A member of a population, and how likely a population makes what was measured of it.
 
 use super::hyperprior::Population;
-use crate::cholesky::{cholesky, packed_inverse, solve};
+use crate::cholesky::{cholesky, packed_inverse, rows_of, solve};
 use crate::cloud::{Cloud, Gaussian};
 use crate::mixture::distance2;
 use crate::normal::{self, LN_SQRT_2PI};
@@ -99,8 +99,7 @@ impl Member {
             (0..n).filter(|i| alive(i) && share(*i) > most + LEAST_SHARE.ln()).collect();
         // A fit takes every so many of them, which of a net in its order all lie in one corner.
         kept.shuffle(&mut stream(seed, Purpose::MixtureResample, 1, 0));
-        let coordinates: Vec<f64> =
-            kept.iter().flat_map(|i| &samples.coordinates[i * d..(i + 1) * d]).copied().collect();
+        let coordinates = rows_of(&samples.coordinates, d, &kept);
         let ln_share: Vec<f64> = kept.iter().map(|i| share(*i)).collect();
         let ln_l = kept.iter().map(|i| samples.ln_likelihood[*i]);
         let ln_volume: Vec<f64> = ln_share
