@@ -18,8 +18,8 @@ const SETTLED: f64 = 1e-3;
 /// A value of a function, and its slopes there.
 pub(crate) type Sloped = (f64, Vec<f64>);
 
-/// Maximises a function from `start`, every number between two limits, with at most so many evaluations of it and its slopes; the point
-/// where it ends and the value there, which is `NEG_INFINITY` where the function has none at the start.
+/// Maximises a function from `start`, every number between two limits, with at most so many evaluations of it and its slopes, one at least;
+/// the best point and its value, which is `NEG_INFINITY` where the function has none at the start.
 pub(crate) fn climb(
     start: &[f64],
     limits: &[[f64; 2]],
@@ -28,7 +28,7 @@ pub(crate) fn climb(
 ) -> (Vec<f64>, f64) {
     let mut x = start.to_vec();
     let Some((mut value, mut slopes)) = of(&x) else { return (x, f64::NEG_INFINITY) };
-    let mut inverse = Inverse::first(&slopes);
+    let mut inverse = Inverse::new(x.len());
     let mut used = 1;
     while used < evaluations {
         let held = |i: usize| {
@@ -36,7 +36,10 @@ pub(crate) fn climb(
             x[i] <= least && slopes[i] < 0.0 || x[i] >= most && slopes[i] > 0.0
         };
         let free: Vec<bool> = (0..x.len()).map(|i| !held(i)).collect();
-        let step = inverse.times(&slopes, &free);
+        let of_free = |values: &[f64]| -> Vec<f64> {
+            values.iter().zip(&free).map(|(v, free)| if *free { *v } else { 0.0 }).collect()
+        };
+        let step = of_free(&inverse.times(&of_free(&slopes)));
         let promised = dot(&step, &slopes);
         if promised.is_nan() || promised < SETTLED {
             break;
@@ -44,7 +47,7 @@ pub(crate) fn climb(
         let longest = step.iter().fold(0.0, |most: f64, s| most.max(s.abs()));
         let mut length = (MOST / longest).min(1.0);
         let found = loop {
-            if used == evaluations {
+            if used == evaluations || length * promised < SETTLED {
                 break None;
             }
             let ends = x.iter().zip(&step).zip(limits);
@@ -55,7 +58,7 @@ pub(crate) fn climb(
             used += 1;
             let at_next = of(&next);
             match at_next {
-                Some((v, s)) if v - value >= LEAST_GAIN * by_slope => {
+                Some((v, s)) if v - value >= LEAST_GAIN * by_slope.max(0.0) => {
                     break Some((next, moved, v, s));
                 }
                 Some((v, _)) => {
@@ -66,52 +69,49 @@ pub(crate) fn climb(
                 }
                 None => length *= SHORTER[0],
             }
-            if length * promised < SETTLED {
-                break None;
-            }
         };
         let Some((next, moved, next_value, next_slopes)) = found else { break };
         let bent: Vec<f64> = slopes.iter().zip(&next_slopes).map(|(a, b)| a - b).collect();
-        inverse.update(&moved, &bent, used == 2);
+        inverse.update(&moved, &of_free(&bent));
         (x, value, slopes) = (next, next_value, next_slopes);
     }
     (x, value)
 }
 
-/// Inverse of the negative curvature, row by row.
-struct Inverse(Vec<f64>);
+/// Inverse of the negative curvature, row by row; nothing is known of it before the first step.
+struct Inverse {
+    rows: Vec<f64>,
+    known: bool,
+}
 
 impl Inverse {
-    /// Before any step: along the slopes, the steepest number by [`FIRST`].
-    fn first(slopes: &[f64]) -> Self {
-        let n = slopes.len();
+    fn new(n: usize) -> Self {
+        Self { rows: vec![0.0; n * n], known: false }
+    }
+
+    /// Its product with some slopes; before anything is known of it they are taken to a largest change of [`FIRST`].
+    fn times(&self, slopes: &[f64]) -> Vec<f64> {
+        if self.known {
+            return self.rows.chunks_exact(slopes.len()).map(|row| dot(row, slopes)).collect();
+        }
         let steepest = slopes.iter().fold(0.0, |most: f64, s| most.max(s.abs()));
-        let mut rows = vec![0.0; n * n];
-        (0..n).for_each(|i| rows[i * n + i] = FIRST / steepest);
-        Self(rows)
+        slopes.iter().map(|s| if steepest > 0.0 { FIRST * s / steepest } else { 0.0 }).collect()
     }
 
-    /// Its product with the slopes, of the numbers that are free alone.
-    fn times(&self, slopes: &[f64], free: &[bool]) -> Vec<f64> {
-        let of = |i: usize| if free[i] { slopes[i] } else { 0.0 };
-        let slopes: Vec<f64> = (0..slopes.len()).map(of).collect();
-        let rows = self.0.chunks_exact(slopes.len()).zip(free);
-        rows.map(|(row, free)| if *free { dot(row, &slopes) } else { 0.0 }).collect()
-    }
-
-    /// With what a step along `moved` has shown: slopes fell by `bent`. After the first step it has the scale of that.
-    fn update(&mut self, moved: &[f64], bent: &[f64], first: bool) {
+    /// With what a step along `moved` has shown: slopes fell by `bent`. The first one gives it its scale.
+    fn update(&mut self, moved: &[f64], bent: &[f64]) {
         let (n, along) = (moved.len(), dot(moved, bent));
         if along.is_nan() || along <= 1e-9 * (dot(moved, moved) * dot(bent, bent)).sqrt() {
             return;
         }
-        if first {
+        if !self.known {
             let scale = along / dot(bent, bent);
-            (0..n).for_each(|i| self.0[i * n + i] = scale);
+            (0..n).for_each(|i| self.rows[i * n + i] = scale);
+            self.known = true;
         }
-        let by: Vec<f64> = self.0.chunks_exact(n).map(|row| dot(row, bent)).collect();
+        let by: Vec<f64> = self.rows.chunks_exact(n).map(|row| dot(row, bent)).collect();
         let factor = (1.0 + dot(&by, bent) / along) / along;
-        for (i, row) in self.0.chunks_exact_mut(n).enumerate() {
+        for (i, row) in self.rows.chunks_exact_mut(n).enumerate() {
             for (j, h) in row.iter_mut().enumerate() {
                 *h += factor * moved[i] * moved[j] - (by[i] * moved[j] + moved[i] * by[j]) / along;
             }
@@ -137,6 +137,36 @@ mod tests {
         // At a side the best along it.
         let (x, _) = climbed(0.5);
         assert!(x[0] == 0.5 && (x[1] - 0.25).abs() < 0.01, "{x:?}");
+    }
+
+    #[test]
+    fn numbers_at_a_side_that_would_go_beyond_it_have_no_part_in_the_others() {
+        // However steep it is there.
+        let mut steep =
+            |x: &[f64]| Some((1e4 * x[1] - (x[0] - 1.0).powi(2), vec![-2.0 * (x[0] - 1.0), 1e4]));
+        let (x, _) = climb(&[0.0; 2], &[[-9.0, 9.0], [-9.0, 0.0]], 20, &mut steep);
+        assert!((x[0] - 1.0).abs() < 0.05, "{x:?}");
+        // However its slope changes with the others.
+        let mut changing = |x: &[f64]| {
+            let fall = (-x[0]).exp();
+            let value = 100.0 * x[2] * fall - (x[0] - 3.0).powi(2) - 0.1 * (x[1] - 3.0).powi(2);
+            let by_first = -2.0 * (x[0] - 3.0) - 100.0 * x[2] * fall;
+            Some((value, vec![by_first, -0.2 * (x[1] - 3.0), 100.0 * fall]))
+        };
+        let limits = [[-9.0, 9.0], [-9.0, 9.0], [-9.0, 0.0]];
+        let (x, _) = climb(&[0.0; 3], &limits, 20, &mut changing);
+        assert!((x[0] - 3.0).abs() < 0.1 && (x[1] - 3.0).abs() < 0.2, "{x:?}");
+    }
+
+    #[test]
+    fn the_scale_is_that_of_the_first_step_that_was_taken_however_often_it_was_shortened() {
+        let stiff = |i: usize| 1000.0 * (i + 1) as f64;
+        let mut bowl = |x: &[f64]| {
+            let value = x.iter().enumerate().map(|(i, x)| -0.5 * stiff(i) * x * x).sum();
+            Some((value, x.iter().enumerate().map(|(i, x)| -stiff(i) * x).collect()))
+        };
+        let (_, value) = climb(&[1.0; 5], &[[-9.0, 9.0]; 5], 12, &mut bowl);
+        assert!(value > -0.05, "{value}");
     }
 
     #[test]
