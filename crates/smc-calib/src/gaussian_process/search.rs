@@ -17,11 +17,13 @@ const LN_SCALE: [f64; 2] = [-6.0, 6.0];
 const MIXES: [f64; 2] = [-20.0, 20.0];
 /// Evaluations of the evidence and its slopes from every start, by lengths alone.
 const SEARCH: usize = 8;
-/// The same from the best place that these find, of one column and of several. A covariance that is the very best by one column of few
-/// values is too sure of itself: with 16 the ridge has errors of 1.7 standard errors at 50 simulations (50 seeds), with 6 to 10 of 1.2 to
-/// 1.3, and is no further off. Several say more: with 8, 16, 24 of 100 runs of 50 simulations of PEEK 2, 1, 0 are off without saying so, and
-/// right ones of PS called unsolved are 13, 3, 6.
-const FURTHER: [usize; 2] = [10, 24];
+/// The same from the best place that these find, of several columns, and most of one. With 8, 16, 24 of 100 runs of 50 simulations of PEEK
+/// 2, 1, 0 are off without saying so, and right ones of PS called unsolved are 13, 3, 6.
+const FURTHER: usize = 24;
+/// Least of one column. A covariance that is the very best by one column of few values is too sure of itself: with 16 the ridge has errors
+/// of 1.7 standard errors at 50 simulations (50 seeds), with 6 to 10 of 1.2 to 1.3, and is no further off. With more values more is told:
+/// by a sixth of them, not 10, it is .021 posterior standard deviations off at 192 simulations, not .026, and .015 at 256, not .026.
+const FURTHER_BY_ONE: usize = 10;
 /// Samples that judge where to go on from.
 const JUDGES: usize = 64;
 /// Most parameters whose coordinates are mixed and bent, where there are several columns. One column (log likelihoods, failures) says
@@ -106,6 +108,7 @@ impl Samples<'_> {
         let searched = Searched { d, shape, size, unit, mixes, bends };
         let numbers = searched.numbers();
         let (n, judges) = (self.nuggets.len(), self.judges());
+        let further = if m > 1 { FURTHER } else { (n / 6).clamp(FURTHER_BY_ONE, FURTHER) };
         let judging = Samples {
             d,
             points: &rows_of(self.points, d, &judges),
@@ -121,7 +124,7 @@ impl Samples<'_> {
         ends.sort_by(|a, b| b.1.total_cmp(&a.1));
         ends.into_iter().find_map(|(mut x, _)| {
             x.resize(numbers + mixes + bends, 0.0);
-            let (x, best) = searched.climbed(self, m, &x, FURTHER[usize::from(m > 1)]);
+            let (x, best) = searched.climbed(self, m, &x, further);
             best.is_finite().then(|| (searched.kernel(&x), best))
         })
     }
