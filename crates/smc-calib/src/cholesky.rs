@@ -3,7 +3,7 @@
 //! Written here because their bits are part of every result: samples are placed and weighted by these factors, and
 //! another order of the sums would move them.
 
-use crate::lanes::{LANES, wide};
+use crate::lanes::{LANES, Lane, wide};
 
 /// Lower Cholesky factor of a symmetric matrix (row by row), or none where it is not positive definite.
 pub(crate) fn cholesky(matrix: &[f64], d: usize) -> Option<Vec<f64>> {
@@ -37,19 +37,33 @@ fn positive_root(_: usize, rest: f64) -> Option<f64> {
     (rest > 0.0 && rest.is_finite()).then(|| rest.sqrt())
 }
 
-/// Product of two vectors of equal length, summed in [`LANES`] lanes.
+/// Product of two vectors of equal length, summed in [`LANES`] lanes. Loops are over places, as iterators of two slices are calls that
+/// take a tenth of a small budget's time.
 #[inline(always)]
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let b = &b[..a.len()];
     let (a_blocks, a_rest) = a.as_chunks::<LANES>();
     let (b_blocks, b_rest) = b.as_chunks::<LANES>();
     let mut sums = [0.0; LANES];
-    for (a, b) in a_blocks.iter().zip(b_blocks) {
+    for i in 0..a_blocks.len() {
         for k in 0..LANES {
-            sums[k] += a[k] * b[k];
+            sums[k] += a_blocks[i][k] * b_blocks[i][k];
         }
     }
-    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    let mut rest = -0.0;
+    for i in 0..a_rest.len() {
+        rest += a_rest[i] * b_rest[i];
+    }
     sums.iter().sum::<f64>() + rest
+}
+
+/// Adds a multiple of a vector to another of the same length.
+#[inline(always)]
+pub(crate) fn add_multiple(sum: &mut [f64], by: f64, of: &[f64]) {
+    let of = &of[..sum.len()];
+    for i in 0..of.len() {
+        sum[i] += by * of[i];
+    }
 }
 
 /// Product `L x` of a lower factor, row by row.
@@ -109,8 +123,10 @@ impl Panel<'_> {
     fn columns<const R: usize>(&self, matrix: &[f64], rows: &mut [f64]) {
         let Self { n, start, rows: panel } = *self;
         let mut sums = [[0.0; R]; LANES];
-        let mut before = rows.chunks(n).map(|row| row[..start].as_chunks::<LANES>().0);
-        let before: [_; R] = std::array::from_fn(|_| before.next().unwrap_or_default());
+        let mut before: [&[Lane]; R] = [&[]; R];
+        for r in 0..R {
+            before[r] = rows[r * n..][..start].as_chunks::<LANES>().0;
+        }
         for (pivots, sums) in panel.chunks_exact(n).zip(&mut sums) {
             let mut lanes = [[0.0; LANES]; R];
             for (k, b) in pivots[..start].as_chunks::<LANES>().0.iter().enumerate() {
@@ -121,7 +137,9 @@ impl Panel<'_> {
                     }
                 }
             }
-            *sums = lanes.map(|lanes| lanes.iter().sum());
+            for r in 0..R {
+                sums[r] = lanes[r].iter().sum();
+            }
         }
         let mut values = [[0.0; R]; LANES];
         for (j, pivots) in panel.chunks_exact(n).enumerate() {
@@ -202,7 +220,7 @@ pub(crate) fn upper_solve(factor: &[f64], mut values: Vec<f64>, n: usize) -> Vec
                 let row = &mut rest[..m];
                 row.iter_mut().for_each(|r| *r /= factor[i * n + i]);
                 for (l, other) in factor[i * n..].iter().zip(before.chunks_exact_mut(m)) {
-                    other.iter_mut().zip(&*row).for_each(|(o, r)| *o -= l * r);
+                    add_multiple(other, -l, row);
                 }
             }
         },
@@ -238,18 +256,23 @@ pub(crate) fn inverse_of_factored(factor: &[f64], n: usize) -> Vec<f64> {
 
 /// Inverse of a lower triangular factor, lower triangle packed row by row.
 pub(crate) fn packed_inverse(factor: &[f64], d: usize) -> Vec<f64> {
-    let mut inverse = vec![0.0; d * (d + 1) / 2];
-    for i in 0..d {
-        let (above, rest) = inverse.split_at_mut(i * (i + 1) / 2);
-        let (row, factor) = (&mut rest[..=i], &factor[i * d..=i * d + i]);
-        for (k, l) in factor[..i].iter().enumerate() {
-            let start = k * (k + 1) / 2;
-            row.iter_mut().zip(&above[start..=start + k]).for_each(|(r, a)| *r -= l * a);
-        }
-        row[i] = 1.0;
-        row.iter_mut().for_each(|r| *r /= factor[i]);
-    }
-    inverse
+    wide(
+        #[inline(always)]
+        || {
+            let mut inverse = vec![0.0; d * (d + 1) / 2];
+            for i in 0..d {
+                let (above, rest) = inverse.split_at_mut(i * (i + 1) / 2);
+                let (row, factor) = (&mut rest[..=i], &factor[i * d..=i * d + i]);
+                for (k, l) in factor[..i].iter().enumerate() {
+                    let start = k * (k + 1) / 2;
+                    add_multiple(&mut row[..=k], -l, &above[start..=start + k]);
+                }
+                row[i] = 1.0;
+                row.iter_mut().for_each(|r| *r /= factor[i]);
+            }
+            inverse
+        },
+    )
 }
 
 /// Solves `factor factor^T x = right`, the factor lower triangular, row by row.

@@ -34,7 +34,8 @@ mod search;
 mod signs;
 
 use self::kernel::{Fit, Kernel, Points, Samples, Shape};
-use crate::cholesky::{narrow, whiten, whitening};
+use crate::cholesky::{add_multiple, narrow, whiten, whitening};
+use crate::lanes::wide;
 use crate::normal;
 use rayon::prelude::*;
 
@@ -216,11 +217,15 @@ impl GaussianProcess {
     /// The same at a point.
     pub(crate) fn predict_at(&self, at: &At, out: &mut [f64]) {
         out.fill(0.0);
-        for (k, row) in at.covariances.iter().zip(self.coefficients.chunks_exact(out.len())) {
-            for (o, c) in out.iter_mut().zip(row) {
-                *o += k * c;
-            }
-        }
+        wide(
+            #[inline(always)]
+            || {
+                for (k, row) in at.covariances.iter().zip(self.coefficients.chunks_exact(out.len()))
+                {
+                    add_multiple(out, *k, row);
+                }
+            },
+        );
         for ((o, offset), unit) in out.iter_mut().zip(&self.offsets).zip(&self.units) {
             *o = offset + unit * *o;
         }

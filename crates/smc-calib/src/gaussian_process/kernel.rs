@@ -132,21 +132,28 @@ impl Points {
 
     /// `value(1 + a b, |a' - b'|^2)` of a with these points b, each followed by its a' or b', in lanes.
     #[inline(always)]
-    fn each<T: Copy>(&self, a: &[f64], out: &mut [T], value: impl Fn(f64, f64) -> T) {
+    fn each<T: Copy + Default>(&self, a: &[f64], out: &mut [T], value: impl Fn(f64, f64) -> T) {
         let Self(width, blocks) = self;
         let (own, measured) = a.split_at(width / 2);
         for (block, out) in blocks.chunks_exact(LANES * width).zip(out.chunks_mut(LANES)) {
             let (own_b, measured_b) = block.as_chunks::<LANES>().0.split_at(own.len());
             let (mut dots, mut squares) = ([1.0; LANES], [0.0; LANES]);
-            for (((a, b), m), n) in own.iter().zip(own_b).zip(measured).zip(measured_b) {
+            for j in 0..own.len() {
                 for l in 0..LANES {
-                    let step = m - n[l];
-                    dots[l] += a * b[l];
+                    let step = measured[j] - measured_b[j][l];
+                    dots[l] += own[j] * own_b[j][l];
                     squares[l] += step * step;
                 }
             }
-            let values: [T; LANES] = std::array::from_fn(|l| value(dots[l], squares[l]));
-            out.copy_from_slice(&values[..out.len()]);
+            // By `array::from_fn` they would be computed one at a time.
+            let mut values = [T::default(); LANES];
+            for l in 0..LANES {
+                values[l] = value(dots[l], squares[l]);
+            }
+            match out.first_chunk_mut() {
+                Some(all) => *all = values,
+                None => out.copy_from_slice(&values[..out.len()]),
+            }
         }
     }
 }
@@ -202,10 +209,16 @@ impl Samples<'_> {
         let (mut scale, mut nugget, mut by_measured) = (0.0, 0.0, vec![0.0; n * d]);
         for (i, row) in rows.chunks_exact(2 * d).enumerate() {
             let by = &mut by[i * n..=i * n + i];
-            for (j, by) in by.iter_mut().enumerate() {
-                let product = dot(&a[i * width..(i + 1) * width], &a[j * width..(j + 1) * width]);
-                *by = 0.5 * (product - m as f64 * *by);
-            }
+            wide(
+                #[inline(always)]
+                || {
+                    let own = &a[i * width..(i + 1) * width];
+                    for (j, by) in by.iter_mut().enumerate() {
+                        let product = dot(own, &a[j * width..(j + 1) * width]);
+                        *by = 0.5 * (product - m as f64 * *by);
+                    }
+                },
+            );
             kernel.sloped_row(row, &ready, &mut sloped[..=i]);
             let covariances: Vec<f64> =
                 sloped[..i].iter().map(|[covariance, _]| *covariance).collect();
