@@ -37,8 +37,8 @@ fn positive_root(_: usize, rest: f64) -> Option<f64> {
     (rest > 0.0 && rest.is_finite()).then(|| rest.sqrt())
 }
 
-/// Product of two vectors of equal length, summed in [`LANES`] lanes. Loops are over places, as iterators of two slices are calls that
-/// take a tenth of a small budget's time.
+/// Product of two vectors of equal length, summed in [`LANES`] lanes. Loops are over places: without optimisation at link time an iterator
+/// over two slices is a call.
 #[inline(always)]
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let b = &b[..a.len()];

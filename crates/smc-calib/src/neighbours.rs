@@ -108,7 +108,7 @@ impl Neighbours {
             self.search(search, found, off, near.0, near.1);
             let before = std::mem::replace(&mut off[*axis], beyond);
             // Summed in the order of the points' distances, so that rounding never puts it above that of a point inside.
-            let least: f64 = off.iter().map(|off| off * off).sum();
+            let least = distance2(off, &[0.0; D]);
             if least < *within && (found.len() < *count || least <= found[found.len() - 1].0) {
                 self.search(search, found, off, far.0, far.1);
             }
@@ -117,12 +117,22 @@ impl Neighbours {
         }
         let rows = self.points[points.start * D..points.end * D].as_chunks::<D>().0;
         for (point, number) in rows.iter().zip(&self.index[points]) {
-            let square: f64 = point.iter().zip(z).map(|(a, b)| (a - b) * (a - b)).sum();
+            let square = distance2(point, z);
             if square < *within {
                 keep_nearest(found, *count, (square, *number));
             }
         }
     }
+}
+
+/// Squared distance.
+#[inline(always)]
+fn distance2<const D: usize>(a: &[f64; D], b: &[f64; D]) -> f64 {
+    let mut sum = 0.0;
+    for k in 0..D {
+        sum += (a[k] - b[k]) * (a[k] - b[k]);
+    }
+    sum
 }
 
 /// Puts an entry where it belongs among the `count` nearest, the nearest first; of two as near, the lower number.

@@ -145,7 +145,7 @@ impl Points {
                     squares[l] += step * step;
                 }
             }
-            // By `array::from_fn` they would be computed one at a time.
+            // By `array::from_fn` they would be computed one at a time, by narrow instructions.
             let mut values = [T::default(); LANES];
             for l in 0..LANES {
                 values[l] = value(dots[l], squares[l]);

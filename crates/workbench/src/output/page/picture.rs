@@ -93,13 +93,14 @@ fn picture(Drawn { name, picture }: &Drawn, caption: String) -> Option<Picture> 
 fn svg_address(svg: &str) -> String {
     let mut address = String::with_capacity(svg.len() + svg.len() / 8);
     address.push_str("data:image/svg+xml,");
+    // A document may have either quote.
+    let one_kind = !svg.contains('\'');
     for byte in svg.bytes() {
         match byte {
             b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b' ' | b'-' | b'.' | b'=' | b'/' | b':' => {
                 address.push(char::from(byte));
             }
-            // A document may have either quote.
-            b'"' if !svg.contains('\'') => address.push_str("%27"),
+            b'"' if one_kind => address.push_str("%27"),
             _ => {
                 const DIGITS: &[u8; 16] = b"0123456789ABCDEF";
                 let digit = |part: u8| char::from(DIGITS[usize::from(part & 15)]);
