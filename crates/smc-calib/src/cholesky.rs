@@ -37,8 +37,8 @@ fn positive_root(_: usize, rest: f64) -> Option<f64> {
     (rest > 0.0 && rest.is_finite()).then(|| rest.sqrt())
 }
 
-/// Product of two vectors of equal length, summed in [`LANES`] lanes. Loops are over places: without optimisation at link time an iterator
-/// over two slices is a call.
+/// Product of two vectors of equal length, summed in [`LANES`] lanes. Loops are over places: a zip here is a call where the program is not
+/// optimised when it is linked, as in tests.
 #[inline(always)]
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let b = &b[..a.len()];

@@ -108,7 +108,7 @@ impl Neighbours {
             self.search(search, found, off, near.0, near.1);
             let before = std::mem::replace(&mut off[*axis], beyond);
             // Summed in the order of the points' distances, so that rounding never puts it above that of a point inside.
-            let least = distance2(off, &[0.0; D]);
+            let least = square_between(off, &[0.0; D]);
             if least < *within && (found.len() < *count || least <= found[found.len() - 1].0) {
                 self.search(search, found, off, far.0, far.1);
             }
@@ -117,7 +117,7 @@ impl Neighbours {
         }
         let rows = self.points[points.start * D..points.end * D].as_chunks::<D>().0;
         for (point, number) in rows.iter().zip(&self.index[points]) {
-            let square = distance2(point, z);
+            let square = square_between(point, z);
             if square < *within {
                 keep_nearest(found, *count, (square, *number));
             }
@@ -127,7 +127,7 @@ impl Neighbours {
 
 /// Squared distance.
 #[inline(always)]
-fn distance2<const D: usize>(a: &[f64; D], b: &[f64; D]) -> f64 {
+fn square_between<const D: usize>(a: &[f64; D], b: &[f64; D]) -> f64 {
     let mut sum = 0.0;
     for k in 0..D {
         sum += (a[k] - b[k]) * (a[k] - b[k]);

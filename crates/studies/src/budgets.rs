@@ -2,7 +2,6 @@
 
 use std::fs::{self, File, OpenOptions};
 use std::io::Write as _;
-use std::ops::Range;
 use std::path::Path;
 use std::sync::Mutex;
 
@@ -25,7 +24,7 @@ use crate::timing::{Clock, Timing};
 const CLIFF: f64 = 1.25;
 /// Errors up to which ratios are judged: a run off by more is not solved.
 const SOLVED: f64 = 1.0;
-/// Errors below which ratios are listed, but have no place in the table: a hundredth of a standard deviation more is not missed.
+/// Errors below count as this in the table: a hundredth of a standard deviation is not missed. Their own ratios have a list of their own.
 const MISSED: f64 = 0.01;
 /// Budgets at which the code changes its ways: the first with stages of two, three and four (51, 101, 151, where a process does not run
 /// through all samples either), with covariances not searched at every stage (128), in batches of four (201), only in part by a process, and
@@ -38,7 +37,8 @@ const QUANTITIES: [(&str, &str); 3] =
 const TEXT: &str = "\
 Errors of `Settings::for_budget` (root mean square over the seeds, each error counted as 10 at most; mean and sd of the worst parameter) at
 32, 48, 64, 96, ... simulations and on both sides of the thresholds of the code. \"Grows by\" is the largest ratio of an error to the same error at half as
-many simulations (on thresholds, at one fewer), where that is below 1 and above 0.01. A ratio has an uncertainty of about a tenth from 50 seeds and a
+many simulations (on thresholds, at one fewer), where that is below 1 and one of the two is above 0.01; the earlier one counts as 0.01 at least. Errors
+that were below 0.01 have their own list. A ratio has an uncertainty of about a tenth from 50 seeds and a
 quarter from 10, and more where one seed has most of an error: \"at least\" is what one of these ratios exceeds in 95 % of 1000 draws of as many seeds (bootstrap), which one of so many
 rows may do by chance. Time is the
 processor time of one run with one thread, median, everything beside the simulations of the closed form included. Where the study was ended and
@@ -58,11 +58,26 @@ struct Point {
     time_s: f64,
 }
 
-/// Ratio of an error to that of fewer simulations, and what it is at least in [`SURE`] of the draws.
+/// An error beside that of fewer simulations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Growth {
+    /// Place in [`QUANTITIES`].
+    quantity: usize,
+    before: f64,
+    after: f64,
+    /// Of the two, and what it is at least in [`SURE`] of the draws.
     ratio: f64,
     at_least: f64,
+}
+
+impl Growth {
+    fn line(&self, problem: &str, samples: usize) -> String {
+        let Self { quantity, before, after, ratio, at_least } = self;
+        let name = QUANTITIES[*quantity].0;
+        format!(
+            "- {problem}, {samples} simulations, {name}: {ratio:.2}, at least {at_least:.2} ({before:.4} to {after:.4})\n"
+        )
+    }
 }
 
 pub(crate) fn run(args: &BudgetsArgs, out: &Path) -> Result<(), Failure> {
@@ -94,21 +109,24 @@ pub(crate) fn run(args: &BudgetsArgs, out: &Path) -> Result<(), Failure> {
             eprintln!("{name}, {samples} simulations");
             let runs = over_seeds(args.seeds, &|seed| runs.of(&name, &case, samples, seed))?;
             let point = Point::of(case.exact.mean.len(), samples, &runs);
-            let line = |Growth { ratio, at_least }| {
-                format!("- {name}, {samples} simulations: {ratio:.2}, at least {at_least:.2}\n")
-            };
-            let small = growth(&points, &point, 0.0..MISSED);
-            if let Some(small) = small.filter(|g| g.at_least > CLIFF) {
-                cliffs[2] += &line(small);
+            for growth in growths(&points, &point, 0.0) {
+                if growth.before < MISSED && growth.at_least > CLIFF {
+                    cliffs[2] += &growth.line(&name, samples);
+                }
             }
-            let growth = growth(&points, &point, MISSED..SOLVED);
-            if let Some(growth) = growth.filter(|g| g.ratio > CLIFF) {
-                cliffs[usize::from(growth.at_least <= CLIFF)] += &line(growth);
+            let judged: Vec<Growth> = growths(&points, &point, MISSED)
+                .into_iter()
+                .filter(|growth| growth.before.max(growth.after) >= MISSED)
+                .collect();
+            for growth in judged.iter().filter(|growth| growth.ratio > CLIFF) {
+                cliffs[usize::from(growth.at_least <= CLIFF)] += &growth.line(&name, samples);
             }
             let errors = point.errors.map(|error| format!("{error:.3}"));
-            let growth = growth.map_or(["-".to_owned(), "-".to_owned()], |g| {
-                [g.ratio, g.at_least].map(|ratio| format!("{ratio:.2}"))
-            });
+            let largest = |of: &dyn Fn(&Growth) -> f64| {
+                let largest = judged.iter().map(of).reduce(f64::max);
+                largest.map_or("-".to_owned(), |ratio| format!("{ratio:.2}"))
+            };
+            let growth = [largest(&|g| g.ratio), largest(&|g| g.at_least)];
             let what = [name.clone(), samples.to_string()];
             table.push([&what[..], &errors, &growth, &[seconds(point.time_s)]].concat());
             points.push(point);
@@ -121,7 +139,7 @@ pub(crate) fn run(args: &BudgetsArgs, out: &Path) -> Result<(), Failure> {
         let found = format!(
             "Errors that grow by more than {CLIFF}, as 95 % of the draws say too:\n\n{sure}\n\
              Errors that grow by more than {CLIFF}, as chance may make them:\n\n{unsure}\n\
-             Errors below {MISSED} that grow by more than {CLIFF}, as 95 % of the draws say too:\n\n{small}"
+             Errors that were below {MISSED} and grow by more than {CLIFF}, as 95 % of the draws say too:\n\n{small}"
         );
         let text = format!("{} seeds. {TEXT}\n{found}\n{}", args.seeds, table.markdown());
         report.page("Error over the number of simulations", &text)?;
@@ -236,22 +254,27 @@ impl Runs {
     }
 }
 
-/// The largest ratio of an error to that at half the simulations, or at one fewer, of those that were in this range; none where neither was.
-fn growth(before: &[Point], point: &Point, range: Range<f64>) -> Option<Growth> {
+/// Errors beside those at half the simulations, or at one fewer, where these are there and were solved. An earlier error counts as `floor`
+/// at least.
+fn growths(before: &[Point], point: &Point, floor: f64) -> Vec<Growth> {
     let known = |n: &usize| [2 * n, n + 1].contains(&point.samples);
     let before = before.iter().filter(|earlier| known(&earlier.samples));
-    let ratios = before.flat_map(|earlier| {
-        let judged = (0..3).filter(|q| range.contains(&earlier.errors[*q]));
-        judged.map(move |q| {
-            let both = earlier.drawn.iter().zip(&point.drawn);
-            let mut drawn: Vec<f64> = both.map(|(a, b)| b[q] / a[q]).collect();
+    let both = before.flat_map(|earlier| (0..QUANTITIES.len()).map(move |q| (earlier, q)));
+    both.filter(|(earlier, q)| earlier.errors[*q] < SOLVED)
+        .map(|(earlier, quantity)| {
+            let ratio = |a: &[f64; 3], b: &[f64; 3]| b[quantity] / a[quantity].max(floor);
+            let draws = earlier.drawn.iter().zip(&point.drawn);
+            let mut drawn: Vec<f64> = draws.map(|(a, b)| ratio(a, b)).collect();
             drawn.sort_by(f64::total_cmp);
-            let ratio = point.errors[q] / earlier.errors[q];
-            Growth { ratio, at_least: quantile(&drawn, 1.0 - SURE) }
+            Growth {
+                quantity,
+                before: earlier.errors[quantity],
+                after: point.errors[quantity],
+                ratio: ratio(&earlier.errors, &point.errors),
+                at_least: quantile(&drawn, 1.0 - SURE),
+            }
         })
-    });
-    ratios
-        .reduce(|a, b| Growth { ratio: a.ratio.max(b.ratio), at_least: a.at_least.max(b.at_least) })
+        .collect()
 }
 
 fn figure(curves: &[(String, Vec<Point>)]) -> WorkPrecisionGrid {
@@ -295,10 +318,6 @@ mod tests {
         Point { samples, errors: [error; 3], drawn, time_s: 0.0 }
     }
 
-    fn range() -> Range<f64> {
-        MISSED..SOLVED
-    }
-
     fn point(samples: usize, error: f64) -> Point {
         drawn(samples, error, DRAWS)
     }
@@ -318,20 +337,28 @@ mod tests {
     fn an_error_is_held_against_half_the_budget_and_against_one_fewer_and_only_where_that_was_solved()
      {
         let before = [point(64, 0.1), point(96, 0.2), point(127, 0.4), point(1024, 3.0)];
-        let sure = |ratio| Some(Growth { ratio, at_least: ratio });
-        assert_eq!(growth(&before, &point(128, 0.2), range()), sure(2.0));
-        assert_eq!(growth(&before, &point(192, 0.1), range()), sure(0.5));
-        assert_eq!(growth(&before, &point(2048, 6.0), range()), None);
-        assert_eq!(growth(&before, &point(100, 6.0), range()), None);
-        assert_eq!(growth(&[point(64, 0.009)], &point(128, 0.2), range()), None);
-        assert!(growth(&[point(64, 0.009)], &point(128, 0.2), 0.0..MISSED).is_some());
+        let ratios = |point: &Point| -> Vec<f64> {
+            let growths = growths(&before, point, MISSED);
+            assert!(growths.iter().all(|growth| growth.ratio == growth.at_least));
+            growths.iter().map(|growth| growth.ratio).collect()
+        };
+        assert_eq!(ratios(&point(128, 0.2)), [2.0, 2.0, 2.0, 0.5, 0.5, 0.5]);
+        assert_eq!(ratios(&point(192, 0.1)), [0.5; 3]);
+        assert!(ratios(&point(2048, 6.0)).is_empty());
+        assert!(ratios(&point(100, 6.0)).is_empty());
+    }
+
+    #[test]
+    fn an_error_that_is_not_missed_counts_as_a_hundredth_and_has_its_own_ratio_too() {
+        let ratio = |floor| growths(&[point(64, 0.005)], &point(128, 0.5), floor)[0].ratio;
+        assert_eq!([ratio(MISSED), ratio(0.0)], [50.0, 100.0]);
     }
 
     #[test]
     fn a_ratio_is_at_least_what_it_is_in_all_but_one_of_twenty_draws_of_the_seeds() {
-        let at_least = |times| growth(&[drawn(64, 0.5, times)], &point(128, 1.0), range());
-        assert_eq!(at_least(951), Some(Growth { ratio: 2.0, at_least: 2.0 }));
-        assert_eq!(at_least(949), Some(Growth { ratio: 2.0, at_least: 1.0 }));
+        let at_least =
+            |times| growths(&[drawn(64, 0.5, times)], &point(128, 1.0), MISSED)[0].at_least;
+        assert_eq!([at_least(951), at_least(949)], [2.0, 1.0]);
     }
 
     #[test]

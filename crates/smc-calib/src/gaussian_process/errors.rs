@@ -2,7 +2,7 @@
 
 use super::kernel::Points;
 use super::{At, GaussianProcess};
-use crate::cholesky::{dot, semidefinite_cholesky};
+use crate::cholesky::{add_multiple, dot, semidefinite_cholesky};
 use crate::lanes::wide;
 
 /// Variance, over that of the process at the same point before any sample, up to which rounding can have made it. With a hundredth of
@@ -78,7 +78,7 @@ impl GaussianProcess {
             let mut sum = vec![0.0; m];
             for (row, c) in rows.chunks_exact(m).zip(self.coefficients.chunks_exact(m)) {
                 let along = dot(c, x) / n;
-                sum.iter_mut().zip(row).for_each(|(s, v)| *s += along * v);
+                add_multiple(&mut sum, along, row);
             }
             sum
         };
@@ -91,7 +91,7 @@ impl GaussianProcess {
                 let mut x = multiplied(&found[k].0);
                 for (before, _) in &found[..k] {
                     let along = dot(before, &x);
-                    x.iter_mut().zip(before).for_each(|(x, b)| *x -= along * b);
+                    add_multiple(&mut x, -along, before);
                 }
                 let length = dot(&x, &x).sqrt();
                 if length > 0.0 {

@@ -6,7 +6,7 @@
 
 use super::GaussianProcess;
 use super::kernel::{Fit, Samples};
-use crate::cholesky::{dot, lower_times};
+use crate::cholesky::{add_multiple, dot, lower_times};
 use crate::stream::normals;
 use rand::{Rng, RngExt as _};
 use std::f64::consts::TAU;
@@ -69,7 +69,7 @@ impl GaussianProcess {
         let n = self.coefficients.len();
         let mut x = vec![0.0; n];
         for (i, row) in self.factor.chunks_exact(n).enumerate() {
-            x.iter_mut().zip(&row[..=i]).for_each(|(x, l)| *x += l * self.coefficients[i]);
+            add_multiple(&mut x[..=i], self.coefficients[i], &row[..=i]);
         }
         x
     }
