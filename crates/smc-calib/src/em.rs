@@ -3,7 +3,7 @@
 //! Everything happens in the whitened coordinates of a [`Cloud`], so that shrinkage and floors are relative to the spread
 //! of what is fitted.
 
-use crate::cholesky::{cholesky, packed_inverse};
+use crate::cholesky::{add_multiple, cholesky, packed_inverse};
 use crate::cloud::{Cloud, Gaussian};
 use crate::lanes::{LANES, exp_of_nonpositive, ln_of_positive, minus, plus, times, wide};
 use crate::stream::{Purpose, stream};
@@ -113,9 +113,7 @@ impl Cloud {
             let mut sums = vec![0.0; k * (d + 1)];
             for i in 0..n {
                 let row = &mut sums[assigned[i] * (d + 1)..(assigned[i] + 1) * (d + 1)];
-                for (s, x) in row.iter_mut().zip(point(i)) {
-                    *s += self.weights[i] * x;
-                }
+                add_multiple(&mut row[..d], self.weights[i], point(i));
                 row[d] += self.weights[i];
             }
             for c in 0..k {

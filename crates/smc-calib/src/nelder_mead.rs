@@ -2,6 +2,8 @@
 //!
 //! J. A. Nelder, R. Mead, "A simplex method for function minimization", Computer Journal 7 (1965) 308.
 
+use crate::cholesky::add_multiple;
+
 /// A place to start from and the axes of its first simplex, row by row: start + axis is a corner.
 #[derive(Clone, Debug)]
 pub(crate) struct Start {
@@ -76,9 +78,7 @@ fn maximise(
         for i in 0..=d {
             let mut x = best.0.clone();
             if i > 0 {
-                for (x, a) in x.iter_mut().zip(&axes[(i - 1) * d..i * d]) {
-                    *x += scale * a;
-                }
+                add_multiple(&mut x, scale, &axes[(i - 1) * d..i * d]);
             }
             let v = call(&x, &mut used);
             simplex.push((x, v));

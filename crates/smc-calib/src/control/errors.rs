@@ -1,6 +1,7 @@
 //! What a process does not know of the integrals.
 
 use super::variate::{capped, mean};
+use crate::cholesky::add_multiple;
 use crate::mixture::Proposal;
 use crate::normal::ln_prior;
 use crate::pool::Pool;
@@ -98,7 +99,7 @@ pub(super) fn integrals(
     for (ratios, own) in draws.iter().zip(integrals.chunks_exact_mut(p)) {
         for ((ratio, part), row) in ratios.iter().zip(&parts).zip(rows.chunks_exact(p)) {
             let weight = part * capped(*ratio, LARGEST);
-            own.iter_mut().zip(row).for_each(|(sum, phi)| *sum += weight * phi);
+            add_multiple(own, weight, row);
         }
     }
     integrals

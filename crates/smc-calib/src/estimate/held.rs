@@ -11,7 +11,7 @@
 mod tests;
 
 use super::moved::{Axis, Moments, moved, reach};
-use crate::cholesky::{cholesky, solve};
+use crate::cholesky::{add_multiple, cholesky, solve};
 use std::ops::RangeInclusive;
 
 /// Least and largest relative change of a weight.
@@ -355,8 +355,7 @@ impl Samples<'_> {
         let mut sums = vec![0.0; self.replicates * p];
         for ((w, label), row) in weights.iter().zip(self.label).zip(features.chunks_exact(p)) {
             if *w > 0.0 {
-                let sums = &mut sums[*label as usize * p..][..p];
-                sums.iter_mut().zip(row).for_each(|(s, f)| *s += w * f);
+                add_multiple(&mut sums[*label as usize * p..][..p], *w, row);
             }
         }
         sums

@@ -17,10 +17,10 @@ const LN_SCALE: [f64; 2] = [-6.0, 6.0];
 const MIXES: [f64; 2] = [-20.0, 20.0];
 /// Evaluations of the evidence and its slopes from every start, by lengths alone.
 const SEARCH: usize = 8;
-/// The same from the best place that these find, of several columns; of one column at most. With 8, 16, 24 of 100 runs of 50 simulations
+/// The same from the best place that these find, where there are several columns; the most where there is one. With 8, 16, 24 of 100 runs of 50 simulations
 /// of PEEK 2, 1, 0 are off without saying so, and right ones of PS called unsolved are 13, 3, 6.
 const FURTHER: usize = 24;
-/// Fewest of one column; a sixth of the samples where that is more. A covariance that is the very best by one column of few values is too
+/// Fewest where there is one; a sixth of the samples where that is more. A covariance that is the very best by one column of few values is too
 /// sure of itself: with 16 the ridge has errors of 1.7 standard errors at 50 simulations (50 seeds), with 6 to 10 of 1.2 to 1.3, and is no
 /// further off. With 10 at any number it is .026, .031, .026 and .026 posterior standard deviations off at 192, 200, 201 and 256 simulations
 /// (20 seeds), with a sixth .021, .013, .025 and .015.
