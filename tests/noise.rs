@@ -22,6 +22,11 @@ fn residuals_that_are_alike_show_the_result_under_correlated_errors_beside_the_r
     let mean = tau_s["mean"].as_f64().expect("a number");
     assert!((mean + 1.2854).abs() < 0.01, "{mean}");
     assert!((tau_s["shift"].as_f64().expect("a number") + 5.2).abs() < 0.4, "{tau_s}");
+    // In closed form it does not become worse with the run's own samples.
+    sandbox.run("--material ps --samples 40 --quiet --out few").succeeded();
+    let few = &sandbox.posterior("few")["sensitivity"];
+    assert_eq!(few["log_evidence"], file["sensitivity"]["log_evidence"]);
+    assert_eq!(few["parameters"][1]["mean"], tau_s["mean"]);
     let table = fs::read_to_string(sandbox.path().join("r/table.md")).expect("table.md");
     assert!(table.contains("With correlated errors"), "{table}");
     let json = sandbox.run("--material ps --samples 8192 --out r --json").json();

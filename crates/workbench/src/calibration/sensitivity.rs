@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use dem_core::SolverKind;
 use smc_calib::trust::khat_holds;
 use smc_calib::trust::limits::FEWEST_EFFECTIVE_SAMPLES;
 use smc_calib::{
@@ -10,7 +11,7 @@ use smc_calib::{
 };
 
 use crate::error::InputError;
-use crate::plan::Plan;
+use crate::plan::{Plan, SimulatorPlan};
 use crate::record::{Method, Record, Sensitivity, SensitivityOf};
 use crate::watch::Watch;
 
@@ -23,8 +24,9 @@ const MORE: usize = 4;
 /// Adds to a record the result under correlated errors. Nothing is added above [`Sensitivity::MOST_OBSERVATIONS`], where the residuals are
 /// no reason for it, or where the noise of those that are has no correlated counterpart.
 ///
-/// A built-in simulator is sampled again. Programs are not run, and functions not called: the run's own samples are weighted by
-/// the other likelihood, with their curves, which `simulator` has from the folder or has kept.
+/// A built-in simulator is sampled again, in closed form with as many simulations as it takes, by a solver with no more than the run had.
+/// Programs are not run, and functions not called: the run's own samples are weighted by the other likelihood, with their curves, which
+/// `simulator` has from the folder or has kept.
 pub(super) fn add(
     plan: &Plan,
     posterior: &Posterior,
@@ -86,6 +88,14 @@ impl Observer for Stopping<'_> {
     }
 }
 
+/// Whether all that is simulated is pairs in closed form.
+fn in_closed_form(plan: &Plan) -> bool {
+    plan.experiments.iter().all(|one| match &one.simulator {
+        SimulatorPlan::Builtin(pair) => pair.solver.name == SolverKind::ClosedForm,
+        SimulatorPlan::Command(_) | SimulatorPlan::Function { .. } => false,
+    })
+}
+
 fn sampled(
     plan: &Plan,
     posterior: &Posterior,
@@ -103,8 +113,8 @@ fn sampled(
         });
         calibrate_joint(problem, &settings, &mut Stopping(watch)).ok()
     };
-    // A few simulations do mostly.
-    let most = plan.sampler.samples;
+    // A few simulations do mostly. Those of the closed form cost less than placing fewer of them well.
+    let most = if in_closed_form(plan) { MORE * SIMULATIONS } else { plan.sampler.samples };
     let mut other = sampled(most.min(SIMULATIONS))?;
     if other.trust().verdict == Verdict::Untrusted && most > SIMULATIONS {
         other = sampled(most.min(MORE * SIMULATIONS))?;
