@@ -75,6 +75,7 @@ fn exact() -> [f64; 3] {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn specimens_calibrated_with_a_program_have_the_population_of_the_closed_form() {
     let sandbox = Sandbox::new();
     for specimen in SPECIMENS {

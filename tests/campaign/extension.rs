@@ -46,6 +46,7 @@ fn a_run_of_a_program_is_extended_and_nothing_is_run_twice() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn a_plan_file_with_the_number_of_an_extended_run_is_that_of_the_run() {
     // With other defaults for the number after it.
     let sandbox = line(199, "0");
@@ -63,6 +64,7 @@ fn a_plan_file_with_the_number_of_an_extended_run_is_that_of_the_run() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn an_extension_that_is_interrupted_goes_on() {
     let whole = line(30, "0");
     whole.run("--plan line.toml --quiet").succeeded();
@@ -88,6 +90,7 @@ fn an_extension_that_is_interrupted_goes_on() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn a_run_that_was_interrupted_is_extended_before_it_is_done() {
     let whole = line(30, "0");
     whole.run("--plan line.toml --quiet").succeeded();

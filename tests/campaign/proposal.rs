@@ -52,6 +52,7 @@ fn a_plan_begins_from_an_earlier_result_and_says_what_it_took() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn a_run_that_was_interrupted_goes_on_although_the_earlier_result_is_gone() {
     let whole = after_line(40, "0");
     whole.run("--plan next.toml --quiet").succeeded();

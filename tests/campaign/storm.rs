@@ -184,6 +184,7 @@ fn storm(kind: Kind, samples: usize, seed: u64) -> usize {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn a_storm_ends_in_the_bits_of_a_quiet_run() {
     // A run that ends before the first blow is none.
     let drivers: usize = [1, 2].map(|seed| storm(Kind::Command, 40, seed)).iter().sum();

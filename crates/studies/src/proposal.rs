@@ -21,7 +21,7 @@ use crate::small_budget::{COLUMNS, cells};
 /// Simulations of the earlier run.
 const EARLIER: usize = 16_384;
 /// Draws of it that the exact posterior of verlet is computed from.
-const DRAWS: usize = 1024;
+const DRAWS: usize = 4096;
 /// Runs of verlet.
 const DEAR: usize = 60;
 
@@ -32,7 +32,7 @@ standard deviations of its own, upwards, as that of a wrong model might be. \"ve
 hour: the earlier posterior is that of the closed form, the exact one that of verlet (how far apart the two are stands below). Mean and sd are those of the worst parameter, in posterior standard deviations and relative; \"spread of z\" is
 that of the first mean's error over its stated standard error, and of ln Z's, over the runs that are to be trusted (others do not know their standard errors); ESS is the median. The last two columns count the runs with a mean off by more than one sd that do
 not say that their budget is too small, and those right within one sd that do. Exact are the quadrature of the closed form, and for verlet that with the
-ratio of the two likelihoods at 1024 draws. The figures depend on seeds only, not on the machine or its load.
+ratio of the two likelihoods at 4096 draws. The figures depend on seeds only, not on the machine or its load.
 ";
 
 /// What a run begins from.

@@ -88,6 +88,7 @@ fn the_posterior_of_a_constant_under_errors_of_known_correlation_is_that_of_line
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn truths_drawn_with_correlated_errors_have_even_ranks() {
     use smc_calib::sbc::{Band, Study, coverage_score, intervals, quantities, run};
     let control: Vec<f64> = (0..16).map(|k| 0.25 * f64::from(k)).collect();

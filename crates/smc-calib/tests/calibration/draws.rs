@@ -132,6 +132,7 @@ fn noise_and_bands_by_few_simulations_are_those_by_many() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn a_process_makes_as_many_draws_as_are_asked_for_but_neither_few_nor_too_many() {
     let simulator = line();
     let problem = line_problem(&simulator, Noise::Fixed { sigma: FixedSigma::Absolute(0.05) });

@@ -57,6 +57,7 @@ fn the_first_samples_of_an_extended_run_are_those_of_the_run_it_extends() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn an_extended_run_gives_the_same_bits_for_any_number_of_threads() {
     let with = |threads: usize, settings: &Settings| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

@@ -161,6 +161,7 @@ fn the_map_is_the_higher_of_two_peaks_though_most_of_the_posterior_lies_at_the_o
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn in_ten_dimensions_the_evidence_is_that_of_all_samples_where_the_last_stage_misses_it() {
     let reference = gaussian(10, 0.8, 0.1);
     let found = runs(&reference, 4096, 4);

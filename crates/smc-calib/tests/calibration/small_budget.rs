@@ -104,6 +104,7 @@ fn the_evidence_of_a_smooth_valley_is_known_to_a_twentieth_after_a_hundred_calls
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn a_bent_valley_is_known_far_better_after_a_thousand_simulations_than_by_their_weights() {
     // The process leaves a third of the noise there, local quadratics a five-hundredth; weights alone: .04, .09, .02.
     let placed = errors(&reference::banana(), &Settings::for_budget(1024), 2);
@@ -396,6 +397,7 @@ fn of_interval(p: &Posterior, j: usize, sd: f64, exact: [f64; 3]) -> [[f64; 2]; 
 
 /// By fifty weighted samples, of twenty effective ones, ends of intervals are known to half a standard deviation.
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn intervals_after_fifty_simulations_are_known_and_as_well_as_they_say() {
     let simulator = line();
     let line = line_problem(&simulator, Noise::Fixed { sigma: FixedSigma::Absolute(0.05) });
