@@ -24,9 +24,9 @@ const MORE: usize = 4;
 /// Adds to a record the result under correlated errors. Nothing is added above [`Sensitivity::MOST_OBSERVATIONS`], where the residuals are
 /// no reason for it, or where the noise of those that are has no correlated counterpart.
 ///
-/// A built-in simulator is sampled again, in closed form with as many simulations as it takes, by a solver with no more than the run had.
-/// Programs are not run, and functions not called: the run's own samples are weighted by the other likelihood, with their curves, which
-/// `simulator` has from the folder or has kept.
+/// A built-in simulator is sampled again: with as many simulations as it takes where these cost microseconds, else with no more than the
+/// run had. Programs are not run, and functions not called: the run's own samples are weighted by the other likelihood, with their curves,
+/// which `simulator` has from the folder or has kept.
 pub(super) fn add(
     plan: &Plan,
     posterior: &Posterior,
@@ -88,10 +88,10 @@ impl Observer for Stopping<'_> {
     }
 }
 
-/// Whether all that is simulated is pairs in closed form.
-fn in_closed_form(plan: &Plan) -> bool {
+/// Whether all that is simulated is pairs whose curves need no steps in time as short as an oscillation of the contact.
+fn without_inertia(plan: &Plan) -> bool {
     plan.experiments.iter().all(|one| match &one.simulator {
-        SimulatorPlan::Builtin(pair) => pair.solver.name == SolverKind::ClosedForm,
+        SimulatorPlan::Builtin(pair) => pair.solver.name != SolverKind::Verlet,
         SimulatorPlan::Command(_) | SimulatorPlan::Function { .. } => false,
     })
 }
@@ -113,8 +113,8 @@ fn sampled(
         });
         calibrate_joint(problem, &settings, &mut Stopping(watch)).ok()
     };
-    // A few simulations do mostly. Those of the closed form cost less than placing fewer of them well.
-    let most = if in_closed_form(plan) { MORE * SIMULATIONS } else { plan.sampler.samples };
+    // A few simulations do mostly. Where they cost microseconds, they are sooner had than fewer that are placed well.
+    let most = if without_inertia(plan) { MORE * SIMULATIONS } else { plan.sampler.samples };
     let mut other = sampled(most.min(SIMULATIONS))?;
     if other.trust().verdict == Verdict::Untrusted && most > SIMULATIONS {
         other = sampled(most.min(MORE * SIMULATIONS))?;
