@@ -22,7 +22,7 @@ fn residuals_that_are_alike_show_the_result_under_correlated_errors_beside_the_r
     let mean = tau_s["mean"].as_f64().expect("a number");
     assert!((mean + 1.2854).abs() < 0.01, "{mean}");
     assert!((tau_s["shift"].as_f64().expect("a number") + 5.2).abs() < 0.4, "{tau_s}");
-    // In closed form it does not become worse with the run's own samples.
+    // In closed form it does not depend on how many samples the run has.
     sandbox.run("--material ps --samples 40 --quiet --out few").succeeded();
     let few = &sandbox.posterior("few")["sensitivity"];
     assert_eq!(few["log_evidence"], file["sensitivity"]["log_evidence"]);

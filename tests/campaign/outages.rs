@@ -51,7 +51,6 @@ fn after_an_outage_and_retries_the_result_is_that_of_a_quiet_run_to_the_bit() {
 }
 
 #[test]
-#[ignore = "long: run by .ci/run"]
 fn failures_that_were_counted_can_be_given_up_after_the_end_and_what_they_moved_is_placed_again() {
     let quiet = line(48, "0");
     quiet.run("--plan line.toml --quiet").succeeded();

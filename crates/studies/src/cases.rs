@@ -14,6 +14,9 @@ use workbench::input::material::Material;
 use crate::pair::{Calibration, settings};
 use crate::rivals::{Bayes, Estimate};
 
+/// Error of a quadrature, in posterior sds, above which it is not exact.
+const UNSETTLED: f64 = 0.01;
+
 /// The true posterior.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Exact {
@@ -27,6 +30,28 @@ pub(crate) struct Exact {
     pub(crate) ends: Vec<[f64; 2]>,
     /// Error of the quadrature, in posterior sds; 0 for closed forms.
     pub(crate) settled: f64,
+}
+
+impl Exact {
+    /// That of a curve, by quadrature; refused where this does not settle.
+    pub(crate) fn by_quadrature(curve: &Calibration) -> Result<Self, Failure> {
+        let found = quadrature(&curve.problem(), &QuadratureSettings::default())
+            .map_err(|error| RunError::new(format_args!("quadrature: {error}")))?;
+        if found.error > UNSETTLED {
+            return Err(RunError::new(format_args!(
+                "quadrature: settled to {:.1e} posterior sds only",
+                found.error
+            ))
+            .into());
+        }
+        Ok(Self {
+            ends: found.quantiles.iter().map(|of| [of[0], of[of.len() - 1]]).collect(),
+            mean: found.mean,
+            sd: found.sd,
+            log_evidence: found.log_evidence,
+            settled: found.error,
+        })
+    }
 }
 
 /// Result of one run of the sampler, with the standard errors it reports.
@@ -95,18 +120,10 @@ impl Case {
     /// A material with its default data, priors and noise, against quadrature.
     pub(crate) fn material(material: Material) -> Result<Self, Failure> {
         let curve = Calibration::of(material)?;
-        let found = quadrature(&curve.problem(), &QuadratureSettings::default())
-            .map_err(|error| RunError::new(format_args!("{material}: quadrature: {error}")))?;
         Ok(Self {
             name: material.name().to_owned(),
             title: material.title().to_owned(),
-            exact: Exact {
-                ends: found.quantiles.iter().map(|of| [of[0], of[of.len() - 1]]).collect(),
-                mean: found.mean,
-                sd: found.sd,
-                log_evidence: found.log_evidence,
-                settled: found.error,
-            },
+            exact: Exact::by_quadrature(&curve)?,
             kind: Kind::Curve(Box::new(curve)),
         })
     }

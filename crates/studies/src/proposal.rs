@@ -5,9 +5,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use dem_core::SolverKind;
-use rayon::prelude::*;
-use smc_calib::quadrature::{QuadratureSettings, quadrature};
-use smc_calib::{FirstProposal, Posterior, Settings, Simulator as _};
+use smc_calib::{FirstProposal, Parameter, Posterior, Settings};
 use workbench::error::{Failure, RunError};
 use workbench::input::material::Material;
 
@@ -20,8 +18,6 @@ use crate::small_budget::{COLUMNS, cells};
 
 /// Simulations of the earlier run.
 const EARLIER: usize = 16_384;
-/// Draws of it that the exact posterior of verlet is computed from.
-const DRAWS: usize = 4096;
 /// Runs of verlet.
 const DEAR: usize = 60;
 
@@ -29,10 +25,10 @@ const TEXT: &str = "\
 Errors (root mean square over the seeds, each error counted as 10 at most) of calibrations of the measured neck-growth curves with few simulations, from
 the prior and from an earlier posterior (`--proposal`): that of the same model with 16 384 simulations, and the same with every parameter moved by
 standard deviations of its own, upwards, as that of a wrong model might be. \"verlet\" has the curve from the full dynamics, whose runs stand for runs of an
-hour: the earlier posterior is that of the closed form, the exact one that of verlet (how far apart the two are stands below). Mean and sd are those of the worst parameter, in posterior standard deviations and relative; \"spread of z\" is
-that of the first mean's error over its stated standard error, and of ln Z's, over the runs that are to be trusted (others do not know their standard errors); ESS is the median. The last two columns count the runs with a mean off by more than one sd that do
-not say that their budget is too small, and those right within one sd that do. Exact are the quadrature of the closed form, and for verlet that with the
-ratio of the two likelihoods at 4096 draws. The figures depend on seeds only, not on the machine or its load.
+hour: the earlier posterior is that of the closed form, the exact one that of verlet (how far apart the two are stands below). Mean and sd are those of the worst
+parameter, in posterior standard deviations and relative, ends of 95 % intervals have the error of the worst one; \"spread of z\" is that of the first mean's error over its stated
+standard error, of ln Z's and of all ends', over the runs that are to be trusted (others do not know their standard errors); ESS is the median. The last two columns count the runs with a mean off by more than one sd that do
+not say that their budget is too small, and those right within one sd that do. Exact are quadratures, of the closed form and of verlet. The figures depend on seeds only, not on the machine or its load.
 ";
 
 /// What a run begins from.
@@ -65,7 +61,7 @@ pub(crate) fn run(args: &ProposalArgs, out: &Path) -> Result<(), Failure> {
         }
         let cheap = Calibration::of(material)?;
         let earlier = cheap.posterior(EARLIER, 1).map_err(RunError::new)?;
-        let exact = exact(&cheap)?;
+        let exact = Exact::by_quadrature(&cheap)?;
         for &samples in &args.samples {
             for begin in [0.0, 1.0, 3.0, 10.0].map(Begin::Earlier).into_iter().chain([Begin::Prior])
             {
@@ -78,7 +74,9 @@ pub(crate) fn run(args: &ProposalArgs, out: &Path) -> Result<(), Failure> {
             continue;
         }
         let dear = Calibration::solved(material, SolverKind::Verlet)?;
-        let (exact, moves) = corrected(&exact, &earlier, &cheap, &dear)?;
+        let of_cheap = exact;
+        let exact = Exact::by_quadrature(&dear)?;
+        let moves = moves(&cheap, [&of_cheap, &exact]);
         let _ = writeln!(apart, "- {}: {moves}", material.name().to_uppercase());
         for begin in [Begin::Earlier(0.0), Begin::Prior] {
             let runs = runs(&dear, &earlier, begin, (DEAR, args.seeds))?;
@@ -130,60 +128,11 @@ fn moved(
     FirstProposal::fitted(&model.parameters, &columns, &weights, settings)
 }
 
-/// The posterior by quadrature.
-fn exact(model: &Calibration) -> Result<Exact, Failure> {
-    let found = quadrature(&model.problem(), &QuadratureSettings::default())
-        .map_err(|error| RunError::new(format_args!("quadrature: {error}")))?;
-    Ok(Exact {
-        ends: Vec::new(),
-        mean: found.mean,
-        sd: found.sd,
-        log_evidence: found.log_evidence,
-        settled: found.error,
-    })
-}
-
-/// The posterior of another solver of the same curve: that of the first, moved by what the ratio of their likelihoods moves equally
-/// weighted draws of the first; and these moves in words. Only what the two differ by is left to chance.
-fn corrected(
-    exact: &Exact,
-    earlier: &Posterior,
-    cheap: &Calibration,
-    dear: &Calibration,
-) -> Result<(Exact, String), Failure> {
-    let step = (earlier.draws.len() / DRAWS).max(1);
-    let thetas: Vec<&[f64]> =
-        earlier.draws.iter().step_by(step).map(|draw| earlier.theta(draw)).collect();
-    let ln = |model: &Calibration, theta: &[f64]| {
-        let mut curve = vec![0.0; model.observations.len()];
-        model.model.simulate(theta, &mut curve).map(|()| model.likelihood.ln_joint(&curve))
+/// By how much means and sds differ from the first posterior to the second, in words.
+fn moves(model: &Calibration, [before, after]: [&Exact; 2]) -> String {
+    let one = |(j, parameter): (usize, &Parameter)| {
+        let shift = (after.mean[j] - before.mean[j]) / before.sd[j];
+        format!("{} {shift:.3} and {:.3}", parameter.name, after.sd[j] / before.sd[j])
     };
-    let ratio =
-        |theta: &[f64]| Ok::<f64, smc_calib::SimError>(ln(dear, theta)? - ln(cheap, theta)?);
-    let ratios: Result<Vec<f64>, _> = thetas.par_iter().map(|theta| ratio(theta)).collect();
-    let ratios: Vec<f64> = ratios.map_err(RunError::new)?.into_iter().map(f64::exp).collect();
-    let n = ratios.len() as f64;
-    let total: f64 = ratios.iter().sum();
-    let mut moves = Vec::new();
-    let mut moved = Exact {
-        ends: Vec::new(),
-        mean: Vec::new(),
-        sd: Vec::new(),
-        log_evidence: exact.log_evidence + (total / n).ln(),
-        settled: exact.settled,
-    };
-    for (j, parameter) in cheap.parameters.iter().enumerate() {
-        let x = |k: usize| parameter.prior.to_coordinate(thetas[k][j]);
-        let moments = |weight: &dyn Fn(usize) -> f64| {
-            let mean: f64 = (0..thetas.len()).map(|k| weight(k) * x(k)).sum();
-            let square: f64 = (0..thetas.len()).map(|k| weight(k) * (x(k) - mean).powi(2)).sum();
-            (mean, square.sqrt())
-        };
-        let (before, after) = (moments(&|_| 1.0 / n), moments(&|k| ratios[k] / total));
-        moved.mean.push(exact.mean[j] + after.0 - before.0);
-        moved.sd.push(exact.sd[j] * after.1 / before.1);
-        let (shift, factor) = ((after.0 - before.0) / exact.sd[j], after.1 / before.1);
-        moves.push(format!("{} {shift:.3} and {factor:.3}", parameter.name));
-    }
-    Ok((moved, moves.join(", ")))
+    model.parameters.iter().enumerate().map(one).collect::<Vec<_>>().join(", ")
 }

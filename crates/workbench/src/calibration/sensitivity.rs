@@ -11,11 +11,12 @@ use smc_calib::{
 };
 
 use crate::error::InputError;
-use crate::plan::{Plan, SimulatorPlan};
+use crate::pair::heat::HistoryPlan;
+use crate::plan::{PairPlan, Plan, SimulatorPlan, SolverPlan};
 use crate::record::{Method, Record, Sensitivity, SensitivityOf};
 use crate::watch::Watch;
 
-/// Most simulations of the second posterior: its means are then known to a few hundredths of their standard deviations.
+/// Simulations of the second posterior: its means are then known to a few hundredths of their standard deviations.
 const SIMULATIONS: usize = 4096;
 
 /// Times as many where these were not enough.
@@ -24,8 +25,8 @@ const MORE: usize = 4;
 /// Adds to a record the result under correlated errors. Nothing is added above [`Sensitivity::MOST_OBSERVATIONS`], where the residuals are
 /// no reason for it, or where the noise of those that are has no correlated counterpart.
 ///
-/// A built-in simulator is sampled again: with as many simulations as it takes where these cost microseconds, else with no more than the
-/// run had. Programs are not run, and functions not called: the run's own samples are weighted by the other likelihood, with their curves,
+/// A built-in simulator is sampled again: by 4096 simulations, or four times as many where these do not do; where they are not [`cheap`],
+/// by no more than the run had. Programs are not run, and functions not called: the run's own samples are weighted by the other likelihood, with their curves,
 /// which `simulator` has from the folder or has kept.
 pub(super) fn add(
     plan: &Plan,
@@ -88,10 +89,20 @@ impl Observer for Stopping<'_> {
     }
 }
 
-/// Whether all that is simulated is pairs whose curves need no steps in time as short as an oscillation of the contact.
-fn without_inertia(plan: &Plan) -> bool {
+/// Whether simulations cost microseconds: pairs in closed form, or quasi-static with no more accuracy than by default, that no table of
+/// temperatures heats.
+fn cheap(plan: &Plan) -> bool {
+    let cheap = |pair: &PairPlan| {
+        let solver = match pair.solver.name {
+            SolverKind::ClosedForm => true,
+            SolverKind::QuasiStatic => pair.solver.tolerance >= SolverPlan::DEFAULT_TOLERANCE,
+            SolverKind::Verlet => false,
+        };
+        let history = pair.heat.as_ref().map(|heat| &heat.history);
+        solver && !matches!(history, Some(HistoryPlan::Table { .. }))
+    };
     plan.experiments.iter().all(|one| match &one.simulator {
-        SimulatorPlan::Builtin(pair) => pair.solver.name != SolverKind::Verlet,
+        SimulatorPlan::Builtin(pair) => cheap(pair),
         SimulatorPlan::Command(_) | SimulatorPlan::Function { .. } => false,
     })
 }
@@ -113,8 +124,8 @@ fn sampled(
         });
         calibrate_joint(problem, &settings, &mut Stopping(watch)).ok()
     };
-    // A few simulations do mostly. Where they cost microseconds, they are sooner had than fewer that are placed well.
-    let most = if without_inertia(plan) { MORE * SIMULATIONS } else { plan.sampler.samples };
+    // So many cost less than fewer that a process places.
+    let most = if cheap(plan) { MORE * SIMULATIONS } else { plan.sampler.samples };
     let mut other = sampled(most.min(SIMULATIONS))?;
     if other.trust().verdict == Verdict::Untrusted && most > SIMULATIONS {
         other = sampled(most.min(MORE * SIMULATIONS))?;
@@ -208,5 +219,33 @@ fn parameter(
         sd,
         shift: (mean - before.mean) / before.sd,
         widening: sd / before.sd,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::cheap;
+    use crate::input::material::Material;
+    use crate::plan::PairOptions;
+    use dem_core::SolverKind;
+
+    #[test]
+    fn simulations_of_all_solvers_but_verlet_are_cheap_where_no_more_accuracy_is_asked_for() {
+        for (solver, tolerance, expected) in [
+            (SolverKind::ClosedForm, 1e-12, true),
+            (SolverKind::QuasiStatic, 1e-3, true),
+            (SolverKind::QuasiStatic, 1e-12, false),
+            (SolverKind::Verlet, 1e-3, false),
+        ] {
+            let material = Some(Material::Ps);
+            let mut plan =
+                PairOptions { material, ..PairOptions::default() }.plan().expect("a plan").plan;
+            let crate::plan::SimulatorPlan::Builtin(pair) = &mut plan.experiments[0].simulator
+            else {
+                panic!("a pair")
+            };
+            (pair.solver.name, pair.solver.tolerance) = (solver, tolerance);
+            assert_eq!(cheap(&plan), expected, "{solver} {tolerance}");
+        }
     }
 }

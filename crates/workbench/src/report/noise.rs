@@ -102,7 +102,8 @@ pub(super) fn beside(record: &Record, width: usize) -> String {
         };
         let _ = writeln!(
             text,
-            "  with correlated errors ({how}): not known from these runs ({:.0} effective samples, k-hat {}); run with {option}, and with more {more} where that is not to be trusted either",
+            "  with correlated errors ({how}): not known from {} simulations ({:.0} effective samples, k-hat {}); run with {option}, and with more {more} where that is not to be trusted either",
+            sensitivity.samples,
             sensitivity.ess,
             khat_in_words(sensitivity.khat)
         );
@@ -140,8 +141,10 @@ pub(super) fn beside(record: &Record, width: usize) -> String {
 pub(super) fn beside_markdown(record: &Record) -> String {
     let Some(sensitivity) = &record.sensitivity else { return String::new() };
     if !sensitivity.trusted {
-        return "\nThe residuals are alike; what correlated errors give is not known from these runs: run with `--noise correlated` (`kind = \"correlated\"` in a plan).\n"
-            .to_owned();
+        return format!(
+            "\nThe residuals are alike; what correlated errors give is not known from {} simulations: run with `--noise correlated` (`kind = \"correlated\"` in a plan).\n",
+            sensitivity.samples
+        );
     }
     let mut text = format!(
         "\nWith correlated errors, as the residuals are alike (log evidence {} against {}):\n\n\
