@@ -52,6 +52,18 @@ impl Exact {
             settled: found.error,
         })
     }
+
+    /// That of a run of so many simulations that its errors do not count.
+    pub(crate) fn of(run: &Posterior) -> Self {
+        let moments: Vec<_> = run.parameters.iter().map(|p| p.in_coordinate).collect();
+        Self {
+            mean: moments.iter().map(|m| m.mean).collect(),
+            sd: moments.iter().map(|m| m.sd).collect(),
+            ends: moments.iter().map(|m| [m.eti95.lower, m.eti95.upper]).collect(),
+            log_evidence: run.log_evidence.value,
+            settled: 0.0,
+        }
+    }
 }
 
 /// Result of one run of the sampler, with the standard errors it reports.
