@@ -85,6 +85,7 @@ fn observations_that_weights_cannot_leave_out_are_left_out_by_calibrating_again(
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn the_report_says_what_is_fair_what_is_informed_and_where_phi_came_from() {
     let sandbox = Sandbox::new();
     sandbox

@@ -98,6 +98,7 @@ fn all_formats_have_the_same_draws_and_a_store_is_whole() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn a_run_of_programs_is_exported_from_its_stored_runs_and_says_what_is_missing_without_them() {
     let sandbox = Sandbox::new();
     for file in ["two.toml", "line.sh", "line.csv", "twice.csv"] {

@@ -443,6 +443,7 @@ mod tests {
     use crate::normal;
 
     #[test]
+    #[ignore = "long: run by .ci/run"]
     fn the_band_holds_uniform_numbers_as_often_as_it_says() {
         let (n, repeats) = (200, 4000);
         let band = Band::new(n, 0.95);

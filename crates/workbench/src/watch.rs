@@ -141,6 +141,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "long: run by .ci/run"]
     fn a_job_of_many_calibrations_counts_each_of_them_once() {
         let watch = Kept::default();
         let noises = &crate::compare::default_noises()[..1];

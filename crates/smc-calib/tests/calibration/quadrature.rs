@@ -128,6 +128,7 @@ impl Target for Bent {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn the_thin_ends_of_a_bent_ridge_are_inside_the_box() {
     // A first grid sees only a few cells of a ridge thinner than they are.
     let (s, b, c) = BENT;

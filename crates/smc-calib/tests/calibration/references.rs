@@ -67,6 +67,7 @@ fn the_frozen_evidence_is_unbiased() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn the_evidence_is_unbiased_and_much_closer_than_that_of_plain_weights() {
     let reference = &all()[1];
     let runs = runs(reference, 4096, 40);

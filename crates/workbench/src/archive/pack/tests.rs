@@ -41,6 +41,7 @@ fn written(folder: &Path, names: &[String]) -> Vec<String> {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn whatever_files_are_called_the_archive_opens_again() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let run = record_alone(folder.path());
