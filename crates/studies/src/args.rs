@@ -45,7 +45,7 @@ pub(crate) enum Study {
     Budgets(BudgetsArgs),
     /// What do the examples of PyVBMC, BOBE and GPry give, at their numbers of calls and at half? (2 minutes)
     Specialists(SpecialistsArgs),
-    /// What is an earlier posterior worth as the first proposal, right or wrong? (20 minutes)
+    /// What is an earlier posterior worth as the first proposal, right or wrong? (30 minutes)
     Proposal(ProposalArgs),
     /// Does a population of pairs predict the next one? Four PA12 pairs, each left out in turn (2 minutes)
     Population,
