@@ -61,6 +61,7 @@ fn evidences_are_those_of_the_main_job_and_factors_those_of_the_evidences() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn observations_that_weights_cannot_leave_out_are_left_out_by_calibrating_again() {
     // PS: the row at the knee decides so much that k-hat is above the limit for every kinetics.
     let comparison = compared(&Sandbox::new(), "--material ps --samples 8192 --noise inferred");
@@ -265,6 +266,7 @@ fn finished_runs_of_one_table_are_ranked_by_their_evidence_and_named_by_what_the
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn runs_of_other_measurements_or_another_noise_are_not_ranked() {
     let sandbox = Sandbox::new();
     calibrated(&sandbox, "--material ps", "ps");

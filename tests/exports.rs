@@ -41,6 +41,7 @@ fn column(text: &str, name: &str) -> Vec<f64> {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn all_formats_have_the_same_draws_and_a_store_is_whole() {
     let sandbox = Sandbox::new();
     sandbox.run("--material pa12 -n 50 --out run").succeeded();

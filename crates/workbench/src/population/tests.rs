@@ -39,6 +39,7 @@ fn refused(options: &PopulationOptions) -> String {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn a_population_is_a_run_whose_next_pair_is_less_certain_than_each_of_its_members() {
     let folder = TempDir::new().expect("a folder");
     let one = calibrated(&folder, "pa12-r32", PairOptions::default());
