@@ -28,18 +28,18 @@ pub(crate) struct Exact {
     pub(crate) log_evidence: f64,
     /// Ends of the 95 % intervals; none where only moments are known.
     pub(crate) ends: Vec<[f64; 2]>,
-    /// Error of the quadrature, in posterior sds; 0 for closed forms.
+    /// Error of the quadrature, in posterior sds; 0 without one.
     pub(crate) settled: f64,
 }
 
 impl Exact {
-    /// That of a curve, by quadrature; refused where this does not settle.
-    pub(crate) fn by_quadrature(curve: &Calibration) -> Result<Self, Failure> {
+    /// That of a material's curve, by quadrature; refused where this does not settle.
+    pub(crate) fn by_quadrature(material: Material, curve: &Calibration) -> Result<Self, Failure> {
         let found = quadrature(&curve.problem(), &QuadratureSettings::default())
-            .map_err(|error| RunError::new(format_args!("quadrature: {error}")))?;
+            .map_err(|error| RunError::new(format_args!("{material}: quadrature: {error}")))?;
         if found.error > UNSETTLED {
             return Err(RunError::new(format_args!(
-                "quadrature: settled to {:.1e} posterior sds only",
+                "{material}: quadrature: settled to {:.1e} posterior sds only",
                 found.error
             ))
             .into());
@@ -135,7 +135,7 @@ impl Case {
         Ok(Self {
             name: material.name().to_owned(),
             title: material.title().to_owned(),
-            exact: Exact::by_quadrature(&curve)?,
+            exact: Exact::by_quadrature(material, &curve)?,
             kind: Kind::Curve(Box::new(curve)),
         })
     }

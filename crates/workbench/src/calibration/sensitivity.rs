@@ -11,8 +11,7 @@ use smc_calib::{
 };
 
 use crate::error::InputError;
-use crate::pair::heat::HistoryPlan;
-use crate::plan::{PairPlan, Plan, SimulatorPlan, SolverPlan};
+use crate::plan::{Plan, SolverPlan, pairs};
 use crate::record::{Method, Record, Sensitivity, SensitivityOf};
 use crate::watch::Watch;
 
@@ -25,9 +24,9 @@ const MORE: usize = 4;
 /// Adds to a record the result under correlated errors. Nothing is added above [`Sensitivity::MOST_OBSERVATIONS`], where the residuals are
 /// no reason for it, or where the noise of those that are has no correlated counterpart.
 ///
-/// A built-in simulator is sampled again: by 4096 simulations, or four times as many where these do not do; where they are not [`cheap`],
-/// by no more than the run had. Programs are not run, and functions not called: the run's own samples are weighted by the other likelihood, with their curves,
-/// which `simulator` has from the folder or has kept.
+/// A built-in simulator is sampled again: by [`SIMULATIONS`], or [`MORE`] times as many where these do not do; where they are not [`cheap`],
+/// by no more than the run had. Programs are not run, and functions not called: the run's own samples are weighted by the other
+/// likelihood, with their curves, which `simulator` has from the folder or has kept.
 pub(super) fn add(
     plan: &Plan,
     posterior: &Posterior,
@@ -89,21 +88,16 @@ impl Observer for Stopping<'_> {
     }
 }
 
-/// Whether simulations cost microseconds: pairs in closed form, or quasi-static with no more accuracy than by default, that no table of
-/// temperatures heats.
+/// Whether simulations of a plan of pairs cost microseconds: in closed form, or quasi-static with no more accuracy than by default, and
+/// heated by no table of temperatures.
 fn cheap(plan: &Plan) -> bool {
-    let cheap = |pair: &PairPlan| {
+    pairs(&plan.experiments).all(|(_, pair)| {
         let solver = match pair.solver.name {
             SolverKind::ClosedForm => true,
             SolverKind::QuasiStatic => pair.solver.tolerance >= SolverPlan::DEFAULT_TOLERANCE,
             SolverKind::Verlet => false,
         };
-        let history = pair.heat.as_ref().map(|heat| &heat.history);
-        solver && !matches!(history, Some(HistoryPlan::Table { .. }))
-    };
-    plan.experiments.iter().all(|one| match &one.simulator {
-        SimulatorPlan::Builtin(pair) => cheap(pair),
-        SimulatorPlan::Command(_) | SimulatorPlan::Function { .. } => false,
+        solver && pair.heat.as_ref().is_none_or(|heat| heat.table_file().is_none())
     })
 }
 
@@ -226,7 +220,7 @@ fn parameter(
 mod tests {
     use super::cheap;
     use crate::input::material::Material;
-    use crate::plan::PairOptions;
+    use crate::plan::{PairOptions, SimulatorPlan};
     use dem_core::SolverKind;
 
     #[test]
@@ -240,8 +234,7 @@ mod tests {
             let material = Some(Material::Ps);
             let mut plan =
                 PairOptions { material, ..PairOptions::default() }.plan().expect("a plan").plan;
-            let crate::plan::SimulatorPlan::Builtin(pair) = &mut plan.experiments[0].simulator
-            else {
+            let SimulatorPlan::Builtin(pair) = &mut plan.experiments[0].simulator else {
                 panic!("a pair")
             };
             (pair.solver.name, pair.solver.tolerance) = (solver, tolerance);
