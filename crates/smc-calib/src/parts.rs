@@ -114,7 +114,7 @@ impl Settings {
         }
         let (first, process) = (self.first_budget(), budget < Self::PLAIN);
         if process && first >= Self::PLAIN {
-            own.replace_defaults(Self::WHOLLY_PLAIN, Self::PLAIN - 1);
+            own.replace_defaults(Self::WHOLLY_PLAIN, budget);
         } else if !process && first < Self::PLAIN {
             own.replace_defaults(first, Self::WHOLLY_PLAIN);
         }
@@ -369,11 +369,32 @@ mod tests {
             assert!(pairs.all(|(a, b)| *b <= a + batch), "{n}: {sizes:?} {next:?}");
             assert!(sizes[1..].is_sorted_by(|a, b| a >= b), "{n}: {sizes:?}");
         }
-        let stages = [50, 100, 200, 201, 256, 300, 399, 400, 2047].map(|n| of(n).len() - 1);
-        assert_eq!(stages, [38, 38, 38, 37, 29, 25, 19, 19, 20]);
+        let stages = [50, 100, 200, 201, 256, 300, 399].map(|n| of(n).len() - 1);
+        assert_eq!(stages, [38, 38, 38, 37, 29, 25, 19]);
         // As many as are chosen.
         let chosen = Settings { iterations: 60, ..Settings::for_budget(300) };
         assert_eq!(chosen.batches(300, chosen.adaptive(300), true).len(), 58);
+    }
+
+    #[test]
+    fn from_four_hundred_samples_on_stages_become_fewer_one_by_one_and_larger() {
+        let of = |n: usize| {
+            let run = Settings::for_budget(n);
+            run.batches(n, run.adaptive(n), true)
+        };
+        for n in 400..2047 {
+            let (sizes, next) = (of(n), of(n + 1));
+            assert_eq!(sizes.iter().sum::<usize>(), n);
+            assert!(next.len() <= sizes.len() && sizes.len() <= next.len() + 1, "{n}: {sizes:?}");
+            let (each, of_next) = (sizes[1], next[1]);
+            assert!(each <= of_next && of_next <= each + each / 4 + 4, "{n}: {sizes:?} {next:?}");
+        }
+        let shares = [400, 512, 768, 1024, 2047].map(|n| {
+            let sizes = of(n);
+            let last = sizes[sizes.len() - 1] as f64 / n as f64;
+            (sizes.len() - 1, (100.0 * last).round())
+        });
+        assert_eq!(shares, [(19, 4.0), (15, 11.0), (10, 20.0), (8, 24.0), (8, 23.0)]);
     }
 
     #[test]
