@@ -114,7 +114,7 @@ impl Settings {
         }
         let (first, process) = (self.first_budget(), budget < Self::PLAIN);
         if process && first >= Self::PLAIN {
-            own.replace_defaults(Self::WHOLLY_PLAIN, budget);
+            own.replace_defaults(Self::WHOLLY_PLAIN, START);
         } else if !process && first < Self::PLAIN {
             own.replace_defaults(first, Self::WHOLLY_PLAIN);
         }
@@ -277,14 +277,18 @@ mod tests {
     #[test]
     fn parts_have_the_defaults_of_their_kind_and_what_was_chosen() {
         let of = |settings: &Settings| {
-            (settings.surrogate, settings.iterations, settings.max_components, settings.batch)
+            let Settings { surrogate, iterations, max_components, batch, .. } = *settings;
+            (surrogate, iterations, max_components, batch, settings.final_share.to_bits())
         };
         let small = of(&Settings::for_budget(400));
         let plain = of(&Settings::for_budget(10_000));
         assert!(small.0 && !plain.0);
         for run in [Settings::for_budget(3000), Settings { surrogate: true, ..Settings::default() }]
         {
-            assert_eq!(of(&run.of_part(400)), small);
+            // However many samples it begins with.
+            for start in [400, 406, 800] {
+                assert_eq!(of(&run.of_part(start)), small);
+            }
             assert_eq!(of(&run.of_part(run.samples)), plain);
             let chosen = Settings { iterations: 5, batch: 7, ..run };
             for part in [406, chosen.samples] {
@@ -294,14 +298,16 @@ mod tests {
         let off = Settings { surrogate: false, ..Settings::for_budget(3000) };
         assert_eq!(off.parts(), [3000]);
         assert_eq!(of(&off.of_part(3000)), plain);
-        for first in [30, 100, 201, 300, 399, 400, 2047] {
+        for first in [30, 100, 201, 300, 399, 400, 500, 1000, 2047] {
             let begun = Settings::for_budget(first);
             let extended = begun.extended(3000).unwrap_or_default();
             assert_eq!(extended.parts(), [first, 3000]);
             assert_eq!(of(&extended.of_part(first)), of(&begun));
             assert_eq!(of(&extended.of_part(3000)), plain);
         }
-        for [first, samples] in [[30, 300], [100, 100], [300, 3000], [2047, 8192], [9000, 100]] {
+        for [first, samples] in
+            [[30, 300], [100, 100], [300, 3000], [500, 1500], [2047, 8192], [9000, 100]]
+        {
             let begun = Settings { seed: 7, ..Settings::for_budget(first) };
             let extended = begun.extended(10_000).unwrap_or_default();
             let expected = Settings { seed: 7, ..Settings::for_budget(samples) };
@@ -394,7 +400,7 @@ mod tests {
             let last = sizes[sizes.len() - 1] as f64 / n as f64;
             (sizes.len() - 1, (100.0 * last).round())
         });
-        assert_eq!(shares, [(19, 4.0), (15, 11.0), (10, 20.0), (8, 24.0), (8, 23.0)]);
+        assert_eq!(shares, [(19, 4.0), (15, 11.0), (12, 19.0), (12, 20.0), (12, 20.0)]);
     }
 
     #[test]

@@ -24,7 +24,7 @@ pub struct Settings {
     /// Independently scrambled sub-nets per stage, from which error bars are computed.
     pub replicates: usize,
     /// Share of the budget drawn from the last, frozen proposal.
-    /// Where a Gaussian process places the samples it is what the adaptive stages, of whole batches, leave: a tenth or less, and of
+    /// Where a Gaussian process places the samples it is what the adaptive stages, of whole batches, leave: a fifth or less, and of
     /// fewer than 400 no more than each of them has.
     pub final_share: f64,
     /// Effective sample size that tempering aims at, as a share of a stage.
@@ -86,10 +86,11 @@ const STAGES: usize = 38;
 /// Fewest samples of which the last stage that a process places may be larger than those before it: alike, with 19 of them, the bounded
 /// ridge was .014 and .018 posterior sds off at 512 and 1024 simulations (20 seeds), not .011.
 pub(crate) const ALIKE: usize = 400;
-/// Stages from there on, in proportion to 1/n down to the default number, and [`Settings::final_share`], in proportion to n up to the second.
-/// Large stages are large nets: with 20 and .3 throughout, means of PS and of the bounded ridge were .008 and .019 off at 1536 simulations (10
-/// seeds), not .004 and .009, in 1.3 and 1.8 times the processor time.
-const STAGES_ALIKE: usize = 20;
+/// Stages from there on: so many there, in proportion to 1/n, and at least so many. Large stages are large nets: with 20 throughout, and a
+/// [`Settings::final_share`] of .3, the mean of the bounded ridge was .019 posterior sds off at 1536 simulations (10 seeds), not .010. With 8
+/// at least, 4 of 30 right runs of 1024 simulations of PS have weights with a heavy tail; with these, as with 20, none.
+const STAGES_ALIKE: [usize; 2] = [20, 12];
+/// [`Settings::final_share`] there, in proportion to n, and at most.
 const FINALLY: [f64; 2] = [0.3, 0.4];
 
 /// Fields added later are written only where they say something, so that older readers understand the rest.
@@ -134,7 +135,7 @@ impl Settings {
 
     /// For simulators of which only 30 to about two thousand runs can be paid for.
     ///
-    /// Many small stages, each placed by a Gaussian process through the outputs (or the log likelihoods) so far, with a length of
+    /// Many stages, each placed by a Gaussian process through the outputs (or the log likelihoods) so far, with a length of
     /// its own for every parameter ([`Settings::surrogate`]), and nothing simulated but the samples. Set [`Settings::batch`] to the number of runs
     /// that go on at a time. From 2048 simulations on these are the default settings without the search for the MAP; up to 8191 a process places
     /// the first 400, as with fewer the default sampler does not always find a posterior that is narrow in its prior (PEEK at 1001:
@@ -150,7 +151,7 @@ impl Settings {
             iterations: if samples < ALIKE {
                 STAGES * FEW_RUNS / samples.max(FEW_RUNS)
             } else {
-                (STAGES_ALIKE * ALIKE / samples).max(default.iterations)
+                (STAGES_ALIKE[0] * ALIKE / samples).max(STAGES_ALIKE[1])
             },
             final_share: (FINALLY[0] * samples as f64 / ALIKE as f64).clamp(FINALLY[0], FINALLY[1]),
             max_components: 3,

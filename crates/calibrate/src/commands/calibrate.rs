@@ -109,7 +109,7 @@ pub(crate) struct CalibrateArgs {
     samples: Option<usize>,
 
     /// Adaptive stages, from 1 to 1000, over which the proposal is refined, without a Gaussian process [default: 8; all of fewer
-    /// than 2048 simulations and the first 400 of fewer than 8192 in 8 to 38 small ones after a first, placed by a Gaussian process]
+    /// than 2048 simulations and the first 400 of fewer than 8192 in 12 to 38 after a first, placed by a Gaussian process]
     #[arg(long, value_name = "N", value_parser = arguments::iterations, allow_negative_numbers = true, help_heading = "Sampling")]
     iterations: Option<usize>,
 
