@@ -355,13 +355,16 @@ mod tests {
         }
     }
 
+    /// Sizes of the stages of a run of so many simulations with outputs.
+    fn sizes_by_default(n: usize) -> Vec<usize> {
+        let run = Settings::for_budget(n);
+        run.batches(n, run.adaptive(n), true)
+    }
+
     #[test]
     fn one_simulation_more_adds_or_takes_one_stage_at_most_and_makes_none_larger_by_more_than_a_batch()
      {
-        let of = |n: usize| {
-            let run = Settings::for_budget(n);
-            run.batches(n, run.adaptive(n), true)
-        };
+        let of = sizes_by_default;
         for n in 2..400 {
             let (sizes, next) = (of(n), of(n + 1));
             let without = Settings { surrogate: false, ..Settings::for_budget(n) };
@@ -384,10 +387,7 @@ mod tests {
 
     #[test]
     fn from_four_hundred_samples_on_stages_become_fewer_one_by_one_and_larger() {
-        let of = |n: usize| {
-            let run = Settings::for_budget(n);
-            run.batches(n, run.adaptive(n), true)
-        };
+        let of = sizes_by_default;
         for n in 400..2047 {
             let (sizes, next) = (of(n), of(n + 1));
             assert_eq!(sizes.iter().sum::<usize>(), n);
