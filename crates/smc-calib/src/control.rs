@@ -58,8 +58,8 @@ use crate::sobol::scrambled_net;
 use crate::stage::Finishing;
 use crate::stream::{Purpose, stream};
 use crate::surrogate::{MOST_PARAMETERS, coefficients};
-use crate::trust::agree;
 use crate::trust::limits::HELD_AGAINST_PROCESS;
+use crate::trust::{Tail, agree};
 use crate::{Evidence, Settings};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -407,6 +407,23 @@ impl<'a> Control<'a> {
     }
 }
 
+/// Whether no heavy tail of the weights or of a parameter's moments can change an estimate.
+fn tails_hold(
+    sampler: &Sampler<'_>,
+    raw: &[f64],
+    estimator: &Estimator,
+    coordinate: &(dyn Fn(usize, f64) -> f64 + Sync),
+) -> bool {
+    let (d, of_weights) = (sampler.pool.d, Tail::of(raw));
+    (0..d).all(|j| {
+        let z = sampler.pool.z.iter().skip(j).step_by(d);
+        let own = || z.map(|z| coordinate(j, *z)).collect();
+        let column: Vec<f64> = estimator.moved(j).unwrap_or_else(own);
+        let mean = estimator.mean(|i| column[i]);
+        Tail::of_moments(estimator.judged(raw), &column, mean).heavier(of_weights).holds()
+    })
+}
+
 /// All samples with the weights of the result, the evidence, and a process to draw from where one knows more than they do. `raw` are the
 /// importance weights over `exp(ln_scale)`, `coordinate(j, z_j)` is what moments are taken of.
 pub(crate) fn estimate<'a>(
@@ -455,7 +472,8 @@ pub(crate) fn estimate<'a>(
         (pooled_value, pooled_se)
     };
     let agree = agree(pooled_value, frozen_value, pooled_se.hypot(frozen_se));
-    let held = all.filter(|_| effective_sample_size(raw) < HELD_AGAINST_PROCESS);
+    let few = effective_sample_size(raw) < HELD_AGAINST_PROCESS;
+    let held = all.filter(|_| few || !tails_hold(sampler, raw, &estimator, coordinate));
     let by_process = held.and_then(|process| sampler.evidences_of(process));
     let [process_value, process_mean] = by_process.map_or([None; 2], |both| both.map(Some));
     let evidence = Evidence {

@@ -18,10 +18,10 @@ use crate::residuals::residuals_of;
 use crate::sampler::Sampler;
 use crate::stage::{Finishing, Observer};
 use crate::target::CurveTarget;
-use crate::trust::khat_holds;
+use crate::trust::Tail;
 use crate::{
     CalibrateError, Counters, Draw, EffectiveSampleSize, Evidence, GroupSummary, MapPoint, MovedBy,
-    Parameter, ParameterSummary, Posterior, Residuals, Sample, StageRecord, StopReason, psis,
+    Parameter, ParameterSummary, Posterior, Residuals, Sample, StageRecord, StopReason,
 };
 use rayon::prelude::*;
 
@@ -188,7 +188,7 @@ impl Of<'_> {
         estimator: &Estimator,
         map: &MapPoint,
     ) -> Vec<ParameterSummary> {
-        let (weight_khat, weight_share) = tail(raw);
+        let of_weights = Tail::of(raw);
         let judged = estimator.judged(raw);
         let [theta, coordinate] = self.columns();
         let of_parameter = |j: usize| {
@@ -201,8 +201,7 @@ impl Of<'_> {
             let below = estimator.below(j);
             let columns = Columns { z: &z, theta: &theta[j], coordinate: &coordinate[j], below };
             let mut summary = parameter_summary(parameter, &columns, judged, estimator);
-            summary.khat = summary.khat.max(weight_khat);
-            summary.tail_share = summary.tail_share.max(weight_share);
+            summary.has_tail(of_weights);
             summary.map = map.theta[j];
             summary
         };
@@ -232,30 +231,19 @@ pub(crate) fn parameter_summary(
     let marginal = Marginal::new(of.coordinate, estimator).known_by(of.below, range);
     let in_coordinate = marginal.moments();
     let mean = in_coordinate.mean;
-    let tail_of = |power: i32| {
-        let weighted = judged.iter().zip(of.coordinate);
-        let values: Vec<f64> = weighted.map(|(w, x)| w * (x - mean).abs().powi(power)).collect();
-        tail(&values)
-    };
-    let (first, second) = (tail_of(1), tail_of(2));
+    let tail = Tail::of_moments(judged, of.coordinate, mean);
     ParameterSummary {
         parameter: p.clone(),
         coordinate,
         in_si: in_si(coordinate, &in_coordinate, mean_and_sd(of.theta, estimator)),
         in_coordinate,
         map: f64::NAN,
-        khat: first.0.max(second.0),
-        tail_share: first.1.max(second.1),
+        khat: tail.khat,
+        tail_share: tail.share,
         information_gain_bits: Marginal::new(of.z, estimator).information_gain_bits(),
         prior_mean: p.prior.mean(),
         prior_sd: p.prior.sd(),
     }
-}
-
-/// Pareto shape of the tail of some values, and the share of their sum that it has where it is heavy.
-pub(crate) fn tail(values: &[f64]) -> (f64, f64) {
-    let khat = psis::khat(values);
-    (khat, if khat_holds(khat) { 0.0 } else { psis::tail_share(values) })
 }
 
 /// All samples as plain data. `raw` are their importance weights over `exp(ln_scale)`.

@@ -9,10 +9,13 @@ mod by_errors;
 mod concern;
 pub mod limits;
 mod modes;
+mod tails;
 #[cfg(test)]
 mod tests;
 
 pub use concern::Concern;
+pub(crate) use tails::Tail;
+pub use tails::khat_holds;
 
 use self::limits::*;
 use self::modes::two_modes;
@@ -174,16 +177,6 @@ fn two_digits(value: f64) -> String {
     }
 }
 
-/// Whether the Pareto shape of weights lets them be trusted; not where it is not a number.
-pub fn khat_holds(khat: f64) -> bool {
-    khat < KHAT_LIMIT
-}
-
-/// Whether estimates can be trusted that have tails of this Pareto shape and, where those are heavy, this share in them.
-fn tail_holds(khat: f64, tail_share: f64) -> bool {
-    khat_holds(khat) || tail_share < TAIL_SHARE
-}
-
 /// Whether two estimates of the log evidence agree; `se` is the standard error of their difference.
 pub(crate) fn agree(a: f64, b: f64, se: f64) -> bool {
     (a - b).abs() <= EVIDENCE_ERRORS * se
@@ -252,14 +245,14 @@ impl Posterior {
         if !self.is_posterior {
             list.push(Concern::NotAPosterior);
         }
+        let known = self.known_by_errors(wished);
         if ess < wished {
-            let known = self.known_by_errors(wished);
             let by_errors = known.filter(|draws| *draws >= ess);
             let drawn = self.is_drawn();
             list.push(Concern::FewEffectiveSamples { ess, wished, by_errors, drawn });
-            if known.is_some() && !self.known_by_weights() {
-                list.extend(self.parameters.iter().filter_map(by_errors::about_interval));
-            }
+        }
+        if known.is_some() && !self.known_by_weights() {
+            list.extend(self.parameters.iter().filter_map(by_errors::about_interval));
         }
         if self.is_posterior {
             list.extend(self.about_weights());
@@ -289,13 +282,12 @@ impl Posterior {
     /// Whether no heavy tail can change an estimate.
     fn tails_hold(&self) -> bool {
         // Each parameter's k-hat and share are at least those of the weights themselves.
-        !self.khat.is_nan() && self.parameters.iter().all(|p| tail_holds(p.khat, p.tail_share))
+        !self.khat.is_nan() && self.parameters.iter().all(|p| p.tail().holds())
     }
 
     /// Tails of the importance weights, and the two estimates of the evidence.
     fn about_weights(&self) -> Vec<Concern> {
-        let heavy: Vec<_> =
-            self.parameters.iter().filter(|p| !tail_holds(p.khat, p.tail_share)).collect();
+        let heavy: Vec<_> = self.parameters.iter().filter(|p| !p.tail().holds()).collect();
         let mut list: Vec<Concern> = if heavy.len() == self.parameters.len() {
             let tail_share = heavy.iter().map(|p| p.tail_share).fold(0.0, f64::max);
             vec![Concern::HighKhat { parameter: None, khat: self.khat, tail_share }]

@@ -55,7 +55,8 @@ use crate::sampler::Sampler;
 use crate::sobol::evenly;
 use crate::stage::{Finishing, Observer};
 use crate::stream::{Purpose, stream};
-use crate::summary::{Columns, of_size, parameter_summary, tail};
+use crate::summary::{Columns, of_size, parameter_summary};
+use crate::trust::Tail;
 use crate::{
     CalibrateError, Concern, Coordinate, Draw, MapPoint, Moments, Noise, Parameter, Posterior,
     Residuals, Sample, Settings, SimError, StageRecord, StopReason, Target, Trust, Weighted,
@@ -313,7 +314,7 @@ impl Found<'_> {
         };
         let theta = columns(&|p, x| p.prior.coordinate().theta(x));
         let z = columns(&|p, x| (x - p.prior.mean()) / p.prior.sd());
-        let (weight_khat, weight_share) = tail(self.raw);
+        let of_weights = Tail::of(self.raw);
         let judged = estimator.judged(self.raw);
         let best = self.best();
         let centre = self.population(best).mean;
@@ -326,8 +327,7 @@ impl Found<'_> {
             })
             .collect();
         for (summary, centre) in summaries.iter_mut().zip(&centre) {
-            summary.khat = summary.khat.max(weight_khat);
-            summary.tail_share = summary.tail_share.max(weight_share);
+            summary.has_tail(of_weights);
             summary.map = summary.coordinate.theta(*centre);
         }
         let row = |columns: &[Vec<f64>], i: usize| columns.iter().map(|column| column[i]).collect();
@@ -351,7 +351,7 @@ impl Found<'_> {
             correlation_si: correlation(&theta, estimator),
             log_evidence,
             ess: of_size(effective_sample_size(self.raw), self.len()),
-            khat: summaries.iter().map(|p| p.khat).fold(weight_khat, f64::max),
+            khat: summaries.iter().map(|p| p.khat).fold(of_weights.khat, f64::max),
             map: MapPoint {
                 theta: summaries.iter().map(|summary| summary.map).collect(),
                 log_likelihood: pool.ln_l[best],

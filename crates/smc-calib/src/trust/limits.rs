@@ -73,7 +73,7 @@ pub const PROCESS_DIFFERS: f64 = 3.0;
 /// effective samples, they called 11 (seeds 51 to 100: 12) of 50 right runs of PA12 at 50 simulations unsolved.
 pub const MOST_PER_SAMPLE: f64 = 7.0;
 
-/// Effective samples below which they are held against the process.
+/// Effective samples below which they are held against the process; those of more whose weights have a heavy tail are too.
 pub const HELD_AGAINST_PROCESS: f64 = 30.0;
 
 /// Standard errors by which the two estimates of the log evidence may differ: by chance they do so in 0.3 % of runs.

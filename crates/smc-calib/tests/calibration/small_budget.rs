@@ -4,9 +4,10 @@ use crate::conjugate::exact;
 use crate::support::{line, line_problem, prior};
 use smc_calib::quadrature::{QuadratureSettings, quadrature};
 use smc_calib::reference::{self, Reference};
+use smc_calib::trust::limits::{HELD_AGAINST_PROCESS, KHAT_LIMIT, TAIL_SHARE};
 use smc_calib::{
-    Concern, FixedSigma, FnSimulator, Noise, Observations, Parameter, Posterior, PriorSpec,
-    Problem, Settings, SimError, Simulator, Target, Verdict, calibrate, sample_density,
+    Concern, FixedSigma, FnSimulator, Noise, Observations, Parameter, ParameterSummary, Posterior,
+    PriorSpec, Problem, Settings, SimError, Simulator, Target, Verdict, calibrate, sample_density,
 };
 
 fn rms(values: impl Iterator<Item = f64>) -> f64 {
@@ -467,4 +468,33 @@ fn what_few_samples_do_not_know_and_a_process_does_is_rough_unless_the_budget_wa
     assert_eq!((p.trust().verdict, few(&p)), (Verdict::Untrusted, Some(None)));
     (p.log_evidence, p.ess.by_errors, p.ess.importance) = (known, None, 39.9);
     assert_eq!((p.trust().verdict, few(&p)), (Verdict::Untrusted, Some(None)));
+}
+
+#[test]
+fn weights_are_held_against_the_process_where_few_are_effective_or_their_tail_is_heavy() {
+    let simulator = FnSimulator::new(2, 3, |x: &[f64], out: &mut [f64]| {
+        out.copy_from_slice(&[x[0], x[0] + 0.3 * x[1], x[0] - 0.3 * x[1]]);
+        Ok::<(), SimError>(())
+    });
+    // Errors about their prior scale beyond a fit that is next to perfect: a posterior with the tails of Student's t.
+    let problem = Problem {
+        observations: Observations::new(vec![0.0; 3], vec![0.1, 0.12, 0.11]).unwrap(),
+        ..line_problem(&simulator, Noise::Inferred { nu0: 1.0, s0: 0.005 })
+    };
+    let of = |samples, seed| {
+        let settings = Settings { seed, ..Settings::for_budget(samples) };
+        let p = calibrate(&problem, &settings, &mut ()).unwrap();
+        let heavy = |of: &ParameterSummary| of.khat >= KHAT_LIMIT && of.tail_share >= TAIL_SHARE;
+        let heavy = p.parameters.iter().any(heavy);
+        let few = p.ess.importance < HELD_AGAINST_PROCESS;
+        let (trust, e) = (p.trust(), p.log_evidence);
+        assert_eq!(e.process_value.is_some(), few || heavy, "{samples} {seed}: {few} {heavy}");
+        // What the process says as well is no budget that was too small.
+        assert!(trust.verdict != Verdict::Untrusted, "{samples} {seed}: {trust:?}");
+        assert_eq!(trust.concerns.iter().any(|c| matches!(c, Concern::HighKhat { .. })), heavy);
+        (few, heavy)
+    };
+    let of_many = [1, 2, 3].map(|seed| of(64, seed));
+    assert!(of(40, 1).0 && of(40, 2).0);
+    assert!(of_many.contains(&(false, true)) && of_many.contains(&(false, false)), "{of_many:?}");
 }
