@@ -284,7 +284,7 @@ pub struct Evidence {
     /// Whether those two agree within three standard errors.
     pub agree: bool,
     /// By the likelihood that the process through the samples predicts, without weights, where a process places samples and came to
-    /// fewer than [`HELD_AGAINST_PROCESS`](crate::trust::limits::HELD_AGAINST_PROCESS) effective ones.
+    /// fewer than [`HELD_AGAINST_PROCESS`](crate::trust::limits::HELD_AGAINST_PROCESS) effective ones, or to weights with a heavy tail.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub process_value: Option<f64>,
     /// Same, by the mean of that likelihood over the errors of a process through curves.

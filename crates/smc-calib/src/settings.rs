@@ -88,7 +88,7 @@ const STAGES: usize = 38;
 pub(crate) const ALIKE: usize = 400;
 /// Stages from there on: so many there, in proportion to 1/n, and at least so many. Large stages are large nets: with 20 throughout, and a
 /// [`Settings::final_share`] of .3, the mean of the bounded ridge was .019 posterior sds off at 1536 simulations (10 seeds), not .010. With 8
-/// at least, 4 of 30 right runs of 1024 simulations of PS have weights with a heavy tail; with these, as with 20, none, but 3 of PA12.
+/// at least, 4 of 30 runs of 1024 simulations of PS have weights with a heavy tail; with these, as with 20, none, but 3 of PA12.
 const STAGES_ALIKE: [usize; 2] = [20, 12];
 /// [`Settings::final_share`] there, in proportion to n, and at most.
 const FINALLY: [f64; 2] = [0.3, 0.4];

@@ -119,7 +119,7 @@ impl<'a> StandIn<'a> {
     }
 
     /// Made from all samples of the pool, to estimate by: its covariances are those that integrals are taken with, and few effective
-    /// samples are held against it.
+    /// samples, and weights with a heavy tail, are held against it.
     pub(crate) fn of_all(target: &'a dyn Target, pool: &'a Pool, weights: &[f64]) -> Option<Self> {
         let points = (0..pool.len(), Points::EVEN);
         Self::with(target, pool, weights, points, [Covariance::Search; 2])

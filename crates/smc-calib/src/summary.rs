@@ -201,7 +201,7 @@ impl Of<'_> {
             let below = estimator.below(j);
             let columns = Columns { z: &z, theta: &theta[j], coordinate: &coordinate[j], below };
             let mut summary = parameter_summary(parameter, &columns, judged, estimator);
-            summary.has_tail(of_weights);
+            summary.add_tail(of_weights);
             summary.map = map.theta[j];
             summary
         };

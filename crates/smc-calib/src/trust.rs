@@ -1,7 +1,8 @@
 //! Whether a result can be trusted: the one judgement that tables, files and users ask for.
 //!
 //! A result has *converged* where nothing speaks against its weights and it has the effective samples wished for; it is
-//! *rough* where only those are missing, or where a Gaussian process knows means and evidence that few weights do not; else it is
+//! *rough* where only those are missing, or where a Gaussian process knows means and evidence that few weights, or weights with a heavy
+//! tail, do not; else it is
 //! *untrusted*. What else a user should know of it (parameters that the
 //! data do not inform, a poor fit, ..) are its [`Concern`]s. All limits are in [`limits`].
 
@@ -33,7 +34,8 @@ use std::fmt;
 pub enum Verdict {
     /// Nothing speaks against it, and it has the effective samples wished for.
     Converged,
-    /// Nothing speaks against it but few effective samples; or so few that means and evidence are known by a Gaussian process alone.
+    /// Nothing speaks against it but few effective samples; or so few, or with so heavy a tail of the weights, that means and evidence are
+    /// known by a Gaussian process alone.
     Rough,
     /// Means, intervals and evidence may be wrong.
     Untrusted,
@@ -93,6 +95,11 @@ impl Trust {
         self.converged() && !poor && !self.intervals_too_narrow()
     }
 
+    /// Whether a heavy tail of the weights decides an estimate by them.
+    pub fn has_heavy_tail(&self) -> bool {
+        !khat_holds(self.khat) && self.tail_share >= self.tail_share_limit
+    }
+
     /// Whether residuals are alike where the noise model has them independent.
     pub fn intervals_too_narrow(&self) -> bool {
         self.concerns.iter().any(Concern::is_alike)
@@ -121,12 +128,18 @@ impl Trust {
             " (ESS)".to_owned()
         };
         let khat = khat_in_words(self.khat);
-        let weights = if khat_holds(self.khat) {
+        let weights = if self.has_heavy_tail() {
+            // It is rough then only where a process knows as much.
+            let beside = match self.verdict {
+                Verdict::Rough => ", and a Gaussian process through all says the same",
+                Verdict::Converged | Verdict::Untrusted => "",
+            };
+            let limit = self.khat_limit;
+            format!("a few simulations decide (k-hat {khat}; {limit} is the limit){beside}")
+        } else if khat_holds(self.khat) {
             format!("no handful of simulations decides (k-hat {khat})")
-        } else if self.tail_share < self.tail_share_limit {
-            format!("a few simulations stand out, but have hardly any weight (k-hat {khat})")
         } else {
-            format!("a few simulations decide (k-hat {khat}; {} is the limit)", self.khat_limit)
+            format!("a few simulations stand out, but have hardly any weight (k-hat {khat})")
         };
         let explored = if self.unseen < 1.0 {
             let share = two_digits(100.0 * self.unseen);
@@ -322,7 +335,8 @@ impl Posterior {
             let [beside, mean] =
                 [e.process_value, e.process_mean].map(|by| by.map(|by| by - cross_fitted));
             // What the process says as well does not rest on a few weights.
-            let agrees = beside.is_some_and(|beside| beside.abs() < PROCESS_AGREES)
+            let beyond_chance = |beside: f64| beside.abs() * ess.sqrt() > EVIDENCE_ERRORS;
+            let agrees = beside.is_some_and(|b| b.abs() < PROCESS_AGREES && !beyond_chance(b))
                 && mean.is_some_and(|mean| mean < PROCESS_HIDES);
             if ess < FEWEST_BESIDE_PROCESS {
                 signs.push("fewer than two effective samples");
@@ -334,9 +348,8 @@ impl Posterior {
             }
             // What many weights say counts, not what a process says that has yet to learn.
             let few = ess * MOST_PER_SAMPLE < self.counters.simulations as f64;
-            let differs = |beside: f64| {
-                beside.abs() > PROCESS_DIFFERS || few && beside.abs() * ess.sqrt() > EVIDENCE_ERRORS
-            };
+            let differs =
+                |beside: f64| beside.abs() > PROCESS_DIFFERS || few && beyond_chance(beside);
             if beside.is_some_and(differs) {
                 signs.push("the process through the samples has another evidence");
             }

@@ -327,7 +327,7 @@ impl Found<'_> {
             })
             .collect();
         for (summary, centre) in summaries.iter_mut().zip(&centre) {
-            summary.has_tail(of_weights);
+            summary.add_tail(of_weights);
             summary.map = summary.coordinate.theta(*centre);
         }
         let row = |columns: &[Vec<f64>], i: usize| columns.iter().map(|column| column[i]).collect();

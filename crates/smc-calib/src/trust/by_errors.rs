@@ -1,4 +1,4 @@
-//! What standard errors say of a result that few effective samples know less well than a Gaussian process does.
+//! What standard errors say of a result that few effective samples, or weights with a heavy tail, know less well than a Gaussian process does.
 
 use super::Concern;
 use super::limits::{INTERVAL_ERROR, MOST_BY_ERRORS};
@@ -117,5 +117,35 @@ mod tests {
         let mut p = by_process();
         (p.ess.by_errors, p.parameters[0].in_coordinate.eti95.upper_se) = (None, 1.01);
         assert!(!p.trust().concerns.iter().any(|c| matches!(c, Concern::IntervalNotKnown { .. })));
+    }
+
+    #[test]
+    fn a_heavy_tail_of_enough_effective_samples_is_rough_where_the_process_says_the_same() {
+        let with = |ess: f64, beside: f64, upper: f64| {
+            let mut p = by_process();
+            p.settings = crate::Settings::for_budget(600);
+            (p.counters.simulations, p.ess.importance, p.khat) = (600, ess, 0.8);
+            p.parameters.iter_mut().for_each(|of| (of.khat, of.tail_share) = (0.8, 0.5));
+            p.parameters[0].in_coordinate.eti95.upper_se = upper;
+            let e = &mut p.log_evidence;
+            (e.process_value, e.process_mean) = (Some(e.value + beside), Some(e.value + beside));
+            p.trust()
+        };
+        // Three standard errors of the evidence by so many samples.
+        for (ess, apart) in [(36.0, 0.5), (100.0, 0.3), (225.0, 0.2)] {
+            for sign in [-1.0, 1.0] {
+                let at = |factor: f64| with(ess, sign * factor * apart, 0.5).verdict;
+                assert_eq!((at(0.99), at(1.01)), (Verdict::Rough, Verdict::Untrusted), "{ess}");
+            }
+        }
+        let [heavy, interval] = [
+            |c: &Concern| matches!(c, Concern::HighKhat { .. }),
+            |c: &Concern| matches!(c, Concern::IntervalNotKnown { .. }),
+        ];
+        let (known, unknown) = (with(225.0, 0.0, 0.5), with(225.0, 0.0, 1.01));
+        let line = known.line(&by_process().log_evidence);
+        assert!(line.starts_with("rough") && line.contains("process through all says"), "{line}");
+        assert!(known.concerns.iter().any(heavy) && !known.concerns.iter().any(interval));
+        assert!(unknown.concerns.iter().any(interval), "{unknown:?}");
     }
 }

@@ -38,7 +38,7 @@ pub const SIMULATIONS_PER_SAMPLE: f64 = 3.0;
 pub const FEWEST_EFFECTIVE_SAMPLES: f64 = 40.0;
 
 /// Independent draws as of which a process must know means, medians and evidence for a result to be rough without enough effective
-/// samples: a mean then has a standard error of .7 posterior sds. Of 50 runs of 50 simulations with seeds 1 to 50 (51 to 100) 4 (4) of PS, 3 (2) of
+/// samples, or with weights of a heavy tail: a mean then has a standard error of .7 posterior sds. Of 50 runs of 50 simulations with seeds 1 to 50 (51 to 100) 4 (4) of PS, 3 (2) of
 /// PEEK and 3 (1) of PA12 that are right (within one sd) are called unsolved by this limit and those of small budgets below, and so
 /// are all 5 that are off.
 pub const FEWEST_BY_ERRORS: f64 = 2.0;
@@ -59,7 +59,8 @@ pub const FEWEST_OF_SMALL_BUDGET: f64 = 7.0;
 /// (nor do any of the 7 that are off of seeds 1 to 200 of PS and 1 to 100 of PEEK and PA12; one of the 4 of PEEK 101 to 150 does).
 pub const FEWEST_BESIDE_PROCESS: f64 = 2.0;
 
-/// Difference of the log evidences of process and samples up to which they agree: two standard errors of four effective samples.
+/// Difference of the log evidences of process and samples up to which they agree: two standard errors of four effective samples; of nine
+/// and more [`EVIDENCE_ERRORS`].
 pub const PROCESS_AGREES: f64 = 1.0;
 
 /// The mean's log evidence over that of the samples from which on a better fit can hide in what the process does not know.

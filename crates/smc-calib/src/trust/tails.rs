@@ -53,7 +53,7 @@ impl ParameterSummary {
     }
 
     /// Says that the weights, or the moments, have this tail too.
-    pub(crate) fn has_tail(&mut self, tail: Tail) {
+    pub(crate) fn add_tail(&mut self, tail: Tail) {
         let Tail { khat, share } = self.tail().heavier(tail);
         (self.khat, self.tail_share) = (khat, share);
     }

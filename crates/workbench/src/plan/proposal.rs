@@ -114,8 +114,9 @@ fn read(plan: &Plan, named: &Named<'_>) -> Result<(EarlierPosterior, Vec<String>
     })?;
     let mut said = Vec::new();
     // What is fitted to a few weighted samples is doubtful, however well a process knows means and intervals.
-    let few = !record.drawn_by_process && record.trust.effective_samples < FEWEST_EFFECTIVE_SAMPLES;
-    if few || record.trust.verdict == Verdict::Untrusted || !record.is_posterior {
+    let few = record.trust.effective_samples < FEWEST_EFFECTIVE_SAMPLES;
+    let by_few = !record.drawn_by_process && (few || record.trust.has_heavy_tail());
+    if by_few || record.trust.verdict == Verdict::Untrusted || !record.is_posterior {
         said.push(Careful::UntrustedProposal { from: from.to_owned() }.to_string());
     }
     if first.outside_priors > OUTSIDE {
