@@ -56,7 +56,7 @@ class Columns(Mapping[str, FloatArray]):
 class Trust:
     """Whether a result can be trusted, by the weights of its samples."""
 
-    #: "converged", "careful" or "untrusted".
+    #: "converged", "rough" or "untrusted".
     verdict: str
     #: Effective sample size.
     ess: float

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use smc_calib::{ParameterSummary, StageRecord};
+use smc_calib::{ParameterSummary, StageRecord, Verdict};
 
 use super::summary::{OF_TABLE3, neck_growth};
 use crate::number::{significant, with_error};
@@ -11,7 +11,11 @@ use crate::record::Record;
 
 /// A posterior as `calibrate check` describes it.
 pub fn understood(record: &Record) -> Understood {
-    let trusted = if record.trusted() { "to be trusted" } else { "not to be trusted" };
+    let trusted = match record.trust.verdict {
+        _ if record.trusted() => "to be trusted",
+        Verdict::Rough => "rough",
+        Verdict::Converged | Verdict::Untrusted => "not to be trusted",
+    };
     Understood {
         headline: format!(
             "a posterior of {} ({} simulations, {trusted})",

@@ -55,12 +55,13 @@ pub(crate) fn page(record: &Record, drawn: &[Drawn], inputs: Option<&Inputs>, su
 
 fn verdict(record: &Record) -> Verdict {
     let good = record.trusted();
-    let word = match (good, record.trust.converged()) {
-        (true, _) => "To be trusted.",
-        (false, true) => {
+    let word = match record.trust.verdict {
+        _ if good => "To be trusted.",
+        smc_calib::Verdict::Converged => {
             "Careful: the sampling is good, but read below why the intervals may not be."
         }
-        (false, false) => "Not to be trusted.",
+        smc_calib::Verdict::Rough => "Rough: read below what is known less well.",
+        smc_calib::Verdict::Untrusted => "Not to be trusted.",
     };
     let why = format!("Sampling: {}.", record.trust.line(&record.log_evidence));
     Verdict { good, word: word.to_owned(), why }
