@@ -96,6 +96,7 @@ fn fewer_points_than_parameters_is_a_warning() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn several_experiments_of_one_powder_are_one_calibration_the_same_as_by_their_plan() {
     let sandbox = Sandbox::new();
     let options = "--experiment pa12-r30 --experiment pa12-r32 --samples 8192";

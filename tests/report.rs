@@ -127,6 +127,7 @@ fn an_extended_run_names_what_was_read_for_it_and_the_commands_that_made_it() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn a_run_of_programs_names_the_files_that_it_began_with() {
     let sandbox = Sandbox::new();
     for name in ["impact.sh", "impact-force.txt", "impact-rebound.csv", "impact.toml"] {

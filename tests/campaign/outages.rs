@@ -51,6 +51,7 @@ fn after_an_outage_and_retries_the_result_is_that_of_a_quiet_run_to_the_bit() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn failures_that_were_counted_can_be_given_up_after_the_end_and_what_they_moved_is_placed_again() {
     let quiet = line(48, "0");
     quiet.run("--plan line.toml --quiet").succeeded();
@@ -175,6 +176,7 @@ fn a_run_whose_failures_are_being_made_again_has_no_result() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn limits_may_change_on_resuming_and_hold_from_then_on() {
     let quiet = line(24, "0");
     let longer = line_plan(24, "0").replace("timeout_s = 60", "timeout_s = 50");
@@ -375,6 +377,7 @@ fn runs_of_a_program_that_was_another_one_between_two_looks_are_made_again() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn failures_inside_the_posterior_are_said_and_the_result_is_not_converged() {
     let sandbox = line(128, "0");
     // The slope is about 2.02; no run below it comes to an end.

@@ -81,6 +81,7 @@ fn a_run_that_was_interrupted_goes_on_although_the_earlier_result_is_gone() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn an_earlier_result_that_has_changed_does_not_change_a_run_that_goes_on() {
     let sandbox = after_line(24, "0");
     sandbox.run("--plan next.toml --quiet").succeeded();
@@ -145,6 +146,7 @@ fn what_cannot_be_begun_from_is_refused_with_its_place_and_a_remedy() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn an_earlier_result_that_is_wrong_is_warned_of_and_does_not_decide_the_answer() {
     let sandbox = line(40, "0");
     // Another slope in other data, hardly any runs, and a prior that excludes most of the right answer.

@@ -55,6 +55,7 @@ fn samples(sandbox: &Sandbox) -> [Vec<u8>; 2] {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn a_worker_gives_the_posterior_of_the_command_to_the_bit_for_any_number_of_slots() {
     let command = super::line(48, "0");
     command.run("--plan line.toml --quiet").succeeded();
@@ -157,6 +158,7 @@ if [ $(wc -l < \"$RUNS\") = 5 ]; then echo nonsense; fi; if [ $(wc -l < \"$RUNS\
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn failures_of_a_worker_can_be_given_up_and_its_later_calls_are_obeyed() {
     let quiet = line(24);
     quiet.run("--plan line.toml --quiet").succeeded();
