@@ -121,6 +121,7 @@ fn kinetics_that_fit_better_are_named_with_their_sintering_time() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn a_second_opinion_that_is_not_given_is_said_and_lengths_have_the_unit_of_their_scale() {
     let sandbox = Sandbox::new();
     let mut drift = 0.0;

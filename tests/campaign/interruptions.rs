@@ -106,6 +106,7 @@ fn a_changed_plan_and_damaged_files_are_named_and_the_rest_is_used() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn a_full_disk_stops_the_run_with_a_clear_word_and_loses_nothing() {
     let whole = line(48, "0");
     whole.run("--plan line.toml --quiet").succeeded();

@@ -18,6 +18,7 @@ fn mend(sandbox: &Sandbox) {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn after_an_outage_and_retries_the_result_is_that_of_a_quiet_run_to_the_bit() {
     let quiet = line(48, "0");
     quiet.run("--plan line.toml --quiet").succeeded();

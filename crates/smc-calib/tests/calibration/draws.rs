@@ -42,6 +42,7 @@ fn draws_after_fifty_simulations_of_a_line_are_those_of_its_normal_posterior() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn draws_have_the_intervals_and_moments_of_the_summary_and_stay_in_the_range_of_the_prior() {
     // Posteriors in the middle of a prior, over decades, and at its end.
     let simulator = FnSimulator::new(3, 6, |x: &[f64], out: &mut [f64]| {
@@ -181,6 +182,7 @@ fn squares(p: &Posterior, problem: &Problem<'_>, sigma: f64) -> [f64; 2] {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn draws_stay_in_both_of_two_modes_and_on_a_narrow_ridge() {
     let parameter =
         |name: &str| Parameter::new(name, "1", prior(PriorSpec::Normal { mean: 0.0, sd: 2.0 }));

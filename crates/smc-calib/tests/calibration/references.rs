@@ -87,6 +87,7 @@ fn the_evidence_is_unbiased_and_much_closer_than_that_of_plain_weights() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn tails_of_the_banana_are_reached_and_the_surrogate_is_of_use_to_every_run() {
     let reference = &all()[1];
     let runs = runs(reference, 4096, 40);

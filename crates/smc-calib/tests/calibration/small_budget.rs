@@ -288,6 +288,7 @@ fn knee_problem(simulator: &dyn Simulator) -> Problem<'_> {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn fifty_simulations_of_a_hard_problem_are_said_to_be_too_few() {
     let simulator = knee();
     let problem = knee_problem(&simulator);
@@ -494,7 +495,6 @@ fn weights_are_held_against_the_process_where_few_are_effective_or_their_tail_is
         assert_eq!(trust.concerns.iter().any(|c| matches!(c, Concern::HighKhat { .. })), heavy);
         (few, heavy)
     };
-    let of_many = [1, 2, 3].map(|seed| of(64, seed));
-    assert!(of(40, 1).0 && of(40, 2).0);
-    assert!(of_many.contains(&(false, true)) && of_many.contains(&(false, false)), "{of_many:?}");
+    assert_eq!([of(40, 1).0, of(40, 2).0], [true; 2]);
+    assert_eq!([of(64, 1), of(64, 2)], [(false, true), (false, false)]);
 }

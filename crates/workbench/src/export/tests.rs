@@ -128,6 +128,7 @@ fn check_likelihoods(found: &Calibration, groups: &Groups) {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn draws_of_few_simulations_are_of_the_process_and_their_likelihoods_are_simulated_there() {
     let mut planned = planned(40, Noise::default());
     // The first of some seeds with which the process knows more than the weights.
@@ -147,6 +148,7 @@ fn draws_of_few_simulations_are_of_the_process_and_their_likelihoods_are_simulat
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn draws_of_independent_errors_are_those_of_the_record() {
     check(512, Noise::default());
 }

@@ -152,6 +152,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "long: run by .ci/run"]
     fn errors_are_as_large_as_the_scatter_over_seeds() {
         let runs: Vec<Estimate> = (0..20)
             .map(|seed| estimate(&posterior(seed), |theta| Some(theta[0].ln())).expect("there").0)

@@ -86,6 +86,7 @@ fn a_population_is_a_run_whose_next_pair_is_less_certain_than_each_of_its_member
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn runs_that_are_not_of_one_model_are_refused_with_what_to_do() {
     let folder = TempDir::new().expect("a folder");
     let one = calibrated(&folder, "pa12-r32", PairOptions::default());

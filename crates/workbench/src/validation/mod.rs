@@ -127,6 +127,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "long: run by .ci/run"]
     fn a_small_study_of_the_shipped_sampler_passes() {
         let ranks = small(Noise::default(), 8192, 60);
         assert_eq!(ranks.ranked.len(), 9);
