@@ -92,6 +92,7 @@ fn a_driver_killed_at_random_moments_loses_nothing_and_runs_nothing_that_finishe
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn runs_of_a_killed_driver_end_when_their_time_is_over() {
     if !cfg!(target_os = "linux") {
         return;

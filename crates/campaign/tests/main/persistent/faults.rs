@@ -82,6 +82,7 @@ fn an_answer_without_end_costs_the_attempt_and_no_memory() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn a_fault_that_comes_again_by_a_new_worker_is_the_runs_own_failure() {
     let cases = [
         ("exit 3", "exit code 3"),

@@ -111,6 +111,7 @@ fn a_worker_ends_with_all_that_it_has_started() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn a_worker_that_does_not_obey_is_ended_too() {
     let sandbox = Sandbox::new();
     // It ignores the end of its input and the request to end.
@@ -191,6 +192,7 @@ fn workers_of_a_killed_driver_are_ended_and_the_runs_are_made() {
 }
 
 #[test]
+#[ignore = "long: run by .ci/run"]
 fn workers_of_a_killed_driver_end_when_their_time_is_over() {
     if !cfg!(target_os = "linux") {
         return;
