@@ -200,8 +200,8 @@ impl Of<'_> {
             };
             let below = estimator.below(j);
             let columns = Columns { z: &z, theta: &theta[j], coordinate: &coordinate[j], below };
+            let judged = (judged, of_weights);
             let mut summary = parameter_summary(parameter, &columns, judged, estimator);
-            summary.add_tail(of_weights);
             summary.map = map.theta[j];
             summary
         };
@@ -218,11 +218,12 @@ pub(crate) struct Columns<'a> {
     pub below: Option<&'a Below>,
 }
 
-/// Summary of the samples of one parameter, with the k-hat of its moments by the weights `judged`; the MAP is filled in later.
+/// Summary of the samples of one parameter, with the heaviest tail of its moments by the weights `judged` and of the importance weights;
+/// the MAP is filled in later.
 pub(crate) fn parameter_summary(
     p: &Parameter,
     of: &Columns<'_>,
-    judged: &[f64],
+    (judged, of_weights): (&[f64], Tail),
     estimator: &Estimator,
 ) -> ParameterSummary {
     let coordinate = p.prior.coordinate();
@@ -231,7 +232,7 @@ pub(crate) fn parameter_summary(
     let marginal = Marginal::new(of.coordinate, estimator).known_by(of.below, range);
     let in_coordinate = marginal.moments();
     let mean = in_coordinate.mean;
-    let tail = Tail::of_moments(judged, of.coordinate, mean);
+    let tail = Tail::of_moments(judged, of.coordinate, mean).heavier(of_weights);
     ParameterSummary {
         parameter: p.clone(),
         coordinate,

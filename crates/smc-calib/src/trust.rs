@@ -2,9 +2,8 @@
 //!
 //! A result has *converged* where nothing speaks against its weights and it has the effective samples wished for; it is
 //! *rough* where only those are missing, or where a Gaussian process knows means and evidence that few weights, or weights with a heavy
-//! tail, do not; else it is
-//! *untrusted*. What else a user should know of it (parameters that the
-//! data do not inform, a poor fit, ..) are its [`Concern`]s. All limits are in [`limits`].
+//! tail, do not; else it is *untrusted*. What else a user should know of it (parameters that the data do not inform, a poor fit, ..)
+//! are its [`Concern`]s. All limits are in [`limits`].
 
 mod by_errors;
 mod concern;

@@ -323,11 +323,10 @@ impl Found<'_> {
             .map(|j| {
                 let of =
                     Columns { z: &z[j], theta: &theta[j], coordinate: &coordinate[j], below: None };
-                parameter_summary(&parameters[j], &of, judged, estimator)
+                parameter_summary(&parameters[j], &of, (judged, of_weights), estimator)
             })
             .collect();
         for (summary, centre) in summaries.iter_mut().zip(&centre) {
-            summary.add_tail(of_weights);
             summary.map = summary.coordinate.theta(*centre);
         }
         let row = |columns: &[Vec<f64>], i: usize| columns.iter().map(|column| column[i]).collect();

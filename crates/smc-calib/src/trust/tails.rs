@@ -51,10 +51,4 @@ impl ParameterSummary {
     pub(super) fn tail(&self) -> Tail {
         Tail { khat: self.khat, share: self.tail_share }
     }
-
-    /// Says that the weights, or the moments, have this tail too.
-    pub(crate) fn add_tail(&mut self, tail: Tail) {
-        let Tail { khat, share } = self.tail().heavier(tail);
-        (self.khat, self.tail_share) = (khat, share);
-    }
 }
